@@ -1,0 +1,30 @@
+"""Obstacle direct mapping: what is free now, from cells and a certified close test."""
+
+from odm.answer import Answer, Blockers, Freedom
+from odm.build import build_map
+from odm.cell_map import CellMap, load_map
+from odm.planner import PlannerSettings, ReactivePlanner
+from odm.recipe import Recipe, load_recipe
+from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from odm.surfaces import Surface, sample_capsules, surface_of
+
+__all__ = [
+    "Answer",
+    "Blockers",
+    "Box",
+    "Capsule",
+    "CellMap",
+    "Cylinder",
+    "Freedom",
+    "Mesh",
+    "PlannerSettings",
+    "ReactivePlanner",
+    "Recipe",
+    "Sphere",
+    "Surface",
+    "build_map",
+    "load_map",
+    "load_recipe",
+    "sample_capsules",
+    "surface_of",
+]

@@ -1,0 +1,1 @@
+"""Compiled loops of the odm package; bare on purpose, checks stand outside."""

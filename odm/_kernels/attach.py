@@ -1,0 +1,120 @@
+"""Attaching configurations: near nodes, cells of motions, cost to go."""
+
+import math
+
+from numba import njit
+
+from odm._kernels.frame import displacement
+from odm._kernels.search import pop, push
+from odm._kernels.sweep import sweep_motion
+
+
+@njit(cache=True, nogil=True)
+def distances(nodes, q, weights, continuous, out):
+    """Write the weighted distance of every node from q to `out`."""
+    for i in range(nodes.shape[0]):
+        total = 0.0
+        for j in range(q.shape[0]):
+            d = nodes[i, j] - q[j]
+            if continuous[j]:
+                d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+            d *= weights[j]
+            total += d * d
+        out[i] = math.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def sweep_into_pool(arm, radii, q, dq, tolerance, cloud, pool, words, scratch, centers):
+    """Add the cells of motions q[k] + t dq[k]; returns the first item, -1 when full.
+
+    A motion that leaves the grid (none within limits does) gives -2.
+    """
+    first = pool.used[0]
+    for k in range(q.shape[0]):
+        item, end = pool.used[0], pool.used[1]
+        if item >= pool.begin.shape[0]:
+            return -1
+        inside = sweep_motion(
+            arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii,
+            q[k], dq[k], tolerance, cloud.origin, cloud.h, cloud.shape, words,
+            scratch, centers,
+        )
+        if not inside:
+            words[:] = 0
+            return -2
+        pool.begin[item] = end
+        for b in range(words.shape[0]):
+            if words[b] != 0:
+                if end < pool.block.shape[0]:
+                    pool.block[end] = b
+                    pool.mask[end] = words[b]
+                end += 1
+                words[b] = 0
+        if end > pool.block.shape[0]:
+            return -1
+        pool.end[item] = end
+        pool.used[0] = item + 1
+        pool.used[1] = end
+    return first
+
+
+@njit(cache=True, nogil=True)
+def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
+    """Fill `h` with lower bounds on the cost to go to a node, by landmarks."""
+    distances(nodes, q, weights, continuous, h)
+    for i in range(landmarks.shape[0]):
+        best = h[i]
+        for k in range(landmarks.shape[1]):
+            best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
+        # rounding must not lift the bound above the truth
+        h[i] = best * (1.0 - 1e-12)
+
+
+@njit(cache=True, nogil=True)
+def exact_cost(graph, node, length, number, search, h):
+    """Fill `h` with the cost to go over the whole roadmap (Dijkstra's algorithm)."""
+    h[:] = math.inf
+    entries = 0
+    size = 0
+    for a in range(number):
+        if length[a] < h[node[a]]:
+            h[node[a]] = length[a]
+            search.e_node[entries] = node[a]
+            push(search, size, length[a], entries)
+            entries += 1
+            size += 1
+    while size > 0:
+        f = search.heap_f[0]
+        v = search.e_node[pop(search, size)]
+        size -= 1
+        if f > h[v]:
+            continue
+        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+            w = graph.adj_node[k]
+            through = f + graph.adj_length[k]
+            if through < h[w] and entries < search.e_node.shape[0]:
+                h[w] = through
+                search.e_node[entries] = w
+                push(search, size, through, entries)
+                entries += 1
+                size += 1
+    for i in range(h.shape[0]):
+        h[i] *= 1.0 - 1e-12
+
+
+@njit(cache=True, nogil=True)
+def items_hit(ptr, block, mask, words, out):
+    """Write to `out` which items share a cell with `words`."""
+    for i in range(ptr.shape[0] - 1):
+        out[i] = False
+        for k in range(ptr[i], ptr[i + 1]):
+            if words[block[k]] & mask[k] != 0:
+                out[i] = True
+                break
+
+
+@njit(cache=True, nogil=True)
+def motions_to(q, nodes, ids, continuous, dq):
+    """Write the displacements from q to some nodes to `dq` (k, dof)."""
+    for k in range(ids.shape[0]):
+        displacement(q, nodes[ids[k]], continuous, dq[k])

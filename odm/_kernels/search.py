@@ -1,0 +1,255 @@
+"""A* over the masks: an edge is looked at when it is about to be used, once a frame.
+
+The open list holds unverified entries: several for one vertex, one for each way into
+it. An entry is verified when it comes out first; so the first verified entry of a
+vertex is its shortest free way, as in lazy A* (Cohen, Phillips, Likhachev 2014).
+From the goal's side a flood runs along once the search takes longer than usual: a
+goal (or a start) that is walled in is known when the smaller side is exhausted.
+"""
+
+import math
+
+from numba import njit
+
+from odm._kernels.types import (
+    EDGE_BASE,
+    IS_GOAL,
+    N_EDGE_TESTS,
+    N_FLOODED,
+    N_POPPED,
+)
+
+PATIENCE = 96  # vertices closed before the flood from the goal starts
+
+
+@njit(cache=True, nogil=True)
+def item_free(graph, words, search, frame, item):
+    """Return True if no occupied cell is in the list of a roadmap item; remembered."""
+    known = search.memo[item]
+    if known >> 1 == frame:
+        return known & 1 == 0
+    hit = 1 if graph.closed[item] else 0
+    if hit == 0:
+        search.stats[N_EDGE_TESTS] += 1
+        for k in range(graph.ptr[item], graph.ptr[item + 1]):
+            if words[graph.block[k]] & graph.mask[k] != 0:
+                hit = 1
+                break
+    search.memo[item] = 2 * frame + hit
+    return hit == 0
+
+
+@njit(cache=True, nogil=True)
+def pool_free(pool, words, item):
+    """Return True if no occupied cell is in the list of a pool item."""
+    for k in range(pool.begin[item], pool.end[item]):
+        if words[pool.block[k]] & pool.mask[k] != 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def edge_free(graph, words, search, frame, edge):
+    """Return True if an edge and both its end nodes are free."""
+    n = graph.adj_ptr.shape[0] - 1
+    if not item_free(graph, words, search, frame, n + edge):
+        return False
+    if not item_free(graph, words, search, frame, graph.edges[edge, 0]):
+        return False
+    return item_free(graph, words, search, frame, graph.edges[edge, 1])
+
+
+@njit(cache=True, nogil=True)
+def push(search, size, f, entry):
+    """Add an entry to the heap of `size`; smaller f first, then older entries."""
+    k = size
+    while k > 0:
+        up = (k - 1) >> 1
+        if search.heap_f[up] <= f:
+            break
+        search.heap_f[k] = search.heap_f[up]
+        search.heap_e[k] = search.heap_e[up]
+        k = up
+    search.heap_f[k] = f
+    search.heap_e[k] = entry
+
+
+@njit(cache=True, nogil=True)
+def pop(search, size):
+    """Take the first entry off the heap of `size`."""
+    first = search.heap_e[0]
+    size -= 1
+    f, e = search.heap_f[size], search.heap_e[size]
+    k = 0
+    while True:
+        low = 2 * k + 1
+        if low >= size:
+            break
+        other = low + 1
+        if other < size:
+            fl, fo = search.heap_f[low], search.heap_f[other]
+            if fo < fl or (fo == fl and search.heap_e[other] < search.heap_e[low]):
+                low = other
+        fl = search.heap_f[low]
+        if f < fl or (f == fl and e < search.heap_e[low]):
+            break
+        search.heap_f[k] = fl
+        search.heap_e[k] = search.heap_e[low]
+        k = low
+    search.heap_f[k] = f
+    search.heap_e[k] = e
+    return first
+
+
+@njit(cache=True, nogil=True)
+def flood_step(graph, words, search, frame, run, head, tail):
+    """Take one node off the goal side's queue; return the new tail, -1 if it met."""
+    n = graph.adj_ptr.shape[0] - 1
+    u = search.queue[head]
+    search.stats[N_FLOODED] += 1
+    for k in range(graph.adj_ptr[u], graph.adj_ptr[u + 1]):
+        w = graph.adj_node[k]
+        if search.flood[w] == run:
+            continue
+        if not item_free(graph, words, search, frame, w):
+            continue
+        if not item_free(graph, words, search, frame, n + graph.adj_edge[k]):
+            continue
+        if search.done[w] == run:
+            return -1
+        search.flood[w] = run
+        search.queue[tail] = w
+        tail += 1
+    return tail
+
+
+@njit(cache=True, nogil=True)
+def a_star(graph, words, starts, goals, only, h, search, frame, run):
+    """Search from the start's free attachments to goal `only` (-1: any, with costs).
+
+    starts.memo and goals.memo hold the frame's verdict of each attachment: 4 * frame
+    + 1 is free; all others are left out. `run` is new for each search of a frame.
+    Returns the heap entry of the goal, or -1.
+    """
+    n = graph.adj_ptr.shape[0] - 1
+    low = 0 if only < 0 else only
+    high = goals.count[0] if only < 0 else only + 1
+    free = 4 * frame + 1
+    capacity = search.e_node.shape[0]
+    entries = 0
+    size = 0
+    for k in range(starts.count[0]):
+        if starts.memo[k] != free:
+            continue
+        v = starts.node[k]
+        search.e_node[entries] = v
+        search.e_ref[entries] = -2 - k
+        search.e_from[entries] = -1
+        search.e_g[entries] = starts.length[k]
+        push(search, size, starts.length[k] + h[v], entries)
+        entries += 1
+        size += 1
+    for g in range(low, high):
+        if goals.direct_memo[g] == free:
+            length = goals.direct_length[g] + goals.cost[g]
+            search.e_node[entries] = n + g
+            search.e_ref[entries] = -2
+            search.e_from[entries] = -1
+            search.e_g[entries] = length
+            push(search, size, length, entries)
+            entries += 1
+            size += 1
+    popped = 0
+    head = 0
+    tail = -1  # -1: the flood has not begun, -2: it is over
+    while size > 0:
+        entry = pop(search, size)
+        size -= 1
+        v = search.e_node[entry]
+        if search.done[v] == run:
+            continue
+        ref = search.e_ref[entry]
+        if ref <= EDGE_BASE:
+            if not item_free(graph, words, search, frame, n + EDGE_BASE - ref):
+                continue
+        if v < n and not item_free(graph, words, search, frame, v):
+            search.done[v] = run
+            continue
+        search.done[v] = run
+        search.came[v] = entry
+        popped += 1
+        if v >= n:
+            search.stats[N_POPPED] += popped
+            return entry
+        g_v = search.e_g[entry]
+        for g in range(low, high):
+            a = goals.at[g, v]
+            if a >= 0 and goals.memo[g, a] == free and entries < capacity:
+                length = g_v + goals.length[g, a] + goals.cost[g]
+                search.e_node[entries] = n + g
+                search.e_ref[entries] = -2 - a
+                search.e_from[entries] = entry
+                search.e_g[entries] = length
+                push(search, size, length, entries)
+                entries += 1
+                size += 1
+        if entries + graph.adj_ptr[v + 1] - graph.adj_ptr[v] > capacity:
+            break
+        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+            w = graph.adj_node[k]
+            if search.done[w] == run:
+                continue
+            known = search.memo[n + graph.adj_edge[k]]
+            if known == 2 * frame + 1:
+                continue
+            hw = h[w]
+            if hw == math.inf:
+                continue
+            length = g_v + graph.adj_length[k]
+            search.e_node[entries] = w
+            search.e_ref[entries] = EDGE_BASE - graph.adj_edge[k]
+            search.e_from[entries] = entry
+            search.e_g[entries] = length
+            push(search, size, length + hw, entries)
+            entries += 1
+            size += 1
+        if popped < PATIENCE or tail == -2:
+            continue
+        if tail == -1:
+            tail = 0
+            for g in range(low, high):
+                for a in range(goals.number[g]):
+                    w = goals.node[g, a]
+                    if goals.memo[g, a] != free or search.flood[w] == run:
+                        continue
+                    if search.done[w] == run:
+                        tail = -2
+                        break
+                    if item_free(graph, words, search, frame, w):
+                        search.flood[w] = run
+                        search.queue[tail] = w
+                        tail += 1
+                if tail == -2:
+                    break
+        for _ in range(2):
+            if tail < 0:
+                break
+            if head < tail:
+                tail = flood_step(graph, words, search, frame, run, head, tail)
+                head += 1
+                if tail == -1:
+                    tail = -2
+                continue
+            # the goal's side is exhausted: hopeless unless a start lies in it
+            inside = False
+            for k in range(starts.count[0]):
+                if starts.memo[k] == free and search.flood[starts.node[k]] == run:
+                    inside = True
+            for g in range(low, high):
+                if goals.direct_memo[g] == free:
+                    inside = True
+            if not inside:
+                size = 0
+            tail = -2
+    search.stats[N_POPPED] += popped
+    return -1

@@ -1,0 +1,194 @@
+"""Groups of arrays that the compiled loops take, so that calls stay readable."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Arm(NamedTuple):
+    """The moving robot, its spheres sorted by body."""
+
+    tree_i: np.ndarray  # (n_bodies, 3)
+    tree_f: np.ndarray  # (n_bodies, 17)
+    spheres: np.ndarray  # (n, 4) centre in body frame, radius
+    body: np.ndarray  # (n,)
+    reach: np.ndarray  # (n, n_bodies)
+    body_ptr: np.ndarray  # (n_bodies + 1,) spheres of a body
+    bound: np.ndarray  # (n_bodies, 4) ball round the centres of a body's spheres
+
+
+class Cloud(NamedTuple):
+    """Points of one frame, by block; see occupancy.py."""
+
+    origin: np.ndarray  # (3,) corner of the grid
+    h: float  # cell size
+    shape: np.ndarray  # (3,) blocks
+    words: np.ndarray  # (n_blocks,) occupied cells
+    occupied: np.ndarray  # (n_blocks,) block ids, the first counts[0] are valid
+    slot: np.ndarray  # (n_blocks,) position of a block in `occupied`
+    start: np.ndarray  # (n_blocks + 1,) first point of an occupied block
+    box: np.ndarray  # (n_blocks, 6) bounds of its points, lower and upper
+    xyz: np.ndarray  # (capacity, 3) points by block
+    order: np.ndarray  # (capacity,) index each had in the input
+    where: np.ndarray  # (capacity,) block of each input point, -1 outside
+    counts: np.ndarray  # (5,) occupied blocks, points inside, outside, bad, sorted?
+
+
+N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, IS_SORTED = 0, 1, 2, 3, 4
+
+
+class Work(NamedTuple):
+    """Scratch of the close test, one per planner."""
+
+    frames: np.ndarray  # (3, n_bodies, 12)
+    point: np.ndarray  # (dof,)
+    speed: np.ndarray  # (n,)
+    bend: np.ndarray  # (n,)
+    rates: np.ndarray  # (2, n_bodies)
+    body_speed: np.ndarray  # (n_bodies,)
+    body_radius: np.ndarray  # (n_bodies,)
+    bottom: np.ndarray  # (n_bodies,) level at which the chord test decides
+    stack: np.ndarray  # (64, 2) level, index
+    masks: np.ndarray  # (64, n_bodies) bodies still open
+    anchor: np.ndarray  # (n, 3) centres at the start of an escape
+    found: np.ndarray  # (4,) int64: sphere, point, tests, evaluations
+    value: np.ndarray  # (2,) t and distance of what was found
+
+
+def make_work(n_spheres: int, n_bodies: int, dof: int) -> Work:
+    """Return scratch for a robot of this size."""
+    return Work(
+        frames=np.zeros((3, n_bodies, 12)),
+        point=np.zeros(dof),
+        speed=np.zeros(n_spheres),
+        bend=np.zeros(n_spheres),
+        rates=np.zeros((2, n_bodies)),
+        body_speed=np.zeros(n_bodies),
+        body_radius=np.zeros(n_bodies),
+        bottom=np.zeros(n_bodies, np.int64),
+        stack=np.zeros((64, 2), np.int64),
+        masks=np.zeros((64, n_bodies), np.bool_),
+        anchor=np.zeros((n_spheres, 3)),
+        found=np.zeros(4, np.int64),
+        value=np.zeros(2),
+    )
+
+
+class Graph(NamedTuple):
+    """The roadmap's neighbours and what never changes about its items."""
+
+    adj_ptr: np.ndarray  # (n + 1,)
+    adj_node: np.ndarray  # (2 m,)
+    adj_edge: np.ndarray  # (2 m,)
+    adj_length: np.ndarray  # (2 m,)
+    edges: np.ndarray  # (m, 2)
+    nodes: np.ndarray  # (n, dof)
+    ptr: np.ndarray  # (n + m + 1,) cell lists of nodes, then edges
+    block: np.ndarray
+    mask: np.ndarray
+    closed: np.ndarray  # (n + m,) True: blocked by scenery for good
+
+
+class Pool(NamedTuple):
+    """Cell lists of motions that are not roadmap edges."""
+
+    begin: np.ndarray  # (items,) first entry of an item
+    end: np.ndarray  # (items,)
+    block: np.ndarray  # (entries,)
+    mask: np.ndarray  # (entries,)
+    used: np.ndarray  # (2,) items, entries
+
+
+class Starts(NamedTuple):
+    """Motions from the present configuration to nodes."""
+
+    node: np.ndarray  # (k,)
+    length: np.ndarray  # (k,)
+    ref: np.ndarray  # (k,) >= 0 pool item, -1 none, -2 - e part of edge e
+    static: np.ndarray  # (k,) 0 not tested, 1 free, 2 not free of what stands still
+    memo: np.ndarray  # (k,) 4 * frame + verdict of the frame
+    count: np.ndarray  # (2,) number, next to be tested
+
+
+class Goals(NamedTuple):
+    """Motions from nodes to goals, goal by goal."""
+
+    q: np.ndarray  # (g, dof)
+    cost: np.ndarray  # (g,)
+    h: np.ndarray  # (g, n) cost to go
+    at: np.ndarray  # (g, n) attachment of a node, or -1
+    node: np.ndarray  # (g, k)
+    length: np.ndarray  # (g, k)
+    ref: np.ndarray  # (g, k) >= 0 pool item, -3 the node is the goal
+    memo: np.ndarray  # (g, k)
+    number: np.ndarray  # (g,) attachments
+    vertex: np.ndarray  # (g,) unique number of the goal as a vertex
+    direct_ref: np.ndarray  # (g,) >= 0 pool item of start -> goal, -1 none, -4 no way
+    direct_length: np.ndarray  # (g,)
+    fresh_ref: np.ndarray  # (g,) direct_ref at the attached configuration
+    direct_memo: np.ndarray  # (g,)
+    direct_stuck: np.ndarray  # (g,) t at which it was blocked last, or -1
+    count: np.ndarray  # (3,) goals, vertex of the fresh start, of a start on the way
+
+
+class Search(NamedTuple):
+    """Scratch of the search."""
+
+    memo: np.ndarray  # (n + m,) 2 * frame + hit of a roadmap item
+    done: np.ndarray  # (n + g,) run in which a vertex was closed
+    came: np.ndarray  # (n + g,) heap entry it was closed by
+    flood: np.ndarray  # (n,) run in which the goal's side reached a node
+    queue: np.ndarray  # (n,)
+    e_node: np.ndarray  # (entries,)
+    e_ref: np.ndarray  # (entries,)
+    e_from: np.ndarray  # (entries,) entry of the parent, -1 start
+    e_g: np.ndarray  # (entries,)
+    heap_f: np.ndarray  # (entries,)
+    heap_e: np.ndarray  # (entries,)
+    stats: np.ndarray  # (8,) see N_* below
+
+
+class Way(NamedTuple):
+    """A path as vertices and the items between them."""
+
+    vertex: np.ndarray  # (64,) node, or unique number of start or goal
+    ref: np.ndarray  # (64,) item from vertex k to k + 1
+    q: np.ndarray  # (64, dof)
+    count: np.ndarray  # (2,) vertices, goal index
+
+
+class Shortcuts(NamedTuple):
+    """Motions between vertices that were tested once and are remembered."""
+
+    key: np.ndarray  # (size,) from << 31 | to, -1 empty; the size is a power of 2
+    item: np.ndarray  # (size,) pool item, or NO_WAY
+    count: np.ndarray  # (1,)
+    best: np.ndarray  # (64,) scratch
+    back: np.ndarray  # (128,) scratch
+    ref: np.ndarray  # (64,) scratch
+
+
+class Own(NamedTuple):
+    """What belongs to no other group."""
+
+    radii: np.ndarray  # (n,) sphere radius + rho + m
+    terms: np.ndarray  # (3,) mu / 2, h, tracking share of m
+    sway: np.ndarray  # (dof,) most that joint j moves any sphere per unit
+    weights: np.ndarray  # (dof,)
+    continuous: np.ndarray  # (dof,)
+    h_any: np.ndarray  # (n,) cost to go to the best goal, costs included
+    numbers: np.ndarray  # (8,) see N_FRAME and after
+    dq: np.ndarray  # (dof,) scratch
+    spot: np.ndarray  # (dof,) scratch
+    still: np.ndarray  # (dof,) zeros
+    q: np.ndarray  # (dof,) present configuration
+    q_fresh: np.ndarray  # (dof,) configuration that was attached last
+    lower: np.ndarray  # (dof,)
+    upper: np.ndarray  # (dof,)
+    out: np.ndarray  # (2,) share of the segment that q is on
+
+
+N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS = 0, 1, 2, 3, 4
+N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME, N_JOINT, N_LOOK = range(7)
+NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
+EDGE_BASE = -16  # ref EDGE_BASE - e is roadmap edge e

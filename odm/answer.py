@@ -1,0 +1,167 @@
+"""What the planner says to a frame."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+FOLLOWING, REPLANNED, HOLDING = "following", "replanned", "holding"
+WHOLE, VISIBLE = "whole surface", "visible surface"
+
+
+@dataclass(frozen=True)
+class Blockers:
+    """What stands behind the reason of a hold.
+
+    Attributes:
+        edges: Roadmap edges at the start or the goal that are blocked.
+        cells: (k, 3) occupied cells in their way.
+        points: Indices of the frame's points in their way.
+        link: Link of the robot that is nearest to them, or None.
+        goal: Index of the goal that was looked at first, or None.
+    """
+
+    edges: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    cells: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    points: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    link: str | None = None
+    goal: int | None = None
+
+
+NOTHING = Blockers()
+
+
+class Answer:
+    """The answer to one frame; read-only by convention, cheap to make.
+
+    Attributes:
+        status: "following", "replanned" or "holding".
+        path: (k, dof) from the robot's configuration to the goal; empty on holding.
+        goal: Index of the goal the path leads to, None when holding.
+        certified: "whole surface" (closed shapes) or "visible surface" (raw points).
+        latency_s: Seconds by stage: "occupancy", "plan", "total".
+        work: Counted work: points, outside, occupied blocks, edge tests...
+    """
+
+    __slots__ = (
+        "_counted", "_explain", "_times", "_told", "certified", "goal", "path",
+        "status",
+    )
+
+    def __init__(
+        self,
+        status: str,
+        path: np.ndarray,
+        goal: int | None,
+        certified: str,
+        times: tuple[int, int, int],
+        counted: tuple[list[int], list[int]],
+        explain: Callable[[], tuple[str, Blockers, np.ndarray | None]] | None = None,
+    ) -> None:
+        """Keep the values; `explain` is called when the reason is asked for.
+
+        `times` are begin, end of the occupancy and end [ns]; `counted` the counts of
+        the cloud and of the search.
+        """
+        self.status = status
+        self.path = path
+        self.goal = goal
+        self.certified = certified
+        self._times = times
+        self._counted = counted
+        self._explain = explain
+        self._told: tuple[str, Blockers, np.ndarray | None] | None = None
+
+    @property
+    def latency_s(self) -> dict[str, float]:
+        """Seconds by stage: "occupancy", "plan", "total"."""
+        begun, marked, ended = self._times
+        return {
+            "occupancy": 1e-9 * (marked - begun),
+            "plan": 1e-9 * (ended - marked),
+            "total": 1e-9 * (ended - begun),
+        }
+
+    @property
+    def work(self) -> "Work":
+        """Counted work of the frame."""
+        (blocks, inside, outside, bad, _), stats = self._counted
+        popped, tests, flooded, close, runs = stats[:5]
+        n_points = inside + outside + bad
+        return Work(
+            n_points, outside, blocks, tests, popped, flooded, close, runs
+        )
+
+    @property
+    def reason(self) -> str | None:
+        """One sentence when holding: what blocks what, and what would help."""
+        return self._tell()[0] or None
+
+    @property
+    def blockers(self) -> Blockers:
+        """Edges, cells, points and link behind the reason."""
+        return self._tell()[1]
+
+    @property
+    def retreat(self) -> np.ndarray | None:
+        """(k, dof) motion offered while holding: back off or escape; or None.
+
+        It leads away from the points, to be executed at reduced speed.
+        """
+        return self._tell()[2]
+
+    def _tell(self) -> tuple[str, Blockers, np.ndarray | None]:
+        if self._told is None:
+            empty = ("", NOTHING, None)
+            self._told = empty if self._explain is None else self._explain()
+            self._explain = None
+        return self._told
+
+    def __repr__(self) -> str:
+        """Say the status and its core."""
+        if self.status == HOLDING:
+            return f"Answer(holding: {self.reason})"
+        return f"Answer({self.status}, {len(self.path)} points, goal {self.goal})"
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Counted work of a frame.
+
+    Attributes:
+        points, outside: Points seen, and those outside the grid.
+        blocks: Occupied blocks.
+        edge_tests: Cell lists of nodes and edges compared with the occupancy.
+        popped: Vertices the search closed.
+        flooded: Nodes reached from the goal's side.
+        close_tests: Close tests run.
+        searches: Runs of A*.
+    """
+
+    points: int = 0
+    outside: int = 0
+    blocks: int = 0
+    edge_tests: int = 0
+    popped: int = 0
+    flooded: int = 0
+    close_tests: int = 0
+    searches: int = 0
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Whether a motion is free; true or false, and which test failed.
+
+    Attributes:
+        free: True when all tests passed over the whole motion.
+        failed: "limits", "self-collision", "scenery" or "frame"; None when free.
+        reason: One sentence; empty when free.
+    """
+
+    free: bool
+    failed: str | None = None
+    reason: str = ""
+
+    def __bool__(self) -> bool:
+        """Return `free`."""
+        return self.free

@@ -1,0 +1,253 @@
+"""Joining configurations to the roadmap: goals when set, starts when first seen."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm._kernels import attach as kernels
+from odm._kernels import types as kinds
+from odm._kernels.sweep import sweep_space
+from odm.state import MAX_ATTACHMENTS
+
+if TYPE_CHECKING:
+    from odm.planner import ReactivePlanner
+
+_LOOKED_AT = 4  # times as many near nodes are looked at as are attached
+
+
+class Attacher:
+    """Keeps a planner's attachments: pool items of motions to and from the roadmap."""
+
+    def __init__(self, planner: "ReactivePlanner") -> None:
+        """Keep the planner; its memory must have been laid out."""
+        self.planner = planner
+        memory, robot = planner.memory, planner.robot
+        self.roadmap = planner.cell_map.roadmap
+        words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
+        space = sweep_space(len(memory.arm.spheres), len(robot.tree_i), robot.dof)
+        self.scratch = (words, *space)
+        self.radii = planner.cell_map.swept_radii() + 1e-6
+        self.near = np.zeros(self.roadmap.n_nodes)
+        self.q_fresh = memory.own.q_fresh
+        self.next_vertex = self.roadmap.n_nodes + 1
+
+    # --- goals -----------------------------------------------------------------
+
+    def set_goals(self, goals: np.ndarray, costs: np.ndarray | None) -> None:
+        """Attach goals; keeps the way in use where its goal stays."""
+        m = self.planner.memory
+        self._tidy()
+        on_way = m.way.count[0] > 0 and m.way.count[1] >= 0
+        kept = int(m.goals.vertex[m.way.count[1]]) if on_way else -1
+        old = {self.planner.goals[g].tobytes(): g for g in range(len(self.planner.goals))}
+        before = [np.copy(a) for a in m.goals]
+        m.goals.at[: int(m.goals.count[0])] = -1
+        for g, q in enumerate(goals):
+            m.goals.q[g] = q
+            known = old.get(q.tobytes())
+            if known is None:
+                self._attach_goal(g, q)
+            else:
+                self._take_over(g, known, before)
+            m.goals.cost[g] = 0.0 if costs is None else costs[g]
+            m.goals.direct_stuck[g] = -1.0
+        n = len(goals)
+        m.goals.count[0] = n
+        m.own.numbers[kinds.N_JOINT_COSTS] = 0 if costs is None else 1
+        np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.own.h_any)
+        if m.way.count[0]:
+            same = np.flatnonzero(m.goals.vertex[:n] == kept)
+            m.way.count[1] = same[0] if len(same) else -1
+        self._attach_direct()
+
+    def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
+        """Keep what is known of a goal that was there already, at rank `known`."""
+        goals = self.planner.memory.goals
+        for name in ("h", "at", "node", "length", "ref", "number", "vertex"):
+            index = goals._fields.index(name)
+            goals[index][g] = before[index][known]
+
+    def _attach_goal(self, g: int, q: np.ndarray) -> None:
+        m = self.planner.memory
+        goals, roadmap = m.goals, self.roadmap
+        goals.at[g] = -1
+        goals.vertex[g] = self._new_vertex()
+        self._measure(q)
+        nearest = int(np.argmin(self.near))
+        if self.near[nearest] == 0.0:
+            goals.number[g] = 1
+            goals.node[g, 0], goals.length[g, 0] = nearest, 0.0
+            goals.ref[g, 0] = kinds.IS_GOAL
+            goals.at[g, nearest] = 0
+            kernels.landmark_cost(
+                roadmap.landmarks, nearest, roadmap.nodes, q, roadmap.weights,
+                self.planner.robot.continuous, goals.h[g],
+            )
+            return
+        ids, refs = self._motions(q, self._wanted(), outward=False)
+        k = len(ids)
+        goals.number[g] = k
+        goals.node[g, :k], goals.ref[g, :k] = ids, refs
+        goals.length[g, :k] = self.near[ids]
+        goals.at[g, ids] = np.arange(k)
+        kernels.exact_cost(
+            m.graph, goals.node[g], goals.length[g], k, m.search, goals.h[g]
+        )
+
+    # --- starts ----------------------------------------------------------------
+
+    def is_fresh(self, q: np.ndarray) -> bool:
+        """Return True if q is the configuration that was attached last."""
+        return bool(np.array_equal(q, self.q_fresh))
+
+    def forget_start(self) -> None:
+        """Drop the attached start."""
+        self.q_fresh[:] = np.nan
+        self.planner.memory.fresh.count[0] = 0
+
+    def forget_all(self) -> None:
+        """Attach everything again: the scenery has changed."""
+        planner = self.planner
+        m = planner.memory
+        m.way.count[0] = 0
+        self.forget_start()
+        m.pool.used[:] = 0
+        self._forget_shortcuts()
+        goals, costs = planner.goals, planner.costs
+        planner.goals = goals[:0]
+        if len(goals):
+            self.set_goals(goals, costs)
+            planner.goals = goals
+
+    def attach_start(self, q: np.ndarray) -> None:
+        """Attach a configuration never seen before."""
+        self._tidy()
+        m = self.planner.memory
+        self.q_fresh[:] = q
+        m.goals.count[1] = self._new_vertex()
+        m.goals.count[2] = m.goals.count[1] + 1
+        self._new_vertex()
+        self._measure(q)
+        ids, refs = self._motions(q, self._wanted_here(), outward=True)
+        k = len(ids)
+        m.fresh.count[0] = k
+        m.fresh.node[:k], m.fresh.ref[:k] = ids, refs
+        m.fresh.length[:k] = self.near[ids]
+        m.fresh.static[:k] = 1
+        m.fresh.memo[:k] = 0
+        self._attach_direct()
+
+    def _attach_direct(self) -> None:
+        """Sweep the straight motions from the attached start to every goal."""
+        m, planner = self.planner.memory, self.planner
+        g = int(m.goals.count[0])
+        m.goals.fresh_ref[:g] = kinds.NO_WAY
+        m.goals.direct_stuck[:g] = -1.0
+        if g == 0 or np.isnan(self.q_fresh[0]):
+            return
+        dq = planner._difference(self.q_fresh, m.goals.q[:g])
+        q = np.repeat(self.q_fresh[None], g, axis=0)
+        free = np.flatnonzero(planner.static.motions_free(q, dq))
+        first = self.sweep(q[free], dq[free])
+        if first >= 0:
+            m.goals.fresh_ref[free] = first + np.arange(len(free))
+
+    # --- inside ----------------------------------------------------------------
+
+    def _measure(self, q: np.ndarray) -> None:
+        roadmap = self.roadmap
+        kernels.distances(
+            roadmap.nodes, q, roadmap.weights, self.planner.robot.continuous, self.near
+        )
+
+    def _candidates(self, wanted: int) -> np.ndarray:
+        """Return near nodes, nearest first; ties by number."""
+        k = min(_LOOKED_AT * wanted, self.roadmap.n_nodes)
+        near = np.argpartition(self.near, k - 1)[:k]
+        return near[np.lexsort((near, self.near[near]))]
+
+    def _wanted(self) -> int:
+        return min(self.planner.settings.attachments, MAX_ATTACHMENTS)
+
+    def _wanted_here(self) -> int:
+        return min(self.planner.settings.start_attachments, MAX_ATTACHMENTS)
+
+    def _motions(
+        self, q: np.ndarray, wanted: int, outward: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return (nodes, pool items) of certified motions to or from near nodes."""
+        planner, ids = self.planner, self._candidates(wanted)
+        kept: list[np.ndarray] = []
+        n_kept = 0
+        for k in range(0, len(ids), wanted):
+            part = ids[k : k + wanted]
+            begin, dq = self._between(q, part, outward)
+            good = part[planner.static.motions_free(begin, dq)]
+            kept.append(good)
+            n_kept += len(good)
+            if n_kept >= wanted:
+                break
+        nodes = np.concatenate(kept)[:wanted] if kept else ids[:0]
+        begin, dq = self._between(q, nodes, outward)
+        first = self.sweep(begin, dq)
+        if first < 0:
+            return nodes[:0], nodes[:0]
+        return nodes, first + np.arange(len(nodes))
+
+    def _between(
+        self, q: np.ndarray, ids: np.ndarray, outward: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        nodes = self.roadmap.nodes[ids]
+        here = np.repeat(q[None], len(ids), axis=0)
+        a, b = (here, nodes) if outward else (nodes, here)
+        return a, self.planner._difference(a, b)
+
+    def sweep(self, q: np.ndarray, dq: np.ndarray) -> int:
+        """Add motions to the pool; return the first item, or -1 where that fails."""
+        m = self.planner.memory
+        return kernels.sweep_into_pool(
+            m.arm, self.radii, np.ascontiguousarray(q), np.ascontiguousarray(dq),
+            self.planner.cell_map.motion_tolerance, m.cloud, m.pool, *self.scratch,
+        )
+
+    def _new_vertex(self) -> int:
+        self.next_vertex += 1
+        return self.next_vertex
+
+    def _tidy(self) -> None:
+        """Throw old items away before the pool or the shortcuts run full."""
+        m = self.planner.memory
+        items, entries = m.pool.used
+        full = 2 * items > len(m.pool.begin) or 2 * entries > len(m.pool.block)
+        if not full and 4 * m.short.count[0] < len(m.short.key):
+            return
+        self._forget_shortcuts()
+        refs = [m.way.ref[: max(0, int(m.way.count[0]) - 1)]]
+        refs.append(m.fresh.ref[: m.fresh.count[0]])
+        g = int(m.goals.count[0])
+        refs.append(m.goals.fresh_ref[:g])
+        refs.extend(m.goals.ref[k, : m.goals.number[k]] for k in range(g))
+        self._compact(refs)
+
+    def _compact(self, refs: list[np.ndarray]) -> None:
+        """Keep only the items named in `refs`, and renumber them there."""
+        pool = self.planner.memory.pool
+        used = np.unique(np.concatenate(refs))
+        used = used[used >= 0]
+        end = 0
+        for new, item in enumerate(used):
+            a, b = pool.begin[item], pool.end[item]
+            size = b - a
+            pool.block[end : end + size] = pool.block[a:b].copy()
+            pool.mask[end : end + size] = pool.mask[a:b].copy()
+            pool.begin[new], pool.end[new] = end, end + size
+            end += size
+        pool.used[:] = len(used), end
+        for ref in refs:
+            own = ref >= 0
+            ref[own] = np.searchsorted(used, ref[own])
+
+    def _forget_shortcuts(self) -> None:
+        short = self.planner.memory.short
+        short.key[:] = -1
+        short.count[0] = 0

@@ -1,0 +1,429 @@
+"""Try to falsify a map: exact geometry against what the map calls free."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from odm._kernels import audit as kernels
+from odm._kernels.types import make_work
+from odm.audit_library import FAMILIES, SHARP, Specimen, draw_specimens, library_of
+from odm.audit_targets import audit_solids
+from odm.cell_map import CellMap
+from odm.exact import Obstacles, obstacles_of
+from roadmap.kinematics import difference
+
+CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
+# the last fifth of a chunk: children of its nearest pairs, in generations
+PARENTS, CHILDREN, GENERATIONS = 8, 5, 10
+N_WORST = 8
+CAP = 0.1  # [m] larger separations are not resolved
+EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One pair of the audit, enough to run it again.
+
+    Attributes:
+        motion: Edge, or -1 - node.
+        t: Where on the edge, in [0, 1].
+        q: (dof,) that configuration.
+        family, specimen: Which obstacle of the seed's library.
+        T_base_obstacle: (4, 4) its pose.
+        link: The nearest link.
+        distance: Exact separation [m], at most 0 in contact.
+    """
+
+    motion: int
+    t: float
+    q: np.ndarray
+    family: str
+    specimen: int
+    T_base_obstacle: np.ndarray
+    link: str
+    distance: float
+
+    def __str__(self) -> str:
+        """Return one line for a report."""
+        what = f"edge {self.motion}" if self.motion >= 0 else f"node {-1 - self.motion}"
+        return (
+            f"{self.distance * 1e3:7.2f} mm: {what} at t = {self.t:.6f}, {self.link} and "
+            f"{self.family} {self.specimen}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AuditReport:
+    """What an audit found.
+
+    Attributes:
+        asked: "cells" or "close test".
+        pairs, free: Pairs asked, and those that the map called free.
+        boundary: Pairs moved by bisection to the free side of the map's own boundary.
+        violations: Pairs called free whose exact separation is below m.
+        unresolved: Pairs whose two exact bounds lie on different sides of m.
+        smallest: Smallest exact separation among the pairs called free [m].
+        m: The clearance it is compared with [m].
+        worst: The nearest pairs called free, nearest first.
+        families: Family -> (pairs, free, violations, smallest separation).
+        seed, seconds, sabotage, complete: How it was run; not complete if interrupted.
+    """
+
+    asked: str
+    pairs: int
+    free: int
+    boundary: int
+    violations: int
+    unresolved: int
+    smallest: float
+    m: float
+    worst: tuple[Case, ...]
+    families: dict[str, tuple[int, int, int, float]]
+    seed: int
+    seconds: float
+    sabotage: str | None = None
+    complete: bool = True
+
+    @property
+    def free_share(self) -> float:
+        """Share of the pairs that the map called free."""
+        return self.free / max(1, self.pairs)
+
+    @property
+    def passed(self) -> bool:
+        """True if nothing called free comes nearer than m, and enough was free."""
+        clean = self.violations == 0 and self.unresolved == 0
+        return clean and self.complete and self.free_share >= 0.2
+
+    def as_dict(self) -> dict:
+        """Return everything but the poses as plain JSON data."""
+        names = (
+            "asked", "pairs", "free", "boundary", "violations", "unresolved",
+            "smallest", "m", "seed", "seconds", "sabotage", "complete",
+        )  # fmt: skip
+        plain = {name: getattr(self, name) for name in names}
+        families = {k: list(v) for k, v in self.families.items()}
+        worst = [str(case) for case in self.worst]
+        return plain | {
+            "free_share": self.free_share,
+            "passed": self.passed,
+            "families": families,
+            "worst": worst,
+        }
+
+    def __str__(self) -> str:
+        """Return the verdict in one sentence."""
+        verdict = "passed" if self.passed else "FAILED"
+        return (
+            f"audit of the {self.asked} {verdict}: {self.violations} of {self.pairs} "
+            f"pairs called free come nearer than m = {self.m * 1e3:.1f} mm, "
+            f"{self.free_share:.0%} called free, {self.boundary} tested at the map's "
+            f"boundary, smallest separation {self.smallest * 1e3:.2f} mm"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Auditor:
+    """Audits one map with one library of obstacles; see `audit`."""
+
+    cell_map: CellMap
+    seed: int = 0
+    close: bool = False
+    n_specimens: int = 270
+    specimens: tuple[Specimen, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Draw the obstacles."""
+        rng = np.random.default_rng([self.seed, 1])
+        made = draw_specimens(self.n_specimens, self.cell_map.safety.rho, rng)
+        object.__setattr__(self, "specimens", made)
+
+    @cached_property
+    def library(self) -> kernels.Library:
+        """The obstacles, laid out."""
+        return library_of(self.specimens)
+
+    @cached_property
+    def solids(self) -> kernels.Solids:
+        """The robot's solids, with points to aim at."""
+        return audit_solids(self.cell_map.robot, np.random.default_rng([self.seed, 2]))
+
+    @cached_property
+    def asked(self) -> kernels.Asked:
+        """The map's arrays."""
+        cell_map, roadmap = self.cell_map, self.cell_map.roadmap
+        ends = np.asarray(roadmap.edges, np.int64)
+        dq = difference(
+            cell_map.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]]
+        )
+        cells = cell_map.arm_cells
+        return kernels.Asked(
+            cells.ptr, cells.block, cells.mask, roadmap.nodes, ends, dq, self.close,
+            cell_map.motion_tolerance, cell_map.swept_radii(),
+        )  # fmt: skip
+
+    def draw(self, chunk: int, n: int) -> kernels.Pairs:
+        """Return the random choices of a chunk; the same for the same seed."""
+        rng = np.random.default_rng([self.seed, 3, chunk])
+        roadmap = self.cell_map.roadmap
+        motion = rng.integers(0, roadmap.n_edges, n) if roadmap.n_edges else None
+        node = -1 - rng.integers(0, roadmap.n_nodes, n)
+        motion = node if motion is None else np.where(rng.random(n) < 0.1, node, motion)
+        obstacle = rng.integers(0, len(self.specimens), n)
+        sharp = [k for k, s in enumerate(self.specimens) if s.family in SHARP]
+        obstacle = np.where(rng.random(n) < 0.3, rng.choice(sharp, n), obstacle)
+        ptr = self.library.aim_ptr
+        aim = rng.integers(ptr[obstacle], ptr[obstacle + 1])
+        wobble = rng.normal(size=(n, 6)) * _wobble_size(rng, n)[:, None]
+        return kernels.Pairs(
+            motion=motion,
+            t=_places(rng, n),
+            obstacle=obstacle,
+            aim=aim,
+            target=rng.integers(0, len(self.solids.targets), n),
+            wobble=wobble,
+            spin=rng.uniform(0, 2 * np.pi, n),
+            shift=np.zeros((n, 3)),
+            # a third of the rest begins in contact, to see that the map notices
+            start=np.where(rng.random(n) < 0.55, np.nan, rng.uniform(-0.03, 0.3, n)),
+        )
+
+    def run_chunk(self, chunk: int, n: int) -> tuple[kernels.Pairs, kernels.Found]:
+        """Ask and measure the pairs of a chunk, its nearest ones driven further in."""
+        bred = PARENTS * CHILDREN
+        generations = min(GENERATIONS, n // (5 * bred))
+        pairs = self.draw(chunk, n - generations * bred)
+        found = self.measure(pairs)
+        rng = np.random.default_rng([self.seed, 4, chunk])
+        for _ in range(generations):
+            rows = _nearest_boundary_pairs(pairs, found)
+            if len(rows) == 0:
+                break
+            children = mutated(pairs, np.resize(rows, bred), rng, self.cell_map)
+            pairs = kernels.Pairs(*map(np.concatenate, zip(pairs, children, strict=True)))
+            new = self.measure(children)
+            found = kernels.Found(*map(np.concatenate, zip(found, new, strict=True)))
+        return pairs, found
+
+    def measure(self, pairs: kernels.Pairs) -> kernels.Found:
+        """Ask the map about pairs, and measure those it calls free."""
+        cell_map, n = self.cell_map, len(pairs.motion)
+        dof, n_bodies = cell_map.robot.dof, len(cell_map.robot.tree_i)
+        found = kernels.Found(
+            np.zeros(n, bool), np.zeros(n, bool), np.empty(n), np.empty(n),
+            np.zeros(n, np.int64), np.empty((n, 12)),
+        )  # fmt: skip
+        cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
+        work = make_work(len(cell_map.arm.spheres), n_bodies, dof)
+        kernels.audit_pairs(
+            self.asked, cell_map.arm, self.solids, self.library, pairs, CAP, cloud,
+            work, found,
+        )  # fmt: skip
+        return found
+
+    def case(self, pairs: kernels.Pairs, found: kernels.Found, k: int) -> Case:
+        """Return pair k of a chunk for a report."""
+        motion, t = int(pairs.motion[k]), float(pairs.t[k])
+        if motion < 0:
+            q = self.asked.nodes[-1 - motion]
+        else:
+            start = self.asked.nodes[self.asked.edges[motion, 0]]
+            q = start + t * self.asked.dq[motion]
+        T = np.eye(4)
+        T[:3, :3] = found.frame[k, :9].reshape(3, 3)
+        T[:3, 3] = found.frame[k, 9:]
+        robot, part = self.cell_map.robot, int(found.part[k])
+        link = robot.link_names[robot.solid_link[part]] if part >= 0 else "no link"
+        which = int(pairs.obstacle[k])
+        family = self.specimens[which].family
+        return Case(motion, t, q, family, which, T, link, float(found.distance[k]))
+
+    def obstacles(self, case: Case) -> Obstacles:
+        """Return the obstacle of a case where it stood, for `ExactRobot.distance`."""
+        shapes = self.specimens[case.specimen].shapes
+        return obstacles_of([shape.moved(case.T_base_obstacle) for shape in shapes])
+
+    def points(self, case: Case) -> np.ndarray:
+        """Return the samples of a case's obstacle where it stood, (n, 3) [m]."""
+        T = case.T_base_obstacle
+        return self.specimens[case.specimen].points @ T[:3, :3].T + T[:3, 3]
+
+
+def audit(
+    cell_map: CellMap,
+    *,
+    pairs: int = 1_000_000,
+    seed: int = 0,
+    close: bool = False,
+    threads: int = 0,
+    sabotage: str | None = None,
+    progress: Progress | None = None,
+) -> AuditReport:
+    """Compare what the map calls free with exact geometry.
+
+    A pair is a configuration on a random edge or node, and a closed obstacle sampled
+    with covering radius rho: an arm, needles, rods, plates, boxes, cylinders, balls
+    down to 5 mm, meshes; it comes in towards a random point of a random link. About
+    half of the obstacles are moved by bisection until the map just calls the motion
+    free; there the true separation of the solids must be at least m.
+
+    Args:
+        cell_map: The map.
+        pairs: Number of pairs.
+        seed: Same seed, same audit, for any number of threads.
+        close: Ask the close test (what `is_free` uses) instead of the cells.
+        threads: Worker threads; 0 means one per core.
+        sabotage: "rho", "mu" or "sphere": spoil a small copy of the map and audit
+            that instead; the audit must then fail.
+        progress: Called with (stage, done, total).
+
+    Returns:
+        The report; after Ctrl-C that of the pairs done so far, not `complete`.
+    """
+    begun = time.perf_counter()
+    tell = progress or (lambda stage, done, total: None)
+    if sabotage is not None:
+        from odm.sabotage import spoiled
+
+        cell_map = spoiled(cell_map, sabotage)
+    tell("obstacles", 0, 1)
+    n_specimens = int(np.clip(pairs // 500, 3 * len(FAMILIES), 30 * len(FAMILIES)))
+    auditor = Auditor(cell_map, seed, close, n_specimens)
+    tally = _Tally(auditor)
+    try:
+        _run(auditor, tally, pairs, threads, tell)
+    except KeyboardInterrupt:
+        tally.complete = False
+    return tally.report(sabotage, time.perf_counter() - begun)
+
+
+def _run(auditor, tally, pairs, threads, tell):
+    from concurrent.futures import ThreadPoolExecutor
+
+    sizes = [min(CHUNK, pairs - at) for at in range(0, pairs, CHUNK)]
+    _ = auditor.library, auditor.solids, auditor.asked  # made once, before the threads
+    done = 0
+    with ThreadPoolExecutor(threads or None) as pool:
+        try:
+            jobs = pool.map(auditor.run_chunk, range(len(sizes)), sizes)
+            for size, result in zip(sizes, jobs, strict=True):
+                tally.add(*result)
+                done += size
+                tell("pairs", done, pairs)
+        except KeyboardInterrupt:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+class _Tally:
+    """Sums chunks up, in their order."""
+
+    def __init__(self, auditor: Auditor) -> None:
+        self.auditor = auditor
+        self.m = auditor.cell_map.safety.m
+        self.complete = True
+        self.count = dict.fromkeys(("pairs", "free", "boundary", "bad", "open"), 0)
+        self.worst: list[Case] = []
+        self.families = {name: [0, 0, 0, np.inf] for name in FAMILIES}
+
+    def add(self, pairs: kernels.Pairs, found: kernels.Found) -> None:
+        low = np.where(found.free, found.distance, np.inf)
+        bad = low + found.gap < self.m
+        unsure = (low < self.m) & ~bad & (found.gap > EXACT_GAP)
+        bad |= (low < self.m) & ~unsure
+        count = self.count
+        count["pairs"] += len(low)
+        count["free"] += int(found.free.sum())
+        count["boundary"] += int(found.boundary.sum())
+        count["bad"] += int(bad.sum())
+        count["open"] += int(unsure.sum())
+        self._keep_worst(pairs, found, low)
+        names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
+        for i, name in enumerate(FAMILIES):
+            own = names[pairs.obstacle] == i
+            row = self.families[name]
+            row[0] += int(own.sum())
+            row[1] += int(found.free[own].sum())
+            row[2] += int(bad[own].sum())
+            row[3] = min(row[3], float(low[own].min(initial=np.inf)))
+
+    def _keep_worst(self, pairs, found, low):
+        """Keep the nearest pair of each of the nearest motions."""
+        order = np.argsort(low, kind="stable")[: 50 * N_WORST]
+        order = order[np.isfinite(low[order])]
+        _, first = np.unique(pairs.motion[order], return_index=True)
+        for k in order[np.sort(first)[:N_WORST]]:
+            self.worst.append(self.auditor.case(pairs, found, int(k)))
+        nearest = {}
+        for case in sorted(self.worst, key=lambda c: c.distance):
+            nearest.setdefault(case.motion, case)
+        self.worst = list(nearest.values())[:N_WORST]
+
+    def report(self, sabotage: str | None, seconds: float) -> AuditReport:
+        count, auditor = self.count, self.auditor
+        return AuditReport(
+            asked="close test" if auditor.close else "cells",
+            pairs=count["pairs"],
+            free=count["free"],
+            boundary=count["boundary"],
+            violations=count["bad"],
+            unresolved=count["open"],
+            smallest=self.worst[0].distance if self.worst else CAP,
+            m=self.m,
+            worst=tuple(self.worst),
+            families={k: tuple(v) for k, v in self.families.items()},
+            seed=auditor.seed,
+            seconds=seconds,
+            sabotage=sabotage,
+            complete=self.complete,
+        )
+
+
+def mutated(
+    pairs: kernels.Pairs, rows: np.ndarray, rng: np.random.Generator, cell_map: CellMap
+) -> kernels.Pairs:
+    """Return pairs like `rows`, changed a little: place, point met, direction."""
+    n = len(rows)
+    scale = 10.0 ** rng.uniform(-2.0, 0.0, n)
+    some = rng.random((3, n)) < 0.6
+    child = kernels.Pairs(*(column[rows] for column in pairs))
+    moved = child.t + 0.1 * scale * some[0] * rng.normal(size=n)
+    step = (cell_map.safety.h * scale * some[1])[:, None]
+    turned = (0.5 * scale * some[2])[:, None]
+    return child._replace(
+        t=np.clip(moved, 0.0, 1.0),
+        shift=child.shift + step * rng.normal(size=(n, 3)),
+        wobble=child.wobble + turned * rng.normal(size=(n, 6)),
+        spin=child.spin + scale * rng.normal(size=n),
+    )
+
+
+def _nearest_boundary_pairs(pairs: kernels.Pairs, found: kernels.Found) -> np.ndarray:
+    """Return the nearest boundary pair of each of the nearest motions.
+
+    Half of the parents lie inside an edge: only there the motion bound is at stake.
+    """
+    rows = np.flatnonzero(found.boundary)
+    rows = rows[np.argsort(found.distance[rows], kind="stable")]
+    _, first = np.unique(pairs.motion[rows], return_index=True)
+    rows = rows[np.sort(first)]
+    inside = (pairs.motion[rows] >= 0) & (np.abs(pairs.t[rows] - 0.5) < 0.48)
+    return np.concatenate([rows[inside][: PARENTS // 2], rows[: PARENTS // 2]])
+
+
+def _places(rng, n):
+    """Draw places on an edge: ends, middles of dyadic pieces, anywhere."""
+    level = rng.integers(0, 7, n)
+    middles = (2 * rng.integers(0, 2**level) + 1) / 2.0 ** (level + 1)
+    kind = rng.random(n)
+    t = np.where(kind < 0.6, middles, rng.random(n))
+    return np.where(kind > 0.9, rng.integers(0, 2, n), t)
+
+
+def _wobble_size(rng, n):
+    """Half of the approaches are almost straight, the others anyhow."""
+    return np.where(rng.random(n) < 0.5, 0.03, rng.choice([0.2, 1.0], n))

@@ -1,0 +1,127 @@
+"""Build a cell map from a recipe: robot, roadmap, sweep."""
+
+import logging
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from odm.cell_map import CellMap, arm_of
+from odm.estimate import check_size
+from odm.grid import grid_for
+from odm.recipe import Recipe, load_recipe
+from odm.scenery import Scenery, parse_scenery
+from odm.static import StaticTest, always_touching
+from odm.sweep import sweep_roadmap
+from roadmap import load_robot
+from roadmap.build import build_roadmap
+from roadmap.robot import Robot
+
+Progress = Callable[[str, int, int], None]
+log = logging.getLogger(__name__)
+
+
+def build_map(
+    recipe: Recipe | str | Path,
+    threads: int = 0,
+    progress: Progress | None = None,
+    robot: Robot | None = None,
+    _sabotage: str | None = None,
+) -> CellMap:
+    """Build the map of a recipe; the same bytes for any number of threads.
+
+    Args:
+        recipe: A recipe, or the name or path of one.
+        threads: Worker threads; 0 means one per core.
+        progress: Called with (stage, done, total).
+        robot: Use this robot instead of loading the recipe's.
+        _sabotage: For the audit of the audit only: "rho", "mu" or "sphere" takes
+            that term away from the cells.
+
+    Raises:
+        BadRecipe, BadRobot: The recipe or its robot cannot be used.
+        BuildRefused: The map would not fit in memory, or next to nothing is valid.
+    """
+    recipe = recipe if isinstance(recipe, Recipe) else load_recipe(recipe)
+    begun = time.perf_counter()
+    if robot is None:
+        robot = _robot_of(recipe)
+    check_size(robot, recipe)
+    scenery = parse_scenery(recipe.scenery)
+    scenery = always_touching(robot, scenery, recipe.safety)
+    test = StaticTest(robot, scenery, recipe.safety, threads=threads)
+    roadmap, report = build_roadmap(
+        robot, recipe.roadmap, test.motions_free, progress=progress
+    )
+    sampled = time.perf_counter()
+    margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
+    grid = grid_for(robot, recipe.safety.h, margin)
+    arm, safety = arm_of(robot), recipe.safety
+    if _sabotage is not None:
+        arm, safety = _spoil(arm, safety, _sabotage)
+    cells = sweep_roadmap(robot, arm, roadmap, grid, safety, threads, _named(progress))
+    built = {
+        "seconds": round(time.perf_counter() - begun, 2),
+        "roadmap_seconds": round(sampled - begun, 2),
+        "drawn": report.drawn,
+        "candidate_edges": report.candidates,
+        "free_edges": report.edges,
+        "components": list(report.components[:8]),
+        "n_components": len(report.components),
+        "versions": _versions(),
+    }
+    if len(report.components) > 1:
+        kept, total = report.components[0], sum(report.components)
+        log.info("kept the largest component: %d of %d nodes", kept, total)
+    return CellMap(robot, roadmap, grid, recipe, cells, scenery, built)
+
+
+def _robot_of(recipe: Recipe) -> Robot:
+    asked = recipe.robot
+    return load_robot(
+        asked.source,
+        tip=asked.tip,
+        locked=asked.locked or None,
+        srdf=asked.srdf,
+        cover_excess=asked.cover_excess,
+    )
+
+
+def _named(progress: Progress | None) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda stage, done, total: progress(f"cells of {stage}", done, total)
+
+
+def _spoil(arm, safety, term: str):  # noqa: ANN001, ANN202 (Arm, Safety)
+    """Take one term of the safety argument away; the audit must notice."""
+    if term == "rho":
+        return arm, replace(safety, rho=0.0)
+    if term == "mu":
+        # an edge is taken for its first node: nothing for the way between
+        return arm, replace(safety, mu=-safety.mu)
+    if term == "sphere":
+        spheres = arm.spheres.copy()
+        spheres[-1, 3] = 0.0
+        spheres[-1, :3] = spheres[0, :3] * 0.0
+        return arm._replace(spheres=spheres), safety
+    raise ValueError(f"unknown sabotage {term!r}")
+
+
+def _versions() -> dict[str, str]:
+    import numba
+    import scipy
+
+    return {
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "scipy": scipy.__version__,
+        "machine": platform.machine(),
+    }
+
+
+__all__ = ["Scenery", "build_map"]

@@ -1,0 +1,199 @@
+"""CellMap: a robot, its roadmap and the cells every node and edge sweeps."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from odm._kernels.types import Arm
+from odm.grid import WorkspaceGrid
+from odm.recipe import Recipe, Safety, parse_recipe
+from odm.scenery import Scenery
+from roadmap.arrays import frozen
+from roadmap.errors import BadMap
+from roadmap.graph import Roadmap
+from roadmap.robot import Robot
+from roadmap.store import read_folder, write_folder
+
+ROUNDING = 1e-6  # [m] added to every swept radius
+
+
+@dataclass(frozen=True, eq=False)
+class CellLists:
+    """One layer of a map, in both views.
+
+    An *item* is a node (its number) or an edge (n_nodes + its number). An edge's
+    list holds only the cells that neither of its end nodes sweeps.
+
+    Attributes:
+        ptr: (n_items + 1,) item i owns entries ptr[i]:ptr[i + 1].
+        block: (n,) block of each entry, ascending within an item.
+        mask: (n,) swept cells of that block.
+        t_ptr: (n_blocks + 1,) the same by block.
+        t_item: (n,) items of a block, ascending.
+        t_mask: (n,) their cells.
+    """
+
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
+    t_ptr: np.ndarray
+    t_item: np.ndarray
+    t_mask: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays, keeping their types."""
+        for name in ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask"):
+            array = getattr(self, name)
+            object.__setattr__(self, name, frozen(array, array.dtype))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, for the store."""
+        names = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
+        return {name: getattr(self, name) for name in names}
+
+    def bytes_by_view(self) -> tuple[int, int]:
+        """Return the bytes of the edge-major and of the block-major view."""
+        edge_major = self.ptr.nbytes + self.block.nbytes + self.mask.nbytes
+        return edge_major, self.t_ptr.nbytes + self.t_item.nbytes + self.t_mask.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class CellMap:
+    """Everything the planner needs, frozen; made by `build_map`, read by `load_map`.
+
+    Attributes:
+        robot: The robot.
+        roadmap: Its roadmap.
+        grid: The workspace grid.
+        recipe: What it was built from.
+        arm_cells: Swept cells of the layer `arm`, the gripper included.
+        scenery: What stands still around the robot in this recipe.
+        built: Facts of the build: seconds, counts, components, versions.
+        hash: SHA-256 of the stored map; empty while it was not stored.
+    """
+
+    robot: Robot
+    roadmap: Roadmap
+    grid: WorkspaceGrid
+    recipe: Recipe
+    arm_cells: CellLists
+    scenery: Scenery
+    built: dict = field(default_factory=dict)
+    hash: str = ""
+
+    @property
+    def safety(self) -> Safety:
+        """The terms of the safety argument."""
+        return self.recipe.safety
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The moving spheres sorted by body, for the compiled loops."""
+        return arm_of(self.robot)
+
+    @cached_property
+    def sphere_order(self) -> np.ndarray:
+        """(n,) index in `robot.spheres` of each sphere of `arm`."""
+        return _moving_order(self.robot)
+
+    @property
+    def motion_tolerance(self) -> float:
+        """Largest inflation of a piece of motion, mu / 2 [m]."""
+        return 0.5 * self.safety.mu
+
+    def swept_radii(self) -> np.ndarray:
+        """Radii of `arm`'s spheres grown by rho + m [m]: the close test's."""
+        return self.arm.spheres[:, 3] + self.safety.rho + self.safety.m
+
+    def save(self, path: str | Path) -> Path:
+        """Write the map to a folder, atomically."""
+        manifest = {
+            "kind": "cell map",
+            "recipe": self.recipe.as_dict(),
+            "robot": self.robot.meta(),
+            "robot_hash": self.robot.fingerprint(),
+            "safety": self.safety.as_dict(),
+            "layers": ["arm"],
+            "grid": {"h": self.grid.h},
+            "scenery": self.scenery.meta(),
+            "built": self.built,
+        }
+        arrays = {f"robot.{k}": a for k, a in self.robot.arrays().items()}
+        arrays |= {f"roadmap.{k}": a for k, a in self.roadmap.arrays().items()}
+        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.arrays().items()}
+        arrays |= {f"scenery.{k}": a for k, a in self.scenery.arrays().items()}
+        arrays |= {"grid.origin": self.grid.origin, "grid.blocks": self.grid.blocks}
+        return write_folder(path, manifest, arrays)
+
+
+def load_map(path: str | Path, verify: bool = True, robot: Robot | None = None) -> CellMap:
+    """Load a map by memory-map; no URDF is needed.
+
+    Args:
+        path: Folder of the map.
+        verify: Compare every array with its SHA-256 first.
+        robot: Where given, the map must be for exactly this robot.
+
+    Raises:
+        BadMap: Not a map, truncated, altered, of another version or robot.
+    """
+    manifest, arrays = read_folder(path, verify)
+    if manifest.get("kind") != "cell map":
+        raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
+    found = Robot.from_store(manifest["robot"], _part(arrays, "robot."))
+    if robot is not None and robot.fingerprint() != manifest["robot_hash"]:
+        raise BadMap(
+            f"map {path} was built for another robot ({found.name}, hash "
+            f"{manifest['robot_hash'][:12]}, not {robot.fingerprint()[:12]}); build a "
+            "map for this one"
+        )
+    grid = WorkspaceGrid(
+        arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
+    )
+    return CellMap(
+        robot=found,
+        roadmap=Roadmap(**_part(arrays, "roadmap.")),
+        grid=grid,
+        recipe=parse_recipe(manifest["recipe"], manifest["recipe"]["name"]),
+        arm_cells=CellLists(**_part(arrays, "arm.")),
+        scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
+        built=manifest["built"],
+        hash=manifest["hash"],
+    )
+
+
+def arm_of(robot: Robot) -> Arm:
+    """Return a robot's moving spheres, sorted by body, with bounding balls."""
+    order = _moving_order(robot)
+    spheres = robot.spheres[order]
+    body = robot.sphere_body[order]
+    n_bodies = len(robot.tree_i)
+    ptr = np.searchsorted(body, np.arange(n_bodies + 1)).astype(np.int64)
+    bound = np.zeros((n_bodies, 4))
+    for b in range(n_bodies):
+        own = spheres[ptr[b] : ptr[b + 1], :3]
+        if len(own):
+            center = 0.5 * (own.min(axis=0) + own.max(axis=0))
+            far = np.linalg.norm(own - center, axis=1).max() * (1 + 1e-12) + 1e-12
+            bound[b, :3], bound[b, 3] = center, far
+    return Arm(
+        robot.tree_i,
+        robot.tree_f,
+        frozen(spheres, float),
+        frozen(body, np.int32),
+        frozen(robot.sphere_reach[order], float),
+        frozen(ptr, np.int64),
+        frozen(bound, float),
+    )
+
+
+def _moving_order(robot: Robot) -> np.ndarray:
+    moving = np.flatnonzero(robot.sphere_body > 0)
+    return moving[np.argsort(robot.sphere_body[moving], kind="stable")]
+
+
+def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    cut = len(prefix)
+    return {k[cut:]: a for k, a in arrays.items() if k.startswith(prefix)}

@@ -1,0 +1,123 @@
+"""What enters a frame is checked here, once, and politely."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from roadmap.errors import BadConfiguration, BadInput
+from roadmap.robot import Robot
+
+if TYPE_CHECKING:
+    from odm.planner import ReactivePlanner
+
+MAX_GOALS = 32
+
+
+def check_points(
+    points: np.ndarray,
+    labels: np.ndarray | None,
+    covering_radius: float | None,
+    rho: float,
+) -> np.ndarray:
+    """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
+    if type(points) is not np.ndarray or points.dtype != np.float64:
+        points = _as_floats(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise BadInput(
+            f"points have shape {points.shape}; give an (n, 3) array, (0, 3) for none"
+        )
+    if not points.flags.c_contiguous:
+        points = np.ascontiguousarray(points)
+    if labels is not None and np.shape(labels) != (len(points),):
+        raise BadInput(
+            f"labels have shape {np.shape(labels)} for {len(points)} points; give one "
+            "label for each point"
+        )
+    if covering_radius is not None and not 0.0 <= covering_radius <= rho:
+        raise BadInput(
+            f"a covering radius of {covering_radius} m lies outside 0 to {rho} m, the "
+            "rho of the map; sample more densely or build a map with a larger rho"
+        )
+    return points
+
+
+def _as_floats(points: object) -> np.ndarray:
+    array = np.asarray(points)
+    if array.dtype.kind not in "fiu":
+        raise BadInput(f"points have dtype {array.dtype}; give real numbers [m]")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def check_configuration(
+    robot: Robot, q: np.ndarray, dq: np.ndarray | None
+) -> np.ndarray:
+    """Return q as (dof,) float64; values are judged later, shapes now."""
+    if type(q) is not np.ndarray or q.dtype != np.float64:
+        q = np.asarray(q, dtype=np.float64)
+    if q.shape != (robot.dof,):
+        raise BadInput(
+            f"q has shape {q.shape}, but {robot.name} has {robot.dof} moving joints: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if dq is not None and np.shape(dq) != (robot.dof,):
+        raise BadInput(f"dq has shape {np.shape(dq)}; give ({robot.dof},) velocities")
+    return q
+
+
+def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:
+    """Name the joint that is farthest outside its limits, or None."""
+    over = np.maximum(robot.lower - q, q - robot.upper)
+    over = np.where(robot.continuous, -np.inf, over)
+    worst = int(np.argmax(over))
+    if not over[worst] > tolerance:
+        return None
+    low, high = robot.lower[worst], robot.upper[worst]
+    return (
+        f"{robot.joint_names[worst]} = {q[worst]:.4g} lies outside its limits "
+        f"{low:.4g} to {high:.4g}"
+    )
+
+
+def check_goals(
+    planner: "ReactivePlanner",
+    goals: Sequence[np.ndarray],
+    costs: Sequence[float] | None,
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return goals as (g, dof) and costs as (g,), or raise BadConfiguration."""
+    robot = planner.robot
+    try:
+        goals = np.array(goals, dtype=np.float64, ndmin=2)
+    except (ValueError, TypeError) as error:
+        raise BadConfiguration(f"the goals are no (g, dof) array: {error}") from error
+    if goals.size == 0 or goals.ndim != 2 or goals.shape[1] != robot.dof:
+        raise BadConfiguration(
+            f"goals have shape {goals.shape}; give (g, {robot.dof}) configurations"
+        )
+    if len(goals) > MAX_GOALS:
+        raise BadConfiguration(
+            f"{len(goals)} goals were given, at most {MAX_GOALS} are ranked; leave the "
+            "worst out"
+        )
+    for k, q in enumerate(goals):
+        check_valid(planner, q, f"goal {k}")
+    if costs is None:
+        return goals, None
+    values = np.array(costs, dtype=np.float64)
+    if values.shape != (len(goals),) or not (values >= 0).all():
+        raise BadConfiguration(
+            f"costs {values} must be {len(goals)} numbers of at least 0"
+        )
+    return goals, values
+
+
+def check_valid(planner: "ReactivePlanner", q: np.ndarray, name: str) -> None:
+    """Raise BadConfiguration where q can never be a goal in this place."""
+    if not np.isfinite(q).all():
+        raise BadConfiguration(f"{name} holds NaN or infinity: {q}; give numbers")
+    trouble = outside_limits(planner.robot, q, 0.0)
+    if trouble is not None:
+        raise BadConfiguration(f"{name} is out of limits: {trouble}; move it inside")
+    why = planner.static.why(q, np.zeros_like(q))
+    if why is not None:
+        raise BadConfiguration(f"{name} is not free: {why}; choose another one")

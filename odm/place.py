@@ -1,0 +1,55 @@
+"""Scenery of a place: points that never move, and the items they close for good."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm._kernels import attach as kernels
+from odm._kernels import close
+from odm.surfaces import Surface, require_covering, surface_of
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference
+
+if TYPE_CHECKING:
+    from odm.planner import ReactivePlanner
+
+
+def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
+    """Return (n, 3) surface points of points, a shape, surfaces or a list of them."""
+    if isinstance(points_or_shapes, np.ndarray):
+        points = np.ascontiguousarray(points_or_shapes, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise BadInput(f"scenery points have shape {points.shape}; give (n, 3)")
+        return points
+    parts = points_or_shapes
+    if isinstance(parts, Surface) or not isinstance(parts, Iterable):
+        parts = [parts]
+    found = [np.zeros((0, 3))]
+    for part in parts:
+        surface = part if isinstance(part, Surface) else surface_of(part, rho)
+        require_covering(surface, rho)
+        found.append(surface.points)
+    return np.concatenate(found)
+
+
+def close_items(planner: "ReactivePlanner", points: np.ndarray) -> None:
+    """Close nodes and edges in the scenery: cells first, then the close test."""
+    memory, static = planner.memory, planner.static
+    graph, roadmap = memory.graph, planner.cell_map.roadmap
+    hit = np.zeros(len(graph.closed), np.bool_)
+    words = static.place_cloud.words
+    kernels.items_hit(graph.ptr, graph.block, graph.mask, words, hit)
+    n, still = roadmap.n_nodes, np.zeros(planner.robot.dof)
+    ends = roadmap.edges
+    # an edge's list leaves out the cells of its nodes, so theirs count for it too
+    hit[n:] |= hit[ends[:, 0]] | hit[ends[:, 1]]
+    dq = difference(planner.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
+    for item in np.flatnonzero(hit):
+        start = roadmap.nodes[item if item < n else ends[item - n, 0]]
+        way = still if item < n else dq[item - n]
+        hit[item] = not close.motion_clear(
+            static.arm, static.place_radii, start, way, static.tolerance,
+            static.place_cloud, False, static.work,
+        )
+    graph.closed[:] = hit

@@ -1,0 +1,294 @@
+"""ReactivePlanner: the loop's one stateful object."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm import attach, explain, polish
+from odm._kernels import close, frame, occupancy, step
+from odm._kernels.types import IS_SORTED, N_SAME, N_SEGMENT
+from odm.answer import (
+    FOLLOWING,
+    HOLDING,
+    REPLANNED,
+    VISIBLE,
+    WHOLE,
+    Answer,
+    Freedom,
+)
+from odm.cell_map import CellMap
+from odm.checks import check_configuration, check_goals, check_points
+from odm.direct import DirectMap
+from odm.place import close_items, place_points
+from odm.state import lay_out
+from odm.static import StaticTest
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference
+
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """What a user may turn.
+
+    Attributes:
+        attachments: Motions that join a goal to near nodes.
+        start_attachments: The same for a start never seen before.
+        close_tests: Free attachments the close test looks for when cells find none.
+        margin: A free path is given up only for one shorter by this share.
+        max_age_s: Older obstacle data hold the robot [s].
+        max_points: Room for points of a frame; grows when a frame has more.
+    """
+
+    attachments: int = 20
+    start_attachments: int = 10
+    close_tests: int = 3
+    margin: float = 0.15
+    max_age_s: float = 0.1
+    max_points: int = 32768
+
+
+class ReactivePlanner:
+    """Answers every frame: go on, go a new way, or hold and say why.
+
+    One planner belongs to one thread. Nothing is allocated in a frame after warm-up
+    but the answer itself.
+
+    Args:
+        cell_map: The map of the robot.
+        always_replan: Search from scratch in every frame instead of going on along a
+            path that is still free.
+        settings: See PlannerSettings.
+    """
+
+    def __init__(
+        self,
+        cell_map: CellMap,
+        always_replan: bool = False,
+        settings: PlannerSettings | None = None,
+    ) -> None:
+        """Lay out all memory and compile nothing yet."""
+        self.cell_map = cell_map
+        self.robot = cell_map.robot
+        self.always_replan = always_replan
+        self.settings = settings or PlannerSettings()
+        self.static = StaticTest(
+            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
+        )
+        self.radii = cell_map.swept_radii()
+        self.memory = lay_out(cell_map, self.settings.max_points)
+        self.attacher = attach.Attacher(self)
+        self.polisher = polish.Polisher(self)
+        self.direct = DirectMap(cell_map)
+        self.rho = cell_map.safety.rho
+        self.goals = np.zeros((0, self.robot.dof))
+        self.costs: np.ndarray | None = None
+        self.points = np.zeros((0, 3))
+        self.last: Answer | None = None
+        self._q = self.memory.own.q
+        self._moving = False
+        self._nowhere = np.empty((0, self.robot.dof))
+        self.attacher.forget_start()
+
+    # --- what is asked for -----------------------------------------------------
+
+    def set_goals(
+        self, goals: Sequence[np.ndarray], costs: Sequence[float] | None = None
+    ) -> None:
+        """Set the goals, best first.
+
+        Args:
+            goals: (g, dof) valid configurations, g <= 32; not only roadmap nodes.
+            costs: (g,) Where given, the goal with the least path length plus cost
+                wins; otherwise the first reachable one in rank order.
+
+        Raises:
+            BadConfiguration: A goal has the wrong length, is not finite, out of
+                limits, in self-collision or in contact with the scenery.
+        """
+        goals, costs = check_goals(self, goals, costs)
+        same = goals.shape == self.goals.shape and np.array_equal(goals, self.goals)
+        if same and _equal(costs, self.costs):
+            return
+        self.attacher.set_goals(goals, costs)
+        self.goals, self.costs = goals, costs
+
+    def set_static(self, points_or_shapes: object) -> None:
+        """Set the scenery of this place, once: (n, 3) points or closed shapes.
+
+        Points must cover their surfaces within the map's rho. Nodes and edges that
+        the scenery blocks are closed for good; call again to replace it.
+        """
+        points = place_points(points_or_shapes, self.rho)
+        outside = self.static.set_place(points)
+        close_items(self, points)
+        self.attacher.forget_all()
+        self.static_outside = outside
+
+    # --- a frame ---------------------------------------------------------------
+
+    def step(
+        self,
+        points: np.ndarray,
+        q: np.ndarray,
+        dq: np.ndarray | None = None,
+        labels: np.ndarray | None = None,
+        stamp: float | None = None,
+        now: float | None = None,
+        covering_radius: float | None = None,
+    ) -> Answer:
+        """Answer one frame.
+
+        Args:
+            points: (n, 3) float64 points on the obstacles' surfaces, base frame [m].
+            q: (dof,) present configuration [rad or m].
+            dq: (dof,) present velocity; checked, and kept for callers' timing.
+            labels: (n,) part of each point; where given, each part is closed.
+            stamp, now: Time of the points and present time [s], one clock.
+            covering_radius: Declared for raw points [m]; None means that the points
+                come from closed shapes sampled within the map's rho.
+
+        Returns:
+            The answer; "no path" is an answer, not an exception.
+
+        Raises:
+            BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
+        """
+        begun = time.perf_counter_ns()
+        points = check_points(points, labels, covering_radius, self.rho)
+        q = check_configuration(self.robot, q, dq)
+        memory = self.memory
+        if len(points) > len(memory.cloud.where):
+            memory.replace_cloud(self.cell_map.grid.new_cloud(2 * len(points)))
+        self.points = points
+        bad = frame.take_points(memory.table, points)
+        marked = time.perf_counter_ns()
+        trouble = None
+        if bad or stamp is not None:
+            trouble = explain.unfit(self, bad, stamp, now)
+        code = step.NO_PATH if trouble else self._decide(points, q)
+        if code > step.PLANNED:
+            return self._hold(begun, marked, covering_radius, trouble, code)
+        way, numbers = memory.way, memory.own.numbers
+        at = int(numbers[N_SEGMENT])
+        path = way.q[at : way.count[0]].copy()
+        path[0] = q
+        following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
+        self._moving = True
+        status = FOLLOWING if following else REPLANNED
+        return self._answer(status, path, begun, marked, covering_radius)
+
+    def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
+        code = self._step(points, q)
+        lost = code == step.NOT_ATTACHED
+        # on the way, but its segment is blocked at both ends: look around
+        stuck = code == step.NO_PATH and not self.attacher.is_fresh(q)
+        if lost or (stuck and len(self.goals)):
+            self.attacher.attach_start(q)
+            return self._step(points, q)
+        return code
+
+    def _step(self, points: np.ndarray, q: np.ndarray) -> int:
+        s = self.settings
+        return step.step(
+            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests
+        )
+
+    def polish(self, budget: int = 4) -> int:
+        """Shorten the path in use between two frames; return how many cuts were made.
+
+        Call it after the answer was sent. At most `budget` motions are tested; what
+        is found is remembered and used by later frames as long as it is free.
+        """
+        return self.polisher.run(budget)
+
+    # --- questions -------------------------------------------------------------
+
+    def is_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+        """Test the straight motion from q_a to q_b: all four tests, all the way.
+
+        Limits, self-collision, scenery (the recipe's and set_static's) and the last
+        frame's points, with the motion bound over the whole length.
+
+        Raises:
+            BadInput: Wrong length or not finite.
+        """
+        return explain.is_free(self, q_a, q_b)
+
+    def separation(self, q: np.ndarray) -> float:
+        """Return the smallest distance of the cover at q from the frame's points [m].
+
+        Infinity when the frame has no point inside the grid.
+        """
+        q = check_configuration(self.robot, q, None)
+        return self._nearest(q)
+
+    def invalid_nodes(self) -> np.ndarray:
+        """Return the ids of the nodes that the frame invalidates, ascending."""
+        return self.direct.invalid(self.memory.cloud)[0].copy()
+
+    def invalid_edges(self) -> np.ndarray:
+        """Return the ids of the edges that the frame invalidates, ascending."""
+        return self.direct.invalid(self.memory.cloud)[1].copy()
+
+    def reset(self) -> None:
+        """Forget the path in use and where the robot was; the goals stay."""
+        self.memory.way.count[0] = 0
+        self.attacher.forget_start()
+        self._moving = False
+        self.last = None
+
+    # --- inside ----------------------------------------------------------------
+
+    def _nearest(self, q: np.ndarray) -> float:
+        memory = self.memory
+        self._sort()
+        return close.separation(memory.arm, q, memory.cloud, np.inf, memory.work)
+
+    def _sort(self) -> None:
+        if not self.memory.cloud.counts[IS_SORTED]:
+            occupancy.sort_points(self.points, self.memory.cloud)
+
+    def _difference(self, q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(difference(self.robot, q_a, q_b))
+
+    def _hold(
+        self,
+        begun: int,
+        marked: int,
+        covering_radius: float | None,
+        trouble: str | None,
+        code: int,
+    ) -> Answer:
+        self._moving = False
+        told = explain.Reasons(self, trouble or explain.start_trouble(self, code))
+        path = self._nowhere
+        return self._answer(HOLDING, path, begun, marked, covering_radius, told)
+
+    def _answer(
+        self,
+        status: str,
+        path: np.ndarray,
+        begun: int,
+        marked: int,
+        covering_radius: float | None,
+        told: "explain.Reasons | None" = None,
+    ) -> Answer:
+        memory = self.memory
+        goal = int(memory.way.count[1]) if told is None else None
+        counted = (memory.cloud.counts.tolist(), memory.search.stats.tolist())
+        times = (begun, marked, time.perf_counter_ns())
+        certified = WHOLE if covering_radius is None else VISIBLE
+        self.last = Answer(status, path, goal, certified, times, counted, told)
+        return self.last
+
+
+def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return np.array_equal(a, b)
+
+
+__all__ = ["BadInput", "PlannerSettings", "ReactivePlanner"]

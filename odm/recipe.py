@@ -1,0 +1,170 @@
+"""Recipes: everything a map is built from, as TOML, checked before any work."""
+
+import difflib
+import tomllib
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from roadmap.build import RoadmapSettings
+from roadmap.errors import BadRecipe
+
+_MARGINS = ("sensor", "tracking", "blending", "user")
+
+
+@dataclass(frozen=True)
+class Safety:
+    """The terms of the safety argument, all in metres.
+
+    Attributes:
+        h: Side of a cell.
+        rho: Largest covering radius of an obstacle's samples.
+        sensor, tracking, blending, user: The shares of the clearance m.
+        mu: Motion bound: no piece of a motion is inflated by more than mu / 2.
+    """
+
+    h: float = 0.04
+    rho: float = 0.03
+    sensor: float = 0.004
+    tracking: float = 0.002
+    blending: float = 0.004
+    user: float = 0.0
+    mu: float = 0.01
+
+    @property
+    def m(self) -> float:
+        """Clearance beyond contact: the sum of its shares [m]."""
+        return self.sensor + self.tracking + self.blending + self.user
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the terms and the clearance m."""
+        terms = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {**terms, "m": self.m}
+
+
+@dataclass(frozen=True)
+class RobotRecipe:
+    """Which robot: see `roadmap.load_robot`."""
+
+    source: str = "panda"
+    tip: str | None = None
+    locked: dict[str, float] = field(default_factory=dict)
+    srdf: str | None = None
+    cover_excess: float = 0.015
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A whole recipe: robot, roadmap, safety terms, scenery.
+
+    Attributes:
+        name: Name of the map, and of its folder.
+        robot, roadmap, safety: See there.
+        scenery: Tables of the recipe; see `odm.scenery`.
+    """
+
+    name: str
+    robot: RobotRecipe = RobotRecipe()
+    roadmap: RoadmapSettings = RoadmapSettings()
+    safety: Safety = Safety()
+    scenery: tuple[dict, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the recipe as plain data, every default spelled out."""
+        plain = {f.name: getattr(self.robot, f.name) for f in fields(self.robot)}
+        roadmap = {f.name: getattr(self.roadmap, f.name) for f in fields(self.roadmap)}
+        return {
+            "name": self.name,
+            "robot": plain,
+            "roadmap": roadmap,
+            "safety": self.safety.as_dict(),
+            "scenery": list(self.scenery),
+        }
+
+
+def recipe_names() -> list[str]:
+    """Return the names of the recipes that come with the package."""
+    folder = resources.files("maps")
+    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_recipe(source: str | Path) -> Recipe:
+    """Read a recipe by name or path.
+
+    Raises:
+        BadRecipe: No such recipe, broken TOML, an unknown key (names the nearest
+            known one) or a value out of range.
+    """
+    path = Path(source)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise BadRecipe(f"recipe file {path} does not exist; check the path")
+        text, name = path.read_text(), path.stem
+    else:
+        entry = resources.files("maps") / f"{source}.toml"
+        if not entry.is_file():
+            known = ", ".join(recipe_names())
+            raise BadRecipe(
+                f"recipe {str(source)!r} is unknown; choose one of {known}, or give "
+                "the path of a .toml file"
+            )
+        text, name = entry.read_text(), str(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadRecipe(f"recipe {source} is not valid TOML: {error}") from error
+    return parse_recipe(table, name)
+
+
+def parse_recipe(table: dict[str, Any], name: str) -> Recipe:
+    """Make a Recipe from nested tables; unknown keys are refused."""
+    _known(table, ("name", "robot", "roadmap", "safety", "scenery"), "the recipe")
+    robot = _section(RobotRecipe, table.get("robot", {}), "[robot]")
+    settings = dict(table.get("roadmap", {}))
+    if settings.get("region") is not None:
+        settings["region"] = tuple(tuple(row) for row in settings["region"])
+    if settings.get("weights") is not None:
+        settings["weights"] = tuple(settings["weights"])
+    roadmap = _section(RoadmapSettings, settings, "[roadmap]")
+    terms = {k: v for k, v in table.get("safety", {}).items() if k != "m"}
+    safety = _section(Safety, terms, "[safety]")
+    _check(roadmap, safety, robot)
+    scenery = tuple(table.get("scenery", ()))
+    return Recipe(table.get("name", name), robot, roadmap, safety, scenery)
+
+
+def _section(kind: type, table: dict, where: str) -> Any:  # noqa: ANN401
+    _known(table, tuple(f.name for f in fields(kind)), where)
+    return kind(**table)
+
+
+def _known(table: dict, names: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, n=1, cutoff=0.0)
+            raise BadRecipe(
+                f"{where} has no key {key!r}; did you mean {near[0]!r}? "
+                f"Known keys: {', '.join(names)}"
+            )
+
+
+def _check(roadmap: RoadmapSettings, safety: Safety, robot: RobotRecipe) -> None:
+    ranges = {
+        "safety.h": (safety.h, 0.002, 1.0),
+        "safety.rho": (safety.rho, 0.0005, 0.5),
+        "safety.mu": (safety.mu, 0.0005, 0.2),
+        "robot.cover_excess": (robot.cover_excess, 0.002, 0.2),
+        "roadmap.nodes": (roadmap.nodes, 2, 10_000_000),
+        "roadmap.neighbors": (roadmap.neighbors, 1, 500),
+    }
+    ranges |= {f"safety.{n}": (getattr(safety, n), 0.0, 0.5) for n in _MARGINS}
+    for key, (value, low, high) in ranges.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not (np.isfinite(value) and low <= value <= high):
+            raise BadRecipe(
+                f"{key} is {value}, but must lie between {low} and {high}; "
+                "change it in the recipe"
+            )

@@ -1,0 +1,131 @@
+"""Scenery of a recipe: planes and boxes held exactly, meshes as surface points."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadRecipe
+from roadmap.transforms import pose_of
+
+_KEYS = {
+    "plane": {"type", "name", "normal", "offset"},
+    "box": {"type", "name", "size", "position", "rpy"},
+    "mesh": {"type", "name", "file", "scale", "position", "rpy", "covering_radius"},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What stands still around the robot, in the base frame.
+
+    Attributes:
+        solids: (n, 16) half-spaces and boxes; see `_kernels/solids.py`.
+        points: (k, 3) surface points of meshes [m].
+        covering_radius: Of those points [m].
+        names: Name of each solid.
+        dropped: (link, solid) pairs that always touch and are not tested.
+    """
+
+    solids: np.ndarray = field(default_factory=lambda: np.zeros((0, 16)))
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    covering_radius: float = 0.0
+    names: tuple[str, ...] = ()
+    dropped: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        object.__setattr__(self, "solids", frozen(self.solids, np.float64))
+        object.__setattr__(self, "points", frozen(self.points, np.float64))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, for the store."""
+        return {"solids": self.solids, "points": self.points}
+
+    def meta(self) -> dict:
+        """Return the rest as plain data."""
+        dropped = [list(pair) for pair in self.dropped]
+        return {
+            "covering_radius": self.covering_radius,
+            "names": list(self.names),
+            "dropped": dropped,
+        }
+
+    @classmethod
+    def from_store(cls, meta: dict, arrays: dict[str, np.ndarray]) -> "Scenery":
+        """Make scenery again from `meta()` and `arrays()`."""
+        dropped = tuple((a, b) for a, b in meta["dropped"])
+        return cls(
+            arrays["solids"], arrays["points"], meta["covering_radius"],
+            tuple(meta["names"]), dropped,
+        )
+
+
+def parse_scenery(tables: tuple[dict, ...]) -> Scenery:
+    """Make scenery from the [[scenery]] tables of a recipe.
+
+    Raises:
+        BadRecipe: An unknown type or key, or a value that makes no solid.
+    """
+    solids, points, names, rho = [], [np.zeros((0, 3))], [], 0.0
+    for k, table in enumerate(tables):
+        kind = table.get("type")
+        if kind not in _KEYS:
+            raise BadRecipe(
+                f"scenery {k} has type {kind!r}; choose one of {', '.join(_KEYS)}"
+            )
+        unknown = set(table) - _KEYS[kind]
+        if unknown:
+            raise BadRecipe(
+                f"scenery {k} ({kind}) has no key {sorted(unknown)[0]!r}; known keys: "
+                f"{', '.join(sorted(_KEYS[kind]))}"
+            )
+        if kind == "mesh":
+            found, radius = _mesh_points(table, k)
+            points.append(found)
+            rho = max(rho, radius)
+            continue
+        solids.append(_plane_row(table, k) if kind == "plane" else _box_row(table, k))
+        names.append(table.get("name", f"{kind} {k}"))
+    rows = np.array(solids) if solids else np.zeros((0, 16))
+    return Scenery(rows, np.concatenate(points), rho, tuple(names))
+
+
+def _plane_row(table: dict, k: int) -> np.ndarray:
+    normal = np.asarray(table.get("normal", (0.0, 0.0, 1.0)), float)
+    length = np.linalg.norm(normal)
+    if normal.shape != (3,) or not np.isfinite(length) or length == 0.0:
+        raise BadRecipe(f"scenery {k}: normal {normal} is no direction; give 3 numbers")
+    row = np.zeros(16)
+    row[1:4] = normal / length
+    row[4] = float(table.get("offset", 0.0)) / length
+    return row
+
+
+def _box_row(table: dict, k: int) -> np.ndarray:
+    size = np.asarray(table.get("size", ()), float)
+    if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
+        raise BadRecipe(f"scenery {k}: size {size} must be 3 lengths above 0 [m]")
+    pose = _pose(table)
+    row = np.zeros(16)
+    row[0] = 1.0
+    row[1:4] = pose[:3, 3]
+    row[4:13] = pose[:3, :3].ravel()
+    row[13:16] = size / 2
+    return row
+
+
+def _pose(table: dict) -> np.ndarray:
+    return pose_of(table.get("position", (0, 0, 0)), table.get("rpy", (0, 0, 0)))
+
+
+def _mesh_points(table: dict, k: int) -> tuple[np.ndarray, float]:
+    from odm.shapes import Mesh
+    from odm.surfaces import surface_of
+
+    if "file" not in table:
+        raise BadRecipe(f"scenery {k}: a mesh needs a file")
+    spacing = float(table.get("covering_radius", 0.01))
+    mesh = Mesh.from_file(table["file"], scale=table.get("scale", 1.0))
+    surface = surface_of(mesh, spacing).moved(_pose(table))
+    return surface.points, surface.covering_radius

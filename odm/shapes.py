@@ -1,0 +1,175 @@
+"""Closed shapes an obstacle can have; every shape is a solid with a pose."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+
+def _check_pose(T: np.ndarray) -> np.ndarray:
+    T = np.asarray(T, float)
+    rigid = T.shape == (4, 4) and np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3))
+    if not rigid or not np.isfinite(T).all() or np.linalg.det(T[:3, :3]) < 0.0:
+        raise BadInput(
+            "the pose of a shape is not a rigid (4, 4) matrix: make its upper left "
+            "(3, 3) a rotation and its values finite"
+        )
+    return frozen(T, np.float64)
+
+
+def _check_size(kind: str, name: str, value: float, zero: bool = False) -> float:
+    value = float(value)
+    if not np.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
+        limit = "at least 0" if zero else "above 0"
+        raise BadInput(f"{name} {value} m of a {kind} must be {limit}: correct it")
+    return value
+
+
+class _Posed:
+    T_base_shape: np.ndarray
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def moved(self, T: np.ndarray) -> "Shape":
+        """Return the shape moved by `T` (4, 4): its pose becomes T @ T_base_shape."""
+        return replace(self, T_base_shape=np.asarray(T, float) @ self.T_base_shape)
+
+
+def _identity() -> np.ndarray:
+    return np.eye(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(_Posed):
+    """A ball of `radius` [m] about the shape's origin."""
+
+    radius: float
+    T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    def __post_init__(self) -> None:
+        """Check radius and pose."""
+        self._set("radius", _check_size("sphere", "radius", self.radius))
+        self._set("T_base_shape", _check_pose(self.T_base_shape))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rod(_Posed):
+    radius: float
+    length: float
+    T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    def __post_init__(self) -> None:
+        """Check sizes and pose."""
+        kind = type(self).__name__.lower()
+        round_end = isinstance(self, Capsule)
+        self._set("radius", _check_size(kind, "radius", self.radius))
+        self._set("length", _check_size(kind, "length", self.length, round_end))
+        self._set("T_base_shape", _check_pose(self.T_base_shape))
+
+    @classmethod
+    def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> "_Rod":
+        """Return the rod whose axis runs from `a` to `b`, (3,) each [m]."""
+        a, b = np.asarray(a, float), np.asarray(b, float)
+        length = float(np.linalg.norm(b - a))
+        T = np.eye(4)
+        T[:3, :3] = _turn_z_to(b - a)
+        T[:3, 3] = 0.5 * (a + b)
+        return cls(radius, length, T)
+
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two ends of the axis, (3,) each, in the base frame [m]."""
+        half = 0.5 * self.length * self.T_base_shape[:3, 2]
+        middle = self.T_base_shape[:3, 3]
+        return middle - half, middle + half
+
+
+class Capsule(_Rod):
+    """Points within `radius` of a segment of `length` along z, both [m].
+
+    The segment is centred on the shape's origin; length 0 is a sphere.
+    """
+
+
+class Cylinder(_Rod):
+    """A cylinder of `radius` and `length` along z about the shape's origin [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box(_Posed):
+    """A box of full edge lengths `size` (3,) [m] about the shape's origin."""
+
+    size: np.ndarray
+    T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    def __post_init__(self) -> None:
+        """Check size and pose."""
+        size = np.asarray(self.size, float)
+        if size.shape != (3,):
+            raise BadInput(f"a box has 3 edge lengths, not shape {size.shape}")
+        for value in size:
+            _check_size("box", "edge length", value)
+        self._set("size", frozen(size, np.float64))
+        self._set("T_base_shape", _check_pose(self.T_base_shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh(_Posed):
+    """A closed triangle mesh: `vertices` (n, 3) [m], `faces` (m, 3) indices."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    def __post_init__(self) -> None:
+        """Check the arrays; whether it is closed is checked where it is sampled."""
+        vertices, faces = np.asarray(self.vertices, float), np.asarray(self.faces)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.shape[1:] != (3,):
+            raise BadInput(
+                f"a mesh needs vertices (n, 3) and faces (m, 3), not {vertices.shape} "
+                f"and {faces.shape}: give it triangles"
+            )
+        if not np.isfinite(vertices).all():
+            raise BadInput("a mesh has a vertex that is not finite: repair the mesh")
+        if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
+            raise BadInput(
+                f"a mesh of {len(vertices)} vertices has no faces, or one that names "
+                "a missing vertex: repair the mesh"
+            )
+        self._set("vertices", frozen(vertices, np.float64))
+        self._set("faces", frozen(faces, np.int64))
+        self._set("T_base_shape", _check_pose(self.T_base_shape))
+
+    @classmethod
+    def from_file(cls, path: str | Path, scale: float | np.ndarray = 1.0) -> "Mesh":
+        """Read a mesh (STL, OBJ, PLY, ...); `scale` turns its unit into metres."""
+        import trimesh
+
+        if not Path(path).is_file():
+            raise BadInput(f"mesh file {path} does not exist: check the path")
+        try:
+            mesh = trimesh.load_mesh(path)
+            vertices = np.asarray(mesh.vertices, float) * scale
+            return cls(vertices, np.asarray(mesh.faces))
+        except BadInput:
+            raise
+        except Exception as error:  # trimesh's readers raise what they like
+            raise BadInput(f"mesh file {path} cannot be read ({error})") from error
+
+
+Shape = Sphere | Capsule | Cylinder | Box | Mesh
+
+
+def _turn_z_to(axis: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(axis)
+    if length < 1e-12:
+        return np.eye(3)
+    z = axis / length
+    side = np.zeros(3)
+    side[np.argmin(np.abs(z))] = 1.0
+    x = np.cross(side, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

@@ -1,0 +1,164 @@
+"""Lay out a planner's arrays, once; nothing in a frame allocates after that."""
+
+import numpy as np
+
+from odm._kernels import state as layout
+from odm._kernels import types as kinds
+from odm.cell_map import CellMap
+
+MAX_GOALS = 32
+MAX_ATTACHMENTS = 48
+WAY_LENGTH = 64
+POOL_ITEMS = 8192
+POOL_ENTRIES = 1_000_000
+SHORTCUTS = 8192  # a power of two
+
+
+class Memory:
+    """The named arrays of a planner, and the table that points at them.
+
+    Attributes:
+        table: What the compiled frame takes.
+        arm, cloud, work, graph, pool, goals, search, short, fresh, along, way, spare,
+        own: The groups; see `_kernels/types.py`.
+    """
+
+    def __init__(self, groups: dict[str, tuple]) -> None:
+        """Keep the groups and write the table."""
+        self.arm: kinds.Arm = groups["arm"]
+        self.cloud: kinds.Cloud = groups["cloud"]
+        self.work: kinds.Work = groups["work"]
+        self.graph: kinds.Graph = groups["graph"]
+        self.pool: kinds.Pool = groups["pool"]
+        self.goals: kinds.Goals = groups["goals"]
+        self.search: kinds.Search = groups["search"]
+        self.short: kinds.Shortcuts = groups["short"]
+        self.fresh: kinds.Starts = groups["fresh"]
+        self.along: kinds.Starts = groups["along"]
+        self.way: kinds.Way = groups["way"]
+        self.spare: kinds.Way = groups["spare"]
+        self.own: kinds.Own = groups["own"]
+        self._write_table()
+
+    def _write_table(self) -> None:
+        rows = [
+            array for name in _ORDER for array in getattr(self, name)
+            if isinstance(array, np.ndarray)
+        ]
+        if len(rows) != layout.ROWS:
+            raise AssertionError(f"{len(rows)} arrays for {layout.ROWS} rows")
+        wide = self.graph.block.dtype == np.uint32
+        self.table = np.zeros((len(rows), 4), np.uint64 if wide else np.int64)
+        for k, array in enumerate(rows):
+            if not array.flags.c_contiguous:
+                raise AssertionError(f"row {k} is not contiguous")
+            self.table[k, 0] = array.ctypes.data
+            self.table[k, 1 : 1 + array.ndim] = array.shape
+
+    def replace_cloud(self, cloud: kinds.Cloud) -> None:
+        """Take a larger cloud; the old one is not pointed at any more."""
+        self.cloud = cloud
+        self._write_table()
+
+
+_ORDER = (
+    "arm", "cloud", "work", "graph", "pool", "goals", "search", "short", "fresh",
+    "along", "way", "spare", "own",
+)
+
+
+def lay_out(cell_map: CellMap, max_points: int) -> Memory:
+    """Return all arrays for a planner on this map, for up to `max_points` points."""
+    robot, roadmap, arm = cell_map.robot, cell_map.roadmap, cell_map.arm
+    n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
+    cells = cell_map.arm_cells
+    graph = kinds.Graph(
+        roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
+        roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
+        np.zeros(n + m, np.bool_),
+    )
+    pool = kinds.Pool(
+        np.zeros(POOL_ITEMS, np.int64), np.zeros(POOL_ITEMS, np.int64),
+        np.zeros(POOL_ENTRIES, cells.block.dtype), np.zeros(POOL_ENTRIES, np.uint64),
+        np.zeros(2, np.int64),
+    )
+    short = kinds.Shortcuts(
+        np.full(SHORTCUTS, -1, np.int64), np.zeros(SHORTCUTS, np.int64),
+        np.zeros(1, np.int64), np.zeros(WAY_LENGTH),
+        np.zeros(2 * WAY_LENGTH + 2, np.int64), np.zeros(WAY_LENGTH, np.int64),
+    )
+    safety = cell_map.safety
+    terms = np.array([cell_map.motion_tolerance, safety.h, safety.tracking])
+    own = kinds.Own(
+        cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
+        robot.continuous, np.zeros(n), np.zeros(8, np.int64), np.zeros(dof),
+        np.zeros(dof), np.zeros(dof), np.full(dof, np.nan), np.full(dof, np.nan),
+        robot.lower, robot.upper, np.zeros(2),
+    )
+    return Memory(
+        {
+            "arm": arm,
+            "cloud": cell_map.grid.new_cloud(max_points),
+            "work": kinds.make_work(len(arm.spheres), len(robot.tree_i), dof),
+            "graph": graph,
+            "pool": pool,
+            "goals": _goals(n, dof),
+            "search": _search(n, m),
+            "short": short,
+            "fresh": _starts(),
+            "along": _starts(),
+            "way": new_way(dof),
+            "spare": new_way(dof),
+            "own": own,
+        }
+    )
+
+
+def joint_sway(arm: kinds.Arm, dof: int) -> np.ndarray:
+    """Return (dof,) how far a joint moves any sphere, per rad or m, at most."""
+    sway = np.zeros(dof)
+    for joint in range(dof):
+        bodies = arm.tree_i[:, 1] == joint
+        factor = np.abs(arm.tree_f[bodies, 15])
+        sway[joint] = (arm.reach[:, bodies] * factor).sum(axis=1).max(initial=0.0)
+    return sway
+
+
+def new_way(dof: int) -> kinds.Way:
+    """Return an empty way."""
+    return kinds.Way(
+        np.zeros(WAY_LENGTH, np.int64), np.zeros(WAY_LENGTH, np.int64),
+        np.zeros((WAY_LENGTH, dof)), np.zeros(2, np.int64),
+    )
+
+
+def _starts() -> kinds.Starts:
+    k = MAX_ATTACHMENTS
+    return kinds.Starts(
+        np.zeros(k, np.int64), np.zeros(k), np.zeros(k, np.int64),
+        np.zeros(k, np.int64), np.zeros(k, np.int64), np.zeros(2, np.int64),
+    )
+
+
+def _goals(n: int, dof: int) -> kinds.Goals:
+    g, k = MAX_GOALS, MAX_ATTACHMENTS
+    return kinds.Goals(
+        np.zeros((g, dof)), np.zeros(g), np.full((g, n), np.inf),
+        np.full((g, n), -1, np.int32), np.zeros((g, k), np.int64), np.zeros((g, k)),
+        np.zeros((g, k), np.int64), np.zeros((g, k), np.int64),
+        np.zeros(g, np.int64), np.zeros(g, np.int64),
+        np.full(g, kinds.NO_WAY, np.int64), np.zeros(g),
+        np.full(g, kinds.NO_WAY, np.int64), np.zeros(g, np.int64),
+        np.full(g, -1.0), np.zeros(3, np.int64),
+    )
+
+
+def _search(n: int, m: int) -> kinds.Search:
+    room = 2 * m + MAX_ATTACHMENTS + MAX_GOALS * (MAX_ATTACHMENTS + 1)
+    return kinds.Search(
+        np.full(n + m, -1, np.int64), np.zeros(n + MAX_GOALS, np.int64),
+        np.zeros(n + MAX_GOALS, np.int64), np.zeros(n, np.int64),
+        np.zeros(n, np.int64), np.zeros(room, np.int32), np.zeros(room, np.int32),
+        np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
+        np.zeros(room, np.int32), np.zeros(8, np.int64),
+    )

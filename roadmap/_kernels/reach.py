@@ -1,0 +1,100 @@
+"""Solids of revolution as profiles: how far points can get from joint axes."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def profile_support(circles, n_circles, axis, cosines, sines, corners, height):
+    """Bound max of cos(a) z + sin(a) rho over circles, for each direction a.
+
+    circles: (n, 7) centre, unit normal, radius, in a frame whose origin lies on the
+    axis. z is the height along `axis`, rho >= 0 the distance from it. The circle is
+    replaced by a regular polygon around it; the function is convex for sin(a) >= 0,
+    so that its corners bound it. `corners` is the number of corners.
+    """
+    grow = 1.0 / math.cos(math.pi / corners)
+    for d in range(cosines.shape[0]):
+        height[d] = -1e300
+    for i in range(n_circles):
+        cx, cy, cz = circles[i, 0], circles[i, 1], circles[i, 2]
+        nx, ny, nz = circles[i, 3], circles[i, 4], circles[i, 5]
+        r = circles[i, 6] * grow
+        # two unit vectors that span the circle's plane
+        if abs(nx) < 0.6:
+            ux, uy, uz = 0.0, nz, -ny
+        else:
+            ux, uy, uz = -nz, 0.0, nx
+        norm = math.sqrt(ux * ux + uy * uy + uz * uz)
+        ux, uy, uz = ux / norm, uy / norm, uz / norm
+        vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+        for k in range(corners if r > 0.0 else 1):
+            phi = 2.0 * math.pi * k / corners
+            c, s = r * math.cos(phi), r * math.sin(phi)
+            x = cx + c * ux + s * vx
+            y = cy + c * uy + s * vy
+            z = cz + c * uz + s * vz
+            h = x * axis[0] + y * axis[1] + z * axis[2]
+            x, y, z = x - h * axis[0], y - h * axis[1], z - h * axis[2]
+            rho = math.sqrt(x * x + y * y + z * z)
+            for d in range(cosines.shape[0]):
+                value = cosines[d] * h + sines[d] * rho
+                height[d] = max(height[d], value)
+
+
+@njit(cache=True, nogil=True)
+def profile_circles(axis, cosines, sines, height, circles):
+    """Write the rims of {cos(a) z + sin(a) rho <= height} about `axis`; return n.
+
+    Directions run from a = 0 to a = pi, so that neighbours meet in the profile's
+    corners; the polygon through them contains the profile.
+    """
+    n = cosines.shape[0]
+    for d in range(n - 1):
+        det = cosines[d] * sines[d + 1] - cosines[d + 1] * sines[d]
+        z = (height[d] * sines[d + 1] - height[d + 1] * sines[d]) / det
+        rho = (cosines[d] * height[d + 1] - cosines[d + 1] * height[d]) / det
+        for k in range(3):
+            circles[d, k] = z * axis[k]
+            circles[d, 3 + k] = axis[k]
+        circles[d, 6] = max(rho, 0.0)
+    return n - 1
+
+
+@njit(cache=True, nogil=True)
+def axis_reach(tree_i, tree_f, span, body, circles, n_circles, cosines, sines, out):
+    """Write bounds on the distance from each ancestor's axis to `out` (n_bodies,).
+
+    span: (n_bodies, 2) smallest and largest value of each body's joint.
+    circles: (n, 7) circles in the frame of `body` whose hull holds the points; it is
+    overwritten and must have room for 2 * (len(cosines) - 1) + 2 * n_circles rows.
+    """
+    height = np.empty(cosines.shape[0])
+    middle = cosines.shape[0] // 2
+    while body > 0:
+        f = tree_f[body]
+        axis = f[12:15]
+        if tree_i[body, 2] == 1:
+            profile_support(circles, n_circles, axis, cosines, sines, 64, height)
+            out[body] = max(height[middle], 0.0)
+            n_circles = profile_circles(axis, cosines, sines, height, circles)
+        elif tree_i[body, 2] == 2:
+            out[body] = 1.0
+            for i in range(n_circles):
+                for k in range(7):
+                    circles[n_circles + i, k] = circles[i, k]
+                for k in range(3):
+                    circles[i, k] += span[body, 0] * axis[k]
+                    circles[n_circles + i, k] += span[body, 1] * axis[k]
+            n_circles *= 2
+        for i in range(n_circles):
+            x, y, z = circles[i, 0], circles[i, 1], circles[i, 2]
+            a, b, c = circles[i, 3], circles[i, 4], circles[i, 5]
+            for k in range(3):
+                circles[i, k] = (
+                    f[3 * k] * x + f[3 * k + 1] * y + f[3 * k + 2] * z + f[9 + k]
+                )
+                circles[i, 3 + k] = f[3 * k] * a + f[3 * k + 1] * b + f[3 * k + 2] * c
+        body = tree_i[body, 0]

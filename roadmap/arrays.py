@@ -1,0 +1,15 @@
+"""Read-only arrays: what frozen data is made of."""
+
+import numpy as np
+
+
+def frozen(array: np.ndarray, dtype: np.dtype | type) -> np.ndarray:
+    """Return `array` as a read-only C-contiguous array of `dtype`.
+
+    A memory-mapped or already frozen array of the right type is not copied.
+    """
+    result = np.ascontiguousarray(array, dtype=dtype)
+    if result is array and result.flags.writeable:
+        result = result.copy()
+    result.flags.writeable = False
+    return result

@@ -1,0 +1,211 @@
+"""From a robot description to bodies: which joints move, what is fixed to what."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.description import MOVABLE, Description, Joint
+from roadmap.errors import BadRobot
+from roadmap.robot import FIXED, PRISMATIC, REVOLUTE
+
+# Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
+DEFAULT_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
+# A URDF has no acceleration or jerk: full speed in 0.25 s, full acceleration in 0.1 s.
+ACCELERATION_PER_VELOCITY = 4.0
+JERK_PER_ACCELERATION = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTree:
+    """Bodies and where each link sits; see `Robot` for the arrays."""
+
+    joint_names: tuple[str, ...]
+    limits: dict[str, np.ndarray]
+    tree_i: np.ndarray
+    tree_f: np.ndarray
+    link_body: dict[str, int]
+    T_body_link: dict[str, np.ndarray]
+    notes: tuple[str, ...]
+
+
+def build_tree(
+    description: Description, tip: str, locked: Mapping[str, float]
+) -> BodyTree:
+    """Fold everything into bodies; only the joints on the way to `tip` move.
+
+    A joint off the way is locked at its value in `locked`, else at 0 clipped into its
+    limits. A mimic joint moves with the joint it follows, wherever both are.
+
+    Raises:
+        BadRobot: No joint moves, or `locked` names a joint or value that cannot be.
+    """
+    drives = {
+        j.name: _drive(description, j)
+        for j in description.joints.values()
+        if j.kind in MOVABLE
+    }
+    _check_locked(description, drives, locked)
+    limits = {name: _limits(description.joints[name]) for name, _, _ in drives.values()}
+    moving = _moving(description, tip, drives, locked, limits)
+    values, notes = _locked_values(description, drives, moving, locked, limits)
+    if not moving:
+        raise BadRobot(
+            f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
+            "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
+        )
+    bodies = _bodies(description, drives, moving, values)
+    joint_limits, more = _joint_limits(description, moving, limits, drives)
+    return BodyTree(tuple(moving), joint_limits, *bodies, (*notes, *more))
+
+
+def _drive(description: Description, joint: Joint) -> tuple[str, float, float]:
+    """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
+    factor, offset, seen = 1.0, 0.0, {joint.name}
+    while joint.mimic is not None:
+        name, f, o = joint.mimic
+        if name in seen or name not in description.joints:
+            raise BadRobot(
+                f"joint {joint.name!r} mimics {name!r}, which is "
+                f"{'itself a follower of it' if name in seen else 'not in the file'}"
+            )
+        # value = factor * (f * q + o) + offset
+        factor, offset = factor * f, factor * o + offset
+        seen.add(name)
+        joint = description.joints[name]
+    if joint.kind not in MOVABLE:
+        raise BadRobot(f"a joint mimics the fixed joint {joint.name!r}; remove <mimic>")
+    return joint.name, factor, offset
+
+
+def _limits(joint: Joint) -> tuple[float, float]:
+    if joint.kind == "continuous":
+        return -np.pi, np.pi
+    lower, upper = joint.lower, joint.upper
+    if lower is None and upper is None and joint.kind == "revolute":
+        return -np.pi, np.pi
+    if lower is None or upper is None or not np.isfinite([lower, upper]).all():
+        raise BadRobot(
+            f"joint {joint.name!r} has the limits {lower} to {upper}; give it a finite "
+            "<limit lower=... upper=...>"
+        )
+    if lower > upper:
+        raise BadRobot(
+            f"joint {joint.name!r} has lower {lower} above upper {upper}; swap them"
+        )
+    return float(lower), float(upper)
+
+
+def _check_locked(description, drives, locked) -> None:
+    for name, value in locked.items():
+        if name not in drives:
+            raise BadRobot(
+                f"cannot lock {name!r}: the joints that can be locked are "
+                f"{sorted(drives)}"
+            )
+        driver = drives[name][0]
+        if driver != name:
+            raise BadRobot(f"joint {name!r} mimics {driver!r}; lock {driver!r} instead")
+        lower, upper = _limits(description.joints[name])
+        if description.joints[name].kind == "continuous":
+            lower, upper = -np.inf, np.inf
+        if not np.isfinite(value) or not lower - 1e-9 <= value <= upper + 1e-9:
+            raise BadRobot(
+                f"joint {name!r} cannot be locked at {value}: its limits are "
+                f"{lower:.6g} to {upper:.6g}"
+            )
+
+
+def _moving(description, tip, drives, locked, limits) -> list[str]:
+    """Return the driving joints on the way to the tip, base first."""
+    on_chain = [j.name for j in description.path(tip) if j.kind in MOVABLE]
+    drivers = dict.fromkeys(drives[name][0] for name in on_chain)
+    return [d for d in drivers if d not in locked and limits[d][0] < limits[d][1]]
+
+
+def _locked_values(description, drives, moving, locked, limits):
+    """Return {driver: value} of the joints that stand still, and what to say."""
+    values, texts = {}, []
+    for driver in dict.fromkeys(d for d, _, _ in drives.values()):
+        if driver not in moving:
+            default = float(np.clip(0.0, *limits[driver]))
+            values[driver] = float(locked.get(driver, default))
+            how = "" if driver in locked else " (default)"
+            texts.append(f"{driver} = {values[driver]:.4g}{how}")
+    return values, [f"locked joints: {', '.join(texts)}"] if texts else []
+
+
+def _bodies(description, drives, moving, values):
+    rows_i, rows_f = [(-1, -1, FIXED)], [_row(np.eye(4))]
+    link_body, T_body_link = {description.root: 0}, {description.root: np.eye(4)}
+    queue = [description.root]
+    while queue:
+        link = queue.pop()
+        # the first joint of the file is followed first
+        for joint in description.children(link)[::-1]:
+            queue.append(joint.child)
+        for joint in description.children(link):
+            pose = T_body_link[link] @ joint.T_parent_joint
+            driver, factor, offset = drives.get(joint.name, ("", 0.0, 0.0))
+            if driver in moving:
+                link_body[joint.child] = len(rows_i)
+                T_body_link[joint.child] = np.eye(4)
+                kind = PRISMATIC if joint.kind == "prismatic" else REVOLUTE
+                rows_i.append((link_body[link], moving.index(driver), kind))
+                rows_f.append(_row(pose, joint.axis, factor, offset))
+                continue
+            link_body[joint.child] = link_body[link]
+            value = factor * values[driver] + offset if driver else 0.0
+            T_body_link[joint.child] = pose @ _motion(joint, value)
+    return np.array(rows_i), np.array(rows_f), link_body, T_body_link
+
+
+def _row(pose, axis=(0.0, 0.0, 1.0), factor=1.0, offset=0.0) -> np.ndarray:
+    return np.concatenate([pose[:3, :3].ravel(), pose[:3, 3], axis, [factor, offset]])
+
+
+def _motion(joint: Joint, value: float) -> np.ndarray:
+    T = np.eye(4)
+    if joint.kind == "prismatic":
+        T[:3, 3] = value * joint.axis
+    elif joint.kind != "fixed":
+        x, y, z = joint.axis
+        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        T[:3, :3] += np.sin(value) * K + (1 - np.cos(value)) * K @ K
+    return T
+
+
+def _joint_limits(description, moving, limits, drives):
+    joints = [description.joints[name] for name in moving]
+    notes, velocity, endless = [], [], []
+    for joint in joints:
+        fastest = joint.velocity
+        if fastest is None or not np.isfinite(fastest) or fastest <= 0:
+            fastest = DEFAULT_VELOCITY[joint.kind]
+            unit = "m/s" if joint.kind == "prismatic" else "rad/s"
+            notes.append(f"{joint.name}: velocity limit taken as {fastest} {unit}")
+        velocity.append(fastest)
+        factors = [f for driver, f, _ in drives.values() if driver == joint.name]
+        turns = joint.kind == "continuous"
+        if turns and any(f != round(f) for f in factors):
+            notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
+            turns = False
+        endless.append(turns)
+        if joint.kind == "revolute" and joint.lower is None and joint.upper is None:
+            notes.append(f"{joint.name}: no position limits, taken as (-pi, pi)")
+    velocity = np.array(velocity)
+    acceleration = ACCELERATION_PER_VELOCITY * velocity
+    notes.append(
+        f"acceleration limits taken as {ACCELERATION_PER_VELOCITY:g}/s x velocity, "
+        f"jerk as {JERK_PER_ACCELERATION:g}/s x acceleration (a URDF has none)"
+    )
+    bounds = np.array([limits[name] for name in moving])
+    table = {
+        "lower": bounds[:, 0],
+        "upper": bounds[:, 1],
+        "continuous": np.array(endless),
+        "max_velocity": velocity,
+        "max_acceleration": acceleration,
+        "max_jerk": JERK_PER_ACCELERATION * acceleration,
+    }
+    return table, notes

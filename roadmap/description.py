@@ -1,0 +1,234 @@
+"""What a URDF file says, checked: links, joints and shapes as plain data."""
+
+import io
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.errors import BadRobot
+
+MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One <geometry>: kind box, cylinder, sphere or mesh, at `T_link_shape`.
+
+    `size` is the full size, (radius, length) or (radius,) [m]; the scale of a mesh.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    filename: str
+    T_link_shape: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A URDF link with its collision and visual shapes."""
+
+    name: str
+    collisions: tuple[Shape, ...]
+    visuals: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A URDF joint; limits are None where the file has none [rad or m]."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    T_parent_joint: np.ndarray
+    axis: np.ndarray
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    mimic: tuple[str, float, float] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A checked URDF: one tree of links under `root`."""
+
+    name: str
+    root: str
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+
+    def children(self, link: str) -> list[Joint]:
+        """Return the joints that hang from `link`, in the order of the file."""
+        return [j for j in self.joints.values() if j.parent == link]
+
+    def parent_joint(self, link: str) -> Joint | None:
+        """Return the joint that carries `link`, None for the root."""
+        return next((j for j in self.joints.values() if j.child == link), None)
+
+    def path(self, link: str) -> list[Joint]:
+        """Return the joints from the root to `link`."""
+        joints: list[Joint] = []
+        joint = self.parent_joint(link)
+        while joint is not None:
+            joints.append(joint)
+            joint = self.parent_joint(joint.parent)
+        return joints[::-1]
+
+
+def read_description(path: str | os.PathLike) -> Description:
+    """Read a URDF file strictly; nothing is guessed or skipped silently.
+
+    Raises:
+        BadRobot: The file is missing, is not well-formed XML or is not a robot.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BadRobot(
+            f"there is no URDF file at {str(path)!r}; give the path of a .urdf file "
+            "or a known name such as 'panda'"
+        )
+    data = _well_formed(path)
+    # parser and its dependencies take most of a second to import
+    from yourdfpy import URDF
+
+    try:
+        model = URDF.load(
+            io.BytesIO(data), build_scene_graph=False, load_meshes=False
+        ).robot
+    except Exception as error:
+        raise BadRobot(
+            f"{path.name} is not a usable URDF: {type(error).__name__}: {error}; "
+            "check it with check_urdf, and expand xacro files first"
+        ) from error
+    return _checked(model, path.name)
+
+
+def _well_formed(path: Path) -> bytes:
+    from lxml import etree
+
+    data = path.read_bytes()
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        # an old file with Latin-1 comments: names and numbers are ASCII anyway
+        data = data.decode("latin-1").encode("ascii", "replace")
+    parser = etree.XMLParser(recover=True, resolve_entities=False)
+    root = etree.fromstring(data, parser) if data.strip() else None
+    bad = [e for e in parser.error_log if "NS_ERR" not in e.type_name]
+    if root is None or bad:
+        where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
+        raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
+    if root.tag != "robot":
+        raise BadRobot(
+            f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
+        )
+    return etree.tostring(root)
+
+
+def _checked(model, filename: str) -> Description:
+    links = {link.name: _link(link, filename) for link in model.links}
+    joints = {joint.name: _joint(joint, filename) for joint in model.joints}
+    if len(links) != len(model.links) or len(joints) != len(model.joints):
+        raise BadRobot(f"{filename} uses a link or joint name twice; rename one")
+    for joint in joints.values():
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise BadRobot(
+                    f"joint {joint.name!r} of {filename} names the link {end!r}, "
+                    "which the file does not define"
+                )
+    children = [joint.child for joint in joints.values()]
+    roots = [name for name in links if name not in children]
+    if len(roots) != 1 or len(set(children)) != len(children):
+        raise BadRobot(
+            f"the links of {filename} are not one tree (root links: {roots}); every "
+            "link but one needs exactly one parent joint"
+        )
+    description = Description(str(model.name), roots[0], links, joints)
+    _check_connected(description, filename)
+    return description
+
+
+def _check_connected(description: Description, filename: str) -> None:
+    seen, queue = set(), [description.root]
+    while queue:
+        link = queue.pop()
+        seen.add(link)
+        queue += [joint.child for joint in description.children(link)]
+    loose = sorted(set(description.links) - seen)
+    if loose:
+        raise BadRobot(f"the joints of {filename} form a loop through {loose}; cut it")
+
+
+def _link(link, filename: str) -> Link:
+    return Link(
+        link.name,
+        tuple(_shape(c, link.name, filename) for c in link.collisions),
+        tuple(_shape(v, link.name, filename) for v in link.visuals),
+    )
+
+
+def _shape(element, link: str, filename: str) -> Shape:
+    g, name = element.geometry, ""
+    if g.box is not None:
+        kind, size = "box", g.box.size
+    elif g.cylinder is not None:
+        kind, size = "cylinder", (g.cylinder.radius, g.cylinder.length)
+    elif g.sphere is not None:
+        kind, size = "sphere", (g.sphere.radius,)
+    else:
+        kind, name = "mesh", g.mesh.filename or ""
+        scale = 1.0 if g.mesh.scale is None else g.mesh.scale
+        size = np.broadcast_to(np.asarray(scale, float), 3)
+    size = tuple(float(s) for s in size)
+    pose = _finite_pose(element.origin, f"a shape of link {link!r}", filename)
+    wanted = {"box": 3, "cylinder": 2, "sphere": 1, "mesh": 3}[kind]
+    bad = len(size) != wanted or not np.isfinite(size).all()
+    if bad or (kind != "mesh" and min(size) <= 0) or 0.0 in size:
+        raise BadRobot(
+            f"link {link!r} of {filename} has a {kind} with the size {size}; sizes "
+            "must be finite and above 0"
+        )
+    return Shape(kind, size, name, pose)
+
+
+def _joint(joint, filename: str) -> Joint:
+    if joint.type not in (*MOVABLE, "fixed"):
+        raise BadRobot(
+            f"joint {joint.name!r} of {filename} is of type {joint.type!r}; only "
+            "revolute, continuous, prismatic and fixed joints can be planned for: "
+            "make it fixed or split it into single axes"
+        )
+    axis = np.asarray(joint.axis, float)
+    length = np.linalg.norm(axis)
+    if joint.type in MOVABLE and not 1e-6 < length < 1e6:
+        raise BadRobot(
+            f"joint {joint.name!r} of {filename} has the axis {axis.tolist()}; it "
+            "needs a direction of length 1"
+        )
+    limit, mimic = joint.limit, joint.mimic
+    values = [None] * 3
+    if limit is not None:
+        values = [limit.lower, limit.upper, limit.velocity]
+    follows = None
+    if mimic is not None and joint.type in MOVABLE:
+        follows = (mimic.joint, float(mimic.multiplier), float(mimic.offset))
+    return Joint(
+        joint.name,
+        joint.type,
+        joint.parent,
+        joint.child,
+        _finite_pose(joint.origin, f"joint {joint.name!r}", filename),
+        axis / length if length > 0 else np.array([1.0, 0.0, 0.0]),
+        *values,
+        follows,
+    )
+
+
+def _finite_pose(pose: np.ndarray | None, owner: str, filename: str) -> np.ndarray:
+    pose = np.eye(4) if pose is None else np.asarray(pose, float)
+    if not np.isfinite(pose).all():
+        raise BadRobot(f"the origin of {owner} in {filename} is not finite; repair it")
+    return pose

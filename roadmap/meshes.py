@@ -1,0 +1,114 @@
+"""Find and read the mesh files that a robot description names."""
+
+import io
+import os
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from roadmap.errors import BadRobot
+
+
+def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path:
+    """Return the file that `filename` of a URDF means.
+
+    `package://name/rest` is looked up in `package_dirs`, in ROS_PACKAGE_PATH, and in
+    the folder of the URDF and each folder above it, with and without `name`.
+
+    Raises:
+        BadRobot: The file is in none of these places; names link, file and places.
+    """
+    folder = urdf.resolve().parent
+    if filename.startswith("package://"):
+        candidates = _in_packages(filename[len("package://") :], folder, package_dirs)
+    else:
+        plain = filename[len("file://") :] if filename.startswith("file://") else ""
+        path = Path(unquote(plain) if plain else filename)
+        candidates = [path] if path.is_absolute() else [folder / path]
+        candidates += [Path(d) / path for d in package_dirs]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    places = ", ".join(dict.fromkeys(str(c.parent) for c in candidates[:4]))
+    raise BadRobot(
+        f"the mesh {filename!r} of link {link!r} is not there (looked in {places}"
+        f"{', ...' if len(candidates) > 4 else ''}); pass package_dirs=[...] or set "
+        "ROS_PACKAGE_PATH to the folder that holds the package"
+    )
+
+
+def _in_packages(rest: str, folder: Path, package_dirs: tuple) -> list[Path]:
+    name, _, inside = rest.partition("/")
+    ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    roots = [Path(d) for d in (*package_dirs, *ros) if str(d)]
+    candidates = []
+    for root in [*roots, folder, *folder.parents]:
+        candidates += [root / rest, root / inside]
+        if root.name == name:
+            candidates.append(root / inside)
+    return candidates
+
+
+def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray:
+    """Return the scaled vertices of a mesh file, (n, 3) [m], all parts together.
+
+    A COLLADA file's unit is applied, its up axis is not: ROS reads them that way.
+
+    Raises:
+        BadRobot: The file cannot be read or holds no triangles.
+    """
+    try:
+        points = _load(path)
+    except Exception as error:
+        raise BadRobot(
+            f"the mesh {str(path)!r} of link {link!r} cannot be read: "
+            f"{type(error).__name__}: {error}; export it again as STL, OBJ or DAE"
+        ) from error
+    points = np.asarray(points, float).reshape(-1, 3)
+    if len(points) == 0 or not np.isfinite(points).all():
+        raise BadRobot(
+            f"the mesh {str(path)!r} of link {link!r} holds no finite triangles; "
+            "export it again as STL, OBJ or DAE"
+        )
+    return points * np.asarray(scale)
+
+
+def _load(path: Path) -> np.ndarray:
+    import trimesh
+
+    kind, data = path.suffix.lower().lstrip("."), path.read_bytes()
+    if kind == "obj":
+        return _obj_vertices(data)
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+    points = [np.empty((0, 3))]
+    for node in scene.graph.nodes_geometry:
+        T_scene_mesh, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        used = mesh.vertices[np.unique(mesh.faces)]
+        points.append(used @ T_scene_mesh[:3, :3].T + T_scene_mesh[:3, 3])
+    return np.concatenate(points) * (_dae_unit(data) if kind == "dae" else 1.0)
+
+
+def _obj_vertices(data: bytes) -> np.ndarray:
+    """Read the vertices that faces use; bytes, since comments may be in any code."""
+    vertices, used = [], set()
+    for line in data.splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == b"v":
+            vertices.append([float(w) for w in words[1:4]])
+        elif words[0] == b"f":
+            ids = [int(w.split(b"/")[0]) for w in words[1:]]
+            used.update(i - 1 if i > 0 else len(vertices) + i for i in ids)
+    return np.array(vertices)[sorted(used)] if used else np.empty((0, 3))
+
+
+def _dae_unit(data: bytes) -> float:
+    from lxml import etree
+
+    root = etree.fromstring(data, etree.XMLParser(recover=True))
+    for unit in root.iter("{*}unit"):
+        return float(unit.get("meter", 1.0))
+    return 1.0

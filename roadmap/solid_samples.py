@@ -1,0 +1,73 @@
+"""Deterministic points of a solid: over its volume and over its surface."""
+
+import numpy as np
+
+from roadmap.polytope import polytope, support
+from roadmap.robot import BOX, CYLINDER, SPHERE
+from roadmap.solids import Solid
+
+
+def grid(solid: Solid, n: int) -> tuple[np.ndarray, float]:
+    """Return about `n` points of a grid over the solid's box, and its pitch [m].
+
+    The grid follows the solid's own axes and has a layer in the middle of every thin
+    side; points in the box's corners may lie outside the solid. (m, 3), body frame.
+    """
+    axes, low, high = _oriented_box(solid)
+    extent = high - low
+    thick = np.ones(3, bool)
+    for _ in range(3):
+        # an axis thinner than the pitch gets one layer, the others share its points
+        pitch = (np.prod(extent[thick]) / n) ** (1 / thick.sum())
+        if (extent[thick] >= pitch).all() or thick.sum() == 1:
+            break
+        thick &= extent >= pitch
+    counts = np.where(thick, np.maximum(1, np.round(extent / pitch)), 1).astype(int)
+    steps = extent / counts
+    ticks = [low[k] + (np.arange(counts[k]) + 0.5) * steps[k] for k in range(3)]
+    points = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points @ axes, float(pitch)
+
+
+def surface(solid: Solid, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return about `n` points of the surface and their normals, (m, 3) each.
+
+    A lattice on each triangle of the polytope around the solid, thinned where
+    triangles are small; moved onto a sphere where the solid is one. Body frame.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(polytope(solid).corners)
+    step = np.sqrt(2 * hull.area / n)
+    points, normals = [], []
+    for triangle, normal in zip(hull.simplices, hull.equations[:, :3], strict=True):
+        lattice = _lattice(*hull.points[triangle], step)
+        points.append(lattice)
+        normals.append(np.broadcast_to(normal, lattice.shape))
+    points, normals = np.vstack(points), np.vstack(normals)
+    # one point for each small cell of space: thin triangles bring far too many
+    cells = np.floor(points / (0.7 * step)).astype(int)
+    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])
+    points, normals = points[first], normals[first]
+    if solid.kind == SPHERE:
+        center = solid.T_body_solid[:3, 3]
+        normals = points - center
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        points = center + solid.size[0] * normals
+    return points, normals
+
+
+def _lattice(a, b, c, step: float) -> np.ndarray:
+    sides = (b - a, c - a, c - b)
+    k = max(1, int(np.ceil(max(map(np.linalg.norm, sides)) / step)))
+    u, v = np.meshgrid(np.arange(k + 1), np.arange(k + 1))
+    u, v = u[u + v <= k] / k, v[u + v <= k] / k
+    return a + u[:, None] * (b - a) + v[:, None] * (c - a)
+
+
+def _oriented_box(solid: Solid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return axes (rows) and the solid's extent along them."""
+    axes = solid.T_body_solid[:3, :3].T
+    if solid.kind not in (BOX, CYLINDER):
+        axes = np.linalg.eigh(np.cov(polytope(solid).corners.T))[1].T
+    return axes, -support(solid, -axes), support(solid, axes)

@@ -1,0 +1,32 @@
+"""Pairs of links that an SRDF declares not to need a collision test."""
+
+import os
+from pathlib import Path
+
+from roadmap.errors import BadRobot
+
+
+def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
+    """Return {links: reason} of the <disable_collisions> of an SRDF file.
+
+    Raises:
+        BadRobot: The file is missing or is not an SRDF.
+    """
+    from lxml import etree
+
+    path = Path(path)
+    if not path.is_file():
+        raise BadRobot(
+            f"there is no SRDF file at {str(path)!r}; give srdf=None or a file"
+        )
+    try:
+        root = etree.fromstring(path.read_bytes())
+    except etree.XMLSyntaxError as error:
+        raise BadRobot(f"{path.name} is not well-formed XML: {error}") from error
+    if root.tag != "robot":
+        raise BadRobot(f"{path.name} holds <{root.tag}>, not the <robot> of an SRDF")
+    pairs = {}
+    for element in root.iter("disable_collisions"):
+        links = frozenset((element.get("link1", ""), element.get("link2", "")))
+        pairs[links] = element.get("reason", "no reason given")
+    return pairs

@@ -1,0 +1,53 @@
+"""Poses as (4, 4) arrays; the only place that builds rotations.
+
+Conventions of the whole project: SI units; `T_a_b` is the pose of frame b in frame a,
+so neighbours cancel: T_world_tool = T_world_base @ T_base_tool. Rotations from roll,
+pitch, yaw are URDF's: about the fixed x, then y, then z axis. Quaternions occur only
+in `sim/`, as pybullet's (x, y, z, w). The planner works in the robot's base frame.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from roadmap.errors import BadInput
+
+
+def rotation_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Return the (3, 3) rotation of URDF's roll, pitch, yaw [rad]."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def pose_of(position: Sequence[float], rpy: Sequence[float] = (0, 0, 0)) -> np.ndarray:
+    """Return the (4, 4) pose of a position [m] and roll, pitch, yaw [rad]."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_rpy(*rpy)
+    pose[:3, 3] = position
+    return pose
+
+
+def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
+    """Return `pose` as float (4, 4).
+
+    Raises:
+        BadInput: Wrong shape, not finite, or not a rigid motion.
+    """
+    pose = np.asarray(pose, float)
+    if pose.shape != (4, 4):
+        raise BadInput(f"{name} has shape {pose.shape}; give a (4, 4) pose")
+    if not np.isfinite(pose).all():
+        raise BadInput(f"{name} holds NaN or infinity; give finite numbers")
+    rotation = pose[:3, :3]
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    rigid = off < 1e-6 and np.linalg.det(rotation) > 0
+    if not rigid or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise BadInput(f"{name} is not a rigid motion (error {off:.2g}); normalise it")
+    return pose

@@ -1,0 +1,66 @@
+"""A pinhole camera in OpenGL's convention: what pybullet draws with, and where."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the picture is taken from.
+
+    Attributes:
+        eye, target: Places of the camera and of what it looks at, base frame [m].
+        fov_deg: Vertical opening [deg].
+        width, height: Size of the picture [pixels].
+        near, far: Nearest and farthest distance drawn [m].
+    """
+
+    eye: tuple[float, float, float] = (0.95, -1.75, 1.50)
+    target: tuple[float, float, float] = (0.43, 0.02, 0.25)
+    fov_deg: float = 30.0
+    width: int = 640
+    height: int = 480
+    near: float = 0.2
+    far: float = 6.0
+
+    def view(self) -> np.ndarray:
+        """Return the (4, 4) matrix from the base frame to the camera's."""
+        eye, target = np.array(self.eye), np.array(self.target)
+        back = (eye - target) / np.linalg.norm(eye - target)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right /= np.linalg.norm(right)
+        T = np.eye(4)
+        T[:3, :3] = right, np.cross(back, right), back
+        T[:3, 3] = -T[:3, :3] @ eye
+        return T
+
+    def projection(self) -> np.ndarray:
+        """Return the (4, 4) matrix from the camera's frame to clip space."""
+        f = 1.0 / np.tan(np.radians(self.fov_deg) / 2)
+        near, far = self.near, self.far
+        P = np.zeros((4, 4))
+        P[0, 0], P[1, 1] = f * self.height / self.width, f
+        P[2, 2], P[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
+        P[3, 2] = -1.0
+        return P
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (n, 2) pixels and (n,) distances along the view [m] of points."""
+        points = np.asarray(points, float).reshape(-1, 3)
+        T = self.view()
+        eye = points @ T[:3, :3].T + T[:3, 3]
+        distance = -eye[:, 2]
+        P = self.projection()
+        x = P[0, 0] * eye[:, 0] / distance
+        y = P[1, 1] * eye[:, 1] / distance
+        pixels = np.column_stack([(x + 1) * self.width / 2, (1 - y) * self.height / 2])
+        return pixels, distance
+
+    def pixels_per_metre(self, distance: np.ndarray) -> np.ndarray:
+        """Return how large a metre looks at a distance along the view [m]."""
+        return self.projection()[1, 1] * self.height / 2 / distance
+
+    def metres(self, buffer: np.ndarray) -> np.ndarray:
+        """Return distances along the view [m] from an OpenGL depth buffer in [0, 1]."""
+        return self.far * self.near / (self.far - (self.far - self.near) * buffer)

@@ -1,0 +1,308 @@
+"""The kinematic loop: person, planner, robot and exact audit, frame by frame."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odm.surfaces import sample_capsules
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference, sphere_centers
+from roadmap.robot import Robot
+from sim.follower import Follower
+from sim.human_motion import HumanMotion
+from sim.run_result import STATUS, Hold, RunResult
+
+ARRIVED = 1e-6  # largest joint difference at which a work place is reached
+NOBODY = np.zeros((0, 7))
+
+Audit = Callable[[np.ndarray, np.ndarray], float]
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How long and how fast the loop runs.
+
+    Attributes:
+        rate_hz: Frames per second.
+        duration_s: Simulated time [s].
+        seed: Seed of the human motion, noted in the result.
+        spacing: Distance of the samples on the person's surface [m].
+        speed_scale: Share of the joints' speed limits the robot uses.
+        retreat_scale: Share of the limits when it moves out of the way.
+        stand_below: It does not even retreat where, two frames on, its cover would be
+            nearer to a sample than this [m]: between samples the person may touch it
+            then, and to be touched at rest is the lesser evil. With samples 3 cm
+            apart an arm can touch a finger 2.1 cm from the nearest one.
+        keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
+        polish: Motions the planner may test between two frames to shorten its path.
+    """
+
+    rate_hz: float = 100.0
+    duration_s: float = 20.0
+    seed: int = 0
+    spacing: float = 0.03
+    speed_scale: float = 0.5
+    retreat_scale: float = 0.25
+    stand_below: float = 0.022
+    keep_paths: int = 0
+    polish: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no loop."""
+        for name in ("rate_hz", "duration_s", "spacing"):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise BadInput(f"{name} is {value}; give a number above 0")
+        for name in ("speed_scale", "retreat_scale"):
+            value = getattr(self, name)
+            if not 0 < value <= 1:
+                raise BadInput(f"{name} is {value}; give a share in (0, 1]")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One turn of the loop, as the robot and the person stood when it began.
+
+    Attributes:
+        index: Number of the frame.
+        q: (dof,) configuration [rad or m].
+        capsules: (k, 7) person [m].
+        answer: What the planner said.
+        place: Index of the work place the robot is on its way to.
+        separation: Exact distance of robot and person [m].
+        joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
+            the robot [m/s] since the frame before.
+        wall_s, cpu_s: Time of the planner's step, a retreat included [s].
+    """
+
+    index: int
+    q: np.ndarray
+    capsules: np.ndarray
+    answer: object
+    place: int
+    separation: float
+    joint_speed: float
+    point_speed: float
+    wall_s: float
+    cpu_s: float
+
+
+class Loop:
+    """The world's state between frames; the robot goes round the work places.
+
+    Args:
+        planner: Any object with `set_goals` and `step` of `odm.ReactivePlanner`.
+        robot: The planner's robot.
+        places: (n, dof) at least two configurations; the robot starts at the first.
+        motion: The person; None runs without one.
+        settings: Rate, speeds and spacing.
+        audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
+    """
+
+    def __init__(
+        self,
+        planner: object,
+        robot: Robot,
+        places: np.ndarray,
+        motion: HumanMotion | None,
+        settings: LoopSettings | None = None,
+        audit: Audit | None = None,
+    ) -> None:
+        """Put the robot at the first place and send it to the second."""
+        self.settings = settings or LoopSettings()
+        self.robot, self.planner, self.motion = robot, planner, motion
+        self.places = _checked_places(robot, places)
+        self.trips, self.index, self.place = 0, 0, 1
+        self._audit = audit or exact_audit(robot)
+        self._follower = Follower(robot, self.settings.speed_scale)
+        self._retreater = Follower(robot, self.settings.retreat_scale)
+        self._q, self._dq = self.places[0].copy(), np.zeros(robot.dof)
+        self._centers = sphere_centers(robot, self._q)
+        self._gap = np.inf
+        _optional(planner, "reset")
+        planner.set_goals([self.places[1]])
+
+    def frame(self) -> Frame:
+        """Let the planner answer, audit the moment, and move on by one period."""
+        now = self.index / self.settings.rate_hz
+        capsules = NOBODY if self.motion is None else self.motion.capsules(now)
+        points = sample_capsules(capsules, self.settings.spacing)
+        wall, cpu = time.perf_counter(), time.thread_time()
+        answer = self.planner.step(points, q=self._q, dq=self._dq, stamp=now, now=now)
+        retreat = self._retreat(answer)
+        cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
+        frame = Frame(
+            index=self.index,
+            q=self._q,
+            capsules=capsules,
+            answer=answer,
+            place=self.place,
+            separation=self._audit(self._q, capsules) if len(capsules) else np.inf,
+            joint_speed=float(np.abs(self._dq).max()),
+            point_speed=self._point_speed(),
+            wall_s=wall,
+            cpu_s=cpu,
+        )
+        if self.settings.polish:
+            _optional(self.planner, "polish", self.settings.polish)
+        self._move(answer, retreat)
+        return frame
+
+    def _move(self, answer: object, retreat: np.ndarray | None) -> None:
+        period = 1.0 / self.settings.rate_hz
+        q = self._q
+        if answer.status != "holding":
+            q = self._follower.advance(self._q, answer.path, period)
+        elif retreat is not None:
+            q = self._retreater.advance(self._q, retreat, period)
+        self._dq = difference(self.robot, self._q, q) / period
+        self._q = q
+        self.index += 1
+        there = self.places[self.place]
+        if np.abs(difference(self.robot, q, there)).max() <= ARRIVED:
+            self.trips += 1
+            self.place = (self.place + 1) % len(self.places)
+            self.planner.set_goals([self.places[self.place]])
+
+    def _retreat(self, answer: object) -> np.ndarray | None:
+        """Return the motion out of the way, if one is offered and it is wise."""
+        if answer.status != "holding":
+            self._gap = np.inf
+            return None
+        before, self._gap = self._gap, self.planner.separation(self._q)
+        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
+        if not self._gap - 2 * closing >= self.settings.stand_below:
+            return None
+        retreat = answer.retreat
+        return None if retreat is None or len(retreat) == 0 else retreat
+
+    def _point_speed(self) -> float:
+        before, self._centers = self._centers, sphere_centers(self.robot, self._q)
+        step = np.linalg.norm(self._centers - before, axis=1).max(initial=0.0)
+        return float(step * self.settings.rate_hz)
+
+
+def run_loop(
+    planner: object,
+    robot: Robot,
+    places: np.ndarray,
+    motion: HumanMotion | None,
+    settings: LoopSettings | None = None,
+    audit: Audit | None = None,
+    on_frame: Callable[[Frame], None] | None = None,
+) -> RunResult:
+    """Run the loop for its whole duration; the arguments are those of `Loop`.
+
+    `on_frame` is called after every frame, for a picture or a progress bar.
+
+    Returns:
+        Every frame and the figures; the same input gives the same result but for
+        the clock's figures.
+    """
+    loop = Loop(planner, robot, places, motion, settings, audit)
+    frames = []
+    paths = {}
+    keep = loop.settings.keep_paths
+    for index in range(max(1, round(loop.settings.duration_s * loop.settings.rate_hz))):
+        frame = loop.frame()
+        if keep and index % keep == 0:
+            paths[index] = np.array(frame.answer.path, np.float64)
+        frames.append(replace(frame, answer=_light(frame.answer, frames)))
+        if on_frame is not None:
+            on_frame(frame)
+    return _result(loop, frames, paths)
+
+
+def exact_audit(robot: Robot) -> Audit:
+    """Return the exact distance of the robot's moving solids to capsules."""
+    from odm.exact import ExactRobot
+    from odm.shapes import Capsule
+
+    exact = ExactRobot(robot)
+
+    def distance(q: np.ndarray, capsules: np.ndarray) -> float:
+        shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in capsules]
+        return exact.distance(q, shapes).distance
+
+    return distance
+
+
+def _optional(planner: object, name: str, *args: object) -> None:
+    """Call what the real planner has and a simpler one may lack."""
+    if hasattr(planner, name):
+        getattr(planner, name)(*args)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What the result needs of an answer, without its arrays."""
+
+    status: str
+    reason: str
+    stages: dict[str, float]
+
+
+def _light(answer: object, frames: list[Frame]) -> _Light:
+    held = frames[-1].answer.status == "holding" if frames else False
+    new = answer.status == "holding" and not held  # to explain takes some time
+    reason = answer.reason or "" if new else ""
+    return _Light(answer.status, reason, dict(answer.latency_s))
+
+
+def _result(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
+    answers = [frame.answer for frame in frames]
+    names = sorted({name for answer in answers for name in answer.stages})
+    place = np.array([frame.place for frame in frames])
+    status = np.array([STATUS.index(answer.status) for answer in answers])
+    columns = ("q", "capsules", "separation", "joint_speed", "point_speed")
+    rows = {name: [getattr(frame, name) for frame in frames] for name in columns}
+    return RunResult(
+        motion="none" if loop.motion is None else loop.motion.name,
+        seed=loop.settings.seed,
+        rate_hz=loop.settings.rate_hz,
+        trips=loop.trips,
+        path_changes=_path_changes(status, place),
+        holds=_holds(frames, loop.settings.rate_hz),
+        status=status,
+        place=place,
+        wall_s=[frame.wall_s for frame in frames],
+        cpu_s=[frame.cpu_s for frame in frames],
+        stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
+        paths=paths,
+        **rows,
+    )
+
+
+def _path_changes(status: np.ndarray, place: np.ndarray) -> int:
+    """Count new paths; the first one to a new work place is none."""
+    new_place = np.r_[True, place[1:] != place[:-1]]
+    return int(np.sum((status == STATUS.index("replanned")) & ~new_place))
+
+
+def _holds(frames: list[Frame], rate_hz: float) -> tuple[Hold, ...]:
+    held = np.array([frame.answer.status == "holding" for frame in frames])
+    moved = np.array([frame.joint_speed > 0 for frame in frames[1:]] + [False])
+    starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
+    ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
+    return tuple(
+        Hold(
+            start_s=float(a / rate_hz),
+            end_s=float(b / rate_hz),
+            reason=frames[a].answer.reason,
+            retreating=bool(moved[a:b].any()),
+        )
+        for a, b in zip(starts, ends, strict=True)
+    )
+
+
+def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
+    places = frozen(places, np.float64)
+    if places.ndim != 2 or len(places) < 2 or places.shape[1] != robot.dof:
+        raise BadInput(
+            f"work places have the shape {places.shape}; give at least two "
+            f"configurations of {robot.dof} joints, (n, {robot.dof})"
+        )
+    return places

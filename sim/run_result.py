@@ -1,0 +1,218 @@
+"""What happened in a run: every frame as arrays, and the figures drawn from them."""
+
+import hashlib
+import json
+import re
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from roadmap.arrays import frozen
+
+STATUS = ("following", "replanned", "holding")  # codes of RunResult.status
+MOVING = 0.01  # a joint faster than this moves [rad/s or m/s]
+
+_ARRAYS = {
+    "q": np.float64,
+    "capsules": np.float64,
+    "separation": np.float64,
+    "joint_speed": np.float64,
+    "point_speed": np.float64,
+    "status": np.uint8,
+    "place": np.int32,
+    "wall_s": np.float64,
+    "cpu_s": np.float64,
+}
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A stretch of frames without a path.
+
+    Attributes:
+        start_s, end_s: When it began and ended [s].
+        reason: The planner's sentence in its first frame.
+        retreating: Whether the robot moved out of the way meanwhile.
+    """
+
+    start_s: float
+    end_s: float
+    reason: str
+    retreating: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """One run of the loop. Frame i is time `i / rate_hz`; all arrays have F rows.
+
+    Attributes:
+        motion: Name of the human motion, "none" without a person.
+        seed: Seed of the motion.
+        rate_hz: Frames per second.
+        trips: Times the robot arrived at a work place.
+        path_changes: New paths on the way, those for a new work place not counted.
+        holds: When and why the robot held.
+        q: (F, dof) configuration [rad or m].
+        capsules: (F, k, 7) person [m].
+        separation: (F,) exact distance of robot and person [m]; inf without a person,
+            0 or less in contact.
+        joint_speed: (F,) fastest joint while it moved to `q` [rad/s or m/s].
+        point_speed: (F,) fastest point of the robot on the way to `q` [m/s].
+        status: (F,) index into `STATUS`.
+        place: (F,) the work place the robot is on its way to.
+        wall_s, cpu_s: (F,) time of the planner's step: passed, and computed [s].
+        stages: The planner's own times by stage, (F,) each [s].
+        paths: Frame -> (k, dof) planned path, where they were kept.
+    """
+
+    motion: str
+    seed: int
+    rate_hz: float
+    trips: int
+    path_changes: int
+    holds: tuple[Hold, ...]
+    q: np.ndarray
+    capsules: np.ndarray
+    separation: np.ndarray
+    joint_speed: np.ndarray
+    point_speed: np.ndarray
+    status: np.ndarray
+    place: np.ndarray
+    wall_s: np.ndarray
+    cpu_s: np.ndarray
+    stages: dict[str, np.ndarray]
+    paths: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Freeze every array."""
+        for name, dtype in _ARRAYS.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        stages = {k: frozen(v, np.float64) for k, v in self.stages.items()}
+        object.__setattr__(self, "stages", stages)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.q)
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time [s]."""
+        return self.frames / self.rate_hz
+
+    @property
+    def moving(self) -> np.ndarray:
+        """(F,) whether any joint moved faster than 0.01 rad/s into this frame."""
+        return self.joint_speed > MOVING
+
+    @property
+    def contacts(self) -> int:
+        """Number of touches in which the robot moved in at least one frame."""
+        touching = self.separation <= 0.0
+        starts = np.flatnonzero(touching & ~np.r_[False, touching[:-1]])
+        ends = np.flatnonzero(touching & ~np.r_[touching[1:], False]) + 1
+        pairs = zip(starts, ends, strict=True)
+        return sum(bool(self.moving[a:b].any()) for a, b in pairs)
+
+    def closest(self, while_moving: bool = False) -> int | None:
+        """Return the frame of smallest separation, None if there is no such frame."""
+        d = np.where(self.moving | (not while_moving), self.separation, np.inf)
+        return int(d.argmin()) if len(d) and np.isfinite(d.min()) else None
+
+    def misses(self, clock: str = "wall") -> np.ndarray:
+        """Return the frames whose step took longer than the period, by a clock.
+
+        Args:
+            clock: "wall" or "cpu".
+        """
+        return np.flatnonzero(getattr(self, f"{clock}_s") > 1.0 / self.rate_hz)
+
+    def hold_reasons(self, most: int = 3) -> list[tuple[str, int, float]]:
+        """Return (reason, how often, total [s]), longest first.
+
+        Reasons that differ in numbers and names only are one, told by its first.
+        """
+        first, count, total = {}, Counter(), Counter()
+        for hold in self.holds:
+            key = kind_of(hold.reason)
+            first.setdefault(key, hold.reason)
+            count[key] += 1
+            total[key] += hold.end_s - hold.start_s
+        return [(first[key], count[key], time) for key, time in total.most_common(most)]
+
+    def summary(self) -> dict:
+        """Return the figures that do not depend on the clock, as plain data."""
+        held = float(np.sum(self.status == STATUS.index("holding"))) / self.rate_hz
+        return {
+            "motion": self.motion,
+            "seed": self.seed,
+            "rate_hz": self.rate_hz,
+            "duration_s": self.duration_s,
+            "frames": self.frames,
+            "trips": self.trips,
+            "contacts": self.contacts,
+            "contact_frames": int(np.sum(self.moving & (self.separation <= 0.0))),
+            "closest": self._moment(self.closest()),
+            "closest_while_moving": self._moment(self.closest(while_moving=True)),
+            "path_changes": self.path_changes,
+            "held_s": held,
+            "hold_reasons": self.hold_reasons(most=10),
+            "trajectory_sha256": self.fingerprint(),
+        }
+
+    def timing(self) -> dict:
+        """Return the figures of the clock, as plain data [s]."""
+        clocks = {"wall": self.wall_s, "cpu": self.cpu_s, **self.stages}
+        return {
+            "period_s": 1.0 / self.rate_hz,
+            "latency_s": {name: percentiles(a) for name, a in clocks.items()},
+            "missed_by_wall": self._late("wall"),
+            "missed_by_cpu": self._late("cpu"),
+        }
+
+    def to_json(self, timing: bool = True) -> str:
+        """Return summary, holds and, unless `timing` is off, the clock's figures.
+
+        Without the timing the same input gives the same bytes.
+        """
+        data = {**self.summary(), "holds": [asdict(hold) for hold in self.holds]}
+        if timing:
+            data["timing"] = self.timing()
+        return json.dumps(data, indent=1, allow_nan=False)
+
+    def fingerprint(self) -> str:
+        """Return a SHA-256 over motion, robot and status of every frame."""
+        digest = hashlib.sha256()
+        for array in (self.q, self.capsules, self.separation, self.status, self.place):
+            digest.update(str(array.shape).encode() + array.tobytes())
+        return digest.hexdigest()
+
+    def _moment(self, frame: int | None) -> dict | None:
+        if frame is None:
+            return None
+        return {
+            "time_s": frame / self.rate_hz,
+            "separation_m": float(self.separation[frame]),
+            "joint_speed": float(self.joint_speed[frame]),
+            "point_speed_m_s": float(self.point_speed[frame]),
+            "status": STATUS[self.status[frame]],
+        }
+
+    def _late(self, clock: str) -> list[dict]:
+        times = getattr(self, f"{clock}_s")
+        frames = self.misses(clock)
+        return [{"frame": int(i), "step_s": float(times[i])} for i in frames]
+
+
+def percentiles(values: np.ndarray) -> dict[str, float]:
+    """Return p50, p99 and max of `values` by name; zeros if there are none."""
+    if not len(values):
+        return {"p50": 0.0, "p99": 0.0, "max": 0.0}
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": float(p50), "p99": float(p99), "max": float(np.max(values))}
+
+
+def kind_of(reason: str) -> str:
+    """Return a reason without numbers and names, so that like ones group."""
+    return re.sub(r"\S*[\d_]\S*", "#", reason)

@@ -1,0 +1,186 @@
+"""The pybullet DIRECT world: draws robot and person, and measures their distance."""
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from roadmap.errors import PlanningError
+from roadmap.robot import Robot
+from sim.camera import Camera
+
+SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
+LIGHT = {
+    "lightDirection": [1.0, -1.2, 2.4],
+    "lightColor": [1.0, 1.0, 1.0],
+    "lightAmbientCoeff": 0.62,
+    "lightDiffuseCoeff": 0.44,
+    "lightSpecularCoeff": 0.08,
+}
+
+
+class SimulatorMissing(PlanningError):
+    """pybullet is not installed; everything but its pictures works without it."""
+
+    def __init__(self) -> None:
+        """Say what to do."""
+        super().__init__(
+            "pybullet is not installed (its wheels are for Python 3.11 only): use "
+            "Python 3.11 and `pip install pybullet`, or go without; the loop, its "
+            "exact audit and simpler pictures do not need it"
+        )
+
+
+class World:
+    """A robot and a person of capsules, both moved by hand.
+
+    Args:
+        urdf: Path of the robot's URDF, or "panda" for pybullet's own.
+        robot: Names and order of the joints.
+    """
+
+    def __init__(self, urdf: str | Path, robot: Robot) -> None:
+        """Connect to pybullet and load the robot."""
+        self._bullet = _pybullet()
+        self._client = self._bullet.connect(self._bullet.DIRECT)
+        path = _panda_urdf() if str(urdf) == "panda" else str(urdf)
+        self._robot = self._call("loadURDF", path, useFixedBase=True)
+        count = self._call("getNumJoints", self._robot)
+        infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
+        index = {info[1].decode(): info[0] for info in infos}
+        self._joints = [index[name] for name in robot.joint_names]
+        self._person: list[int] = []
+        self._sizes = np.zeros((0, 2))
+
+    def __enter__(self) -> "World":
+        """Return the world itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the world."""
+        self.close()
+
+    def close(self) -> None:
+        """Disconnect from pybullet."""
+        self._call("disconnect")
+
+    def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
+        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+        for joint, value in zip(self._joints, q, strict=True):
+            self._call("resetJointState", self._robot, joint, float(value))
+        length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
+        sizes = np.column_stack([length, capsules[:, 6]])
+        if sizes.shape != self._sizes.shape or not np.allclose(sizes, self._sizes):
+            self._remake_person(sizes)
+        for body, row in zip(self._person, capsules, strict=True):
+            middle, quat_xyzw = (row[:3] + row[3:6]) / 2, _turn_z_to(row[3:6] - row[:3])
+            self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
+
+    def separation(self, limit: float = 1.0) -> float:
+        """Return the distance of robot and person [m], `limit` if it is larger.
+
+        pybullet takes the convex hull of each collision mesh and keeps a margin of
+        about a millimetre; the exact audit is `odm.exact`.
+        """
+        nearest = limit
+        for body in self._person:
+            pairs = self._call("getClosestPoints", self._robot, body, limit)
+            nearest = min([nearest, *(pair[8] for pair in pairs)])
+        return nearest
+
+    def picture(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw the world.
+
+        Returns:
+            (h, w, 3) uint8 colours, (h, w) distance along the view [m] and (h, w)
+            bool, where nothing is seen.
+        """
+        _, _, colour, depth, body = self._call(
+            "getCameraImage",
+            camera.width,
+            camera.height,
+            camera.view().T.ravel().tolist(),
+            camera.projection().T.ravel().tolist(),
+            shadow=0,
+            renderer=self._bullet.ER_TINY_RENDERER,
+            **LIGHT,
+        )
+        shape = (camera.height, camera.width)
+        colour = np.reshape(colour, (*shape, 4))[..., :3].astype(np.uint8)
+        empty = np.reshape(body, shape) < 0
+        return colour, camera.metres(np.reshape(depth, shape)), empty
+
+    def _call(self, name: str, *args: object, **kwargs: object) -> object:
+        kwargs["physicsClientId"] = self._client
+        return getattr(self._bullet, name)(*args, **kwargs)
+
+    def _remake_person(self, sizes: np.ndarray) -> None:
+        for body in self._person:
+            self._call("removeBody", body)
+        self._sizes = sizes
+        self._person = [self._capsule(*size, i) for i, size in enumerate(sizes)]
+
+    def _capsule(self, length: float, radius: float, index: int) -> int:
+        solid = self._call(
+            "createCollisionShape",
+            self._bullet.GEOM_CAPSULE,
+            radius=radius,
+            height=length,
+        )
+        vertices, normals, triangles = capsule_mesh(length, radius)
+        visual = self._call(
+            "createVisualShape",
+            self._bullet.GEOM_MESH,
+            vertices=vertices.tolist(),
+            normals=normals.tolist(),
+            indices=triangles.ravel().tolist(),
+            rgbaColor=SLEEVE if index % 2 == 0 else SKIN,
+            specularColor=[0.1, 0.1, 0.1],
+        )
+        return self._call("createMultiBody", 0, solid, visual)
+
+
+def capsule_mesh(
+    length: float, radius: float, rings: int = 10, sides: int = 36
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a capsule along z: (n, 3) vertices, normals, (m, 3) triangles."""
+    lift = np.linspace(-np.pi / 2, np.pi / 2, 2 * rings)
+    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
+    lift, turn = (a.ravel() for a in np.meshgrid(lift, turn, indexing="ij"))
+    normals = np.column_stack(
+        [np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)]
+    )
+    vertices = radius * normals
+    vertices[:, 2] += np.where(lift < 0, -length / 2, length / 2)
+    row, column = np.meshgrid(np.arange(2 * rings - 1), np.arange(sides), indexing="ij")
+    a, b = (row * sides + column).ravel(), (row * sides + (column + 1) % sides).ravel()
+    triangles = np.vstack(
+        [np.column_stack([a, b, b + sides]), np.column_stack([a, b + sides, a + sides])]
+    )
+    return vertices, normals, triangles
+
+
+def _pybullet() -> ModuleType:
+    try:
+        import pybullet
+    except ImportError as error:
+        raise SimulatorMissing from error
+    return pybullet
+
+
+def _panda_urdf() -> str:
+    import pybullet_data
+
+    return str(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf")
+
+
+def _turn_z_to(direction: np.ndarray) -> list[float]:
+    """Return the quaternion (x, y, z, w) that turns the z axis to a direction."""
+    length = np.linalg.norm(direction)
+    if length < 1e-9:
+        return [0.0, 0.0, 0.0, 1.0]
+    x, y, z = direction / length
+    if z < -1 + 1e-9:
+        return [1.0, 0.0, 0.0, 0.0]
+    quat_xyzw = np.array([-y, x, 0.0, 1.0 + z])
+    return (quat_xyzw / np.linalg.norm(quat_xyzw)).tolist()

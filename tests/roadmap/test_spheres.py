@@ -1,0 +1,208 @@
+"""The sphere cover contains the solids, surface and volume, on any robot."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from roadmap import load_robot
+from roadmap._kernels import cover as kernels
+from roadmap.errors import BadRobot
+from roadmap.polytope import MAX_SHELL_VERTICES, depth, shell, support
+from roadmap.robot import BOX, CYLINDER, HULL, SPHERE
+from roadmap.solids import Solid
+from roadmap.spheres import (
+    MAX_SPHERES_PER_LINK,
+    cover_excess,
+    cover_report,
+    cover_solids,
+    robot_solids,
+)
+
+laws = settings(deadline=None, max_examples=15)
+NO_POINTS = np.empty((0, 3))
+
+
+def rotation(rng):
+    Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def make_solid(kind, rng):
+    """Return a random solid 2 to 40 cm large, anywhere near the origin."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(rng), rng.uniform(-0.3, 0.3, 3)
+    a, b, c = rng.uniform(0.02, 0.2, 3)
+    if kind == HULL:
+        points = rng.normal(size=(int(rng.integers(5, 60)), 3)) * (a, b, c)
+        return Solid(HULL, 0, T, (0.0, 0.0, 0.0), points / 2)
+    size = {BOX: (2 * a, 2 * b, 2 * c), CYLINDER: (a / 2, 2 * b, 0), SPHERE: (a, 0, 0)}
+    return Solid(kind, 0, T, tuple(map(float, size[kind])), NO_POINTS)
+
+
+def inner_points(solid, n, rng):
+    """Return points of the volume and of the surface, body frame, (m, 3)."""
+    if solid.kind == HULL:
+        weights = rng.dirichlet(np.full(len(solid.points), 0.15), n)
+        local = np.vstack([weights @ solid.points, solid.points])
+    elif solid.kind == BOX:
+        local = rng.uniform(-0.5, 0.5, (n, 3))
+        local[::2, 0] = np.sign(local[::2, 0]) / 2
+        local[::6, 1:] = np.sign(local[::6, 1:]) / 2
+        local = local * solid.size
+    elif solid.kind == CYLINDER:
+        angle, away = rng.uniform(0, 2 * np.pi, n), np.sqrt(rng.uniform(size=n))
+        away[::2] = 1
+        z = rng.uniform(-0.5, 0.5, n)
+        z[::4] = np.sign(z[::4]) / 2
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        local = np.hstack([circle * away[:, None] * solid.size[0], z[:, None]])
+        local[:, 2] *= solid.size[1]
+    else:
+        local = rng.normal(size=(n, 3))
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        local[::2] *= rng.uniform(size=(len(local[::2]), 1)) ** (1 / 3)
+        local *= solid.size[0]
+    return local @ solid.T_body_solid[:3, :3].T + solid.T_body_solid[:3, 3]
+
+
+def uncovered(points, spheres):
+    """Return how far points lie outside of the union of spheres, at most [m]."""
+    away = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2)
+    return (away - spheres[:, 3]).min(axis=1).max()
+
+
+@pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])
+@laws
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_cover_contains_surface_and_volume(kind, seed):
+    rng = np.random.default_rng(seed)
+    solid = make_solid(kind, rng)
+    spheres = cover_solids([solid], 0.02)
+    assert uncovered(inner_points(solid, 3000, rng), spheres) <= 0
+    assert len(spheres) <= MAX_SPHERES_PER_LINK
+
+
+def test_a_sphere_is_its_own_cover(rng):
+    solid = make_solid(SPHERE, rng)
+    spheres = cover_solids([solid], 0.01)
+    assert np.allclose(spheres, [[*solid.T_body_solid[:3, 3], solid.size[0]]])
+    assert spheres[0, 3] >= solid.size[0]
+
+
+def test_several_solids_of_a_link_share_their_spheres(rng):
+    bar = Solid(CYLINDER, 0, np.eye(4), (0.05, 0.3, 0.0), NO_POINTS)
+    caps = []
+    for z in (-0.15, 0.15):
+        T = np.eye(4)
+        T[2, 3] = z
+        caps.append(Solid(SPHERE, 0, T, (0.05, 0.0, 0.0), NO_POINTS))
+    spheres = cover_solids([bar, *caps], 0.02)
+    assert len(spheres) <= 6
+    for solid in (bar, *caps):
+        assert uncovered(inner_points(solid, 3000, rng), spheres) <= 0
+
+
+def test_a_thin_plate_is_covered_on_both_sides(rng):
+    plate = Solid(BOX, 0, np.eye(4), (0.2, 0.15, 0.0005), NO_POINTS)
+    spheres = cover_solids([plate], 0.02)
+    assert uncovered(inner_points(plate, 3000, rng), spheres) <= 0
+    assert cover_excess(spheres, [plate]) <= 0.022
+
+
+def test_the_panda_s_cover_contains_its_links(panda, rng):
+    for solid in robot_solids(panda):
+        spheres = panda.spheres[panda.sphere_link == solid.link]
+        assert uncovered(inner_points(solid, 5000, rng), spheres) <= 0
+
+
+def test_the_panda_needs_few_spheres_and_keeps_the_excess(panda):
+    rows = cover_report(panda)
+    assert sum(row.spheres for row in rows) == len(panda.spheres) <= 135
+    assert max(row.excess for row in rows if row.moving) <= 1.15 * 0.015
+    assert all(0 < row.protrusion <= row.excess for row in rows)
+
+
+def test_the_same_robot_gives_the_same_bytes(urdf, link, joint):
+    body = link("base") + link("arm", '<box size="0.3 0.1 0.08"/>', "0.1 0 0")
+    path = urdf(body + joint("turn", "revolute", "base", "arm"))
+    first, second = load_robot(path), load_robot(path)
+    assert first.spheres.tobytes() == second.spheres.tobytes()
+    assert first.fingerprint() == second.fingerprint()
+
+
+def test_every_sphere_of_a_cover_is_needed():
+    box = Solid(BOX, 0, np.eye(4), (0.3, 0.1, 0.1), NO_POINTS)
+    spheres = cover_solids([box], 0.02)
+    assert proof(box, spheres) <= 1e-6
+    for i in range(len(spheres)):
+        assert proof(box, np.delete(spheres, i, axis=0)) > 1e-6
+
+
+def naive_worst(solid, spheres, rng):
+    """Return the largest power over random points: a bound from below."""
+    points = inner_points(solid, 20_000, rng)
+    square = ((points[:, None] - spheres[None, :, :3]) ** 2).sum(axis=2)
+    return (square - spheres[:, 3] ** 2).min(axis=1).max()
+
+
+def proof(solid, spheres, tol=1e-6):
+    from roadmap.spheres import _region
+
+    stack, where = np.empty((50_000, 6)), np.empty(3)
+    squares = spheres[:, 3] ** 2
+    return kernels.worst_power(_region(solid), spheres, squares, tol, stack, where)
+
+
+@pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])
+def test_the_proved_bound_is_true_and_tight(kind, rng):
+    for _ in range(5):
+        solid = make_solid(kind, rng)
+        points = inner_points(solid, 12, rng)
+        spheres = np.hstack([points, rng.uniform(0.01, 0.1, (len(points), 1))])
+        below, above = naive_worst(solid, spheres, rng), proof(solid, spheres)
+        assert below <= above
+        # circumscribed corners and sparse samples explain what lies between
+        assert above <= max(below, 0) + 0.15 * max(below, 0.005)
+
+
+@pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])
+def test_a_shell_contains_its_solid_and_sticks_out_little(kind, rng):
+    for _ in range(20):
+        solid = make_solid(kind, rng)
+        vertices = shell(solid)
+        directions = rng.normal(size=(500, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        over = (vertices @ directions.T).max(axis=0) - support(solid, directions)
+        assert over.min() >= 0
+        assert over.max() <= (0.08 * solid.size[0] if kind == SPHERE else 0.015)
+        assert len(vertices) <= MAX_SHELL_VERTICES
+
+
+def test_a_box_is_its_own_shell():
+    solid = Solid(BOX, 0, np.eye(4), (0.3, 0.2, 0.1), NO_POINTS)
+    corners = np.array(np.meshgrid([-0.15, 0.15], [-0.1, 0.1], [-0.05, 0.05]))
+    corners = corners.reshape(3, -1).T
+    vertices = shell(solid)
+    assert len(vertices) == 8
+    away = np.linalg.norm(vertices[:, None] - corners[None], axis=2)
+    assert away.min(axis=1).max() < 1e-5
+
+
+def test_depth_is_the_distance_to_the_surface(rng):
+    for kind in (HULL, BOX, CYLINDER, SPHERE):
+        solid = make_solid(kind, rng)
+        center = inner_points(solid, 500, rng)
+        inside = depth(solid, center)
+        directions = rng.normal(size=(200, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        gap = support(solid, directions)[None] - center @ directions.T
+        assert (inside <= gap.min(axis=1) + 1e-6).all()
+        assert inside.min() > -1e-6
+
+
+def test_a_silly_excess_is_refused():
+    solid = Solid(BOX, 0, np.eye(4), (0.3, 0.2, 0.1), NO_POINTS)
+    for excess in (0.0, -1.0, 5.0, np.nan):
+        with pytest.raises(BadRobot, match="excess of"):
+            cover_solids([solid], excess)

@@ -1,0 +1,126 @@
+"""A small robot, and planners that stand in for the real one."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from roadmap import load_robot
+from roadmap.kinematics import sphere_centers
+from sim.arm import HumanArm
+from sim.arm_path import Person
+from sim.human_motion import make_motion
+
+URDF = """<robot name="crane">
+<link name="base"><collision><geometry><cylinder radius="0.08" length="0.1"/></geometry>
+</collision></link>
+<link name="boom"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.4 0.08 0.08"/></geometry></collision></link>
+<link name="jib"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.4 0.06 0.06"/></geometry></collision></link>
+<joint name="slew" type="revolute"><parent link="base"/><child link="boom"/>
+<origin xyz="0 0 0.4"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1.0" effort="1"/></joint>
+<joint name="luff" type="revolute"><parent link="boom"/><child link="jib"/>
+<origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" velocity="2.0" effort="1"/></joint>
+</robot>
+"""
+
+
+@dataclass
+class Answer:
+    """The part of the planner's answer that the loop reads."""
+
+    status: str
+    path: np.ndarray
+    reason: str = ""
+    latency_s: dict = field(default_factory=lambda: {"total": 1e-5})
+    retreat: np.ndarray | None = None
+
+
+class Straight:
+    """Drives straight to the goal, whatever stands there."""
+
+    def set_goals(self, goals, costs=None):
+        self.goal = np.asarray(goals[0])
+
+    def separation(self, q):
+        return self.gap
+
+    def step(self, points, q, dq=None, stamp=None, now=None):
+        return Answer("following", np.array([q, self.goal]))
+
+
+class Careful(Straight):
+    """Drives straight, but holds while a point is nearer than 15 cm."""
+
+    def __init__(self, robot, retreat=None):
+        self.robot, self.retreat, self.held = robot, retreat, False
+        self.gap = np.inf
+
+    def step(self, points, q, dq=None, stamp=None, now=None):
+        centers = sphere_centers(self.robot, q)[self.robot.moving]
+        radii = self.robot.spheres[self.robot.moving, 3]
+        gaps = np.linalg.norm(points[:, None] - centers, axis=2) - radii
+        self.gap = gaps.min(initial=np.inf)
+        before, self.held = self.held, self.gap < 0.15
+        if self.held:
+            reason = f"jib within {100 * self.gap:.1f} cm of the hand"
+            nothing = np.zeros((0, self.robot.dof))
+            return Answer("holding", nothing, reason, retreat=self.retreat)
+        path = np.array([q, self.goal])
+        return Answer("replanned" if before else "following", path)
+
+
+class Statue:
+    """A person who stands in the way and does not move."""
+
+    name, max_speed = "statue", 0.0
+
+    def capsules(self, t):
+        return np.array([[0.6, -0.1, 0.45, 0.6, 0.1, 0.45, 0.05]])
+
+
+@pytest.fixture(scope="session")
+def crane_urdf(tmp_path_factory):
+    path = tmp_path_factory.mktemp("robot") / "crane.urdf"
+    path.write_text(URDF)
+    return path
+
+
+@pytest.fixture(scope="session")
+def crane(crane_urdf):
+    return load_robot(crane_urdf, tip="jib")
+
+
+@pytest.fixture(scope="session")
+def places():
+    return np.array([[0.9, 0.0], [-0.9, 0.3]])
+
+
+@pytest.fixture
+def straight():
+    return Straight()
+
+
+@pytest.fixture
+def careful(crane):
+    return Careful(crane)
+
+
+@pytest.fixture
+def statue():
+    return Statue()
+
+
+@pytest.fixture
+def passing_by():
+    """Return an arm that sweeps through the crane's work place."""
+    return make_motion("sweep", 0, Person(HumanArm.sized(), (1.1, 0.0, 0.5)))
+
+
+@pytest.fixture
+def retreating(crane):
+    """Return a planner that backs off to one side while it holds."""
+    return Careful(crane, retreat=np.array([[0.9, 0.0], [2.0, 0.0]]))

@@ -1,0 +1,45 @@
+"""The picture of what a map covers counts what the planner counts."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sim.coverage import node_counts, write_coverage_plot
+
+pytest.importorskip("matplotlib")
+Image = pytest.importorskip("PIL.Image")
+
+
+@pytest.fixture
+def tiny_map():
+    """Return a grid of 2 x 1 x 3 blocks, two nodes and an edge."""
+    x, y, z = 1, 2, 3
+    bit = np.uint64(1 << (16 * x + 4 * y + z))
+    cells = SimpleNamespace(
+        t_ptr=np.array([0, 2, 2, 2, 2, 2, 4]),
+        t_item=np.array([0, 1, 1, 2], np.int32),
+        t_mask=np.array([bit, bit | np.uint64(1), bit, bit], np.uint64),
+    )
+    grid = SimpleNamespace(blocks=np.array([2, 1, 3]), n_blocks=6)
+    roadmap = SimpleNamespace(n_nodes=2)
+    return SimpleNamespace(arm_cells=cells, grid=grid, roadmap=roadmap)
+
+
+def test_each_cell_counts_the_nodes_that_sweep_it_and_no_edges(tiny_map):
+    counts = node_counts(tiny_map)
+    expected = np.zeros((8, 4, 12), int)
+    expected[1, 2, 3] = 2
+    expected[0, 0, 0] = 1
+    expected[4 + 1, 2, 8 + 3] = 1
+    np.testing.assert_array_equal(counts, expected)
+
+
+def test_the_coverage_plot_is_written(crane, tmp_path):
+    counts = np.zeros((20, 20, 12), int)
+    counts[5:15, 5:15, 2:10] = 100
+    centers, radii = crane.spheres[:, :3], crane.spheres[:, 3]
+    path = tmp_path / "cover.png"
+    write_coverage_plot(counts, np.array([-1, -1, 0.0]), 0.1, centers, radii, path)
+    with Image.open(path) as image:
+        assert image.size[0] > image.size[1]

@@ -1,0 +1,78 @@
+"""Pictures are written, show what they should, and stay small."""
+
+import numpy as np
+import pytest
+
+from sim.animation import FilmSettings, liveliest, paint_frame, write_animation
+from sim.camera import Camera
+from sim.cover_world import CoverWorld
+from sim.loop import LoopSettings, run_loop
+from sim.pictures import write_latency_plot
+
+pytest.importorskip("matplotlib")
+Image = pytest.importorskip("PIL.Image")
+SMALL = Camera(width=240, height=180)
+
+
+@pytest.fixture(scope="module")
+def run(crane, places):
+    from sim.arm import HumanArm
+    from sim.arm_path import Person
+    from sim.human_motion import make_motion
+
+    class Straight:
+        def set_goals(self, goals, costs=None):
+            self.goal = goals[0]
+
+        def separation(self, q):
+            return 0.0
+
+        def step(self, points, q, dq=None, stamp=None, now=None):
+            from types import SimpleNamespace
+
+            hold = len(points) and 1.0 < now < 2.0
+            path = np.zeros((0, 2)) if hold else np.array([q, self.goal])
+            status = "holding" if hold else "following"
+            return SimpleNamespace(
+                status=status, path=path, reason="wait", latency_s={"total": 1e-5}
+            )
+
+    motion = make_motion("sweep", 0, Person(HumanArm.sized(), (1.1, 0.0, 0.5)))
+    settings = LoopSettings(duration_s=4.0, keep_paths=4)
+    return run_loop(Straight(), crane, places, motion, settings)
+
+
+def test_the_film_is_a_short_small_gif_in_real_time(run, crane, places, tmp_path):
+    settings = FilmSettings(width=240, height=180, frames=12, fps=12.5)
+    world = CoverWorld(crane)
+    path = write_animation(run, crane, places, world, tmp_path / "a.gif", settings)
+    with Image.open(path) as film:
+        assert film.n_frames == 12 and film.size == (240, 180)
+        assert film.info["duration"] == 80
+    assert path.stat().st_size < 300_000
+
+
+def test_a_frame_shows_the_planned_way_the_goal_and_the_state(run, crane, places):
+    image = np.asarray(paint_frame(run, crane, places, CoverWorld(crane), 40, SMALL))
+    teal = (np.abs(image.astype(int) - [0, 133, 124]).max(axis=2) < 12).sum()
+    held = np.asarray(paint_frame(run, crane, places, CoverWorld(crane), 150, SMALL))
+    red = (np.abs(held.astype(int) - [196, 62, 62]).max(axis=2) < 12).sum()
+    assert teal > 200 and red > 200
+
+
+def test_the_film_starts_where_most_happens(run):
+    start = liveliest(run, 100)
+    assert 0 <= start <= run.frames - 100
+    assert liveliest(run, run.frames + 5) == 0
+
+
+def test_the_latency_plot_is_written(run, tmp_path):
+    path = write_latency_plot(run, tmp_path / "latency.png")
+    with Image.open(path) as image:
+        assert image.size[0] > 800
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50
+
+
+def test_a_run_without_a_person_can_be_plotted(straight, crane, places, tmp_path):
+    alone = run_loop(straight, crane, places, None, LoopSettings(duration_s=0.5))
+    assert write_latency_plot(alone, tmp_path / "alone.png").stat().st_size > 1000

@@ -1,0 +1,120 @@
+"""Tables and JSON say what happened."""
+
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sim.loop import LoopSettings, run_loop
+from sim.report import print_report, processor, setting, setting_line
+from sim.run_result import Hold, RunResult, kind_of, percentiles
+
+SHORT = LoopSettings(duration_s=3.0, speed_scale=1.0)
+
+
+def result_of(separation, joint_speed, status=None, holds=()):
+    n = len(separation)
+    return RunResult(
+        motion="sweep",
+        seed=0,
+        rate_hz=100.0,
+        trips=3,
+        path_changes=1,
+        holds=tuple(holds),
+        q=np.zeros((n, 2)),
+        capsules=np.zeros((n, 1, 7)),
+        separation=separation,
+        joint_speed=joint_speed,
+        point_speed=np.array(joint_speed) / 2,
+        status=np.zeros(n) if status is None else status,
+        place=np.zeros(n),
+        wall_s=np.full(n, 1e-5),
+        cpu_s=np.full(n, 1e-5),
+        stages={"search": np.full(n, 4e-6)},
+    )
+
+
+def text_of(*args):
+    console = Console(width=140, record=True, file=open("/dev/null", "w"))
+    print_report(*args, console=console)
+    return console.export_text()
+
+
+def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
+    gaps = [0.1, -0.01, -0.02, 0.1, -0.01, 0.1, 0.0]
+    speed = [1.0, 0.0, 0.50, 1.0, 0.00, 1.0, 0.02]
+    result = result_of(gaps, speed)
+    assert result.contacts == 2
+    assert result.summary()["contact_frames"] == 2
+
+
+def test_creeping_below_the_limit_is_no_motion():
+    assert result_of([-0.1, -0.1], [0.009, 0.01]).contacts == 0
+
+
+def test_the_smallest_separation_is_told_with_the_speed_at_it():
+    result = result_of([0.3, 0.1, 0.2], [1.0, 0.0, 0.4])
+    assert result.summary()["closest"]["joint_speed"] == 0.0
+    moment = result.summary()["closest_while_moving"]
+    assert moment["separation_m"] == 0.2 and moment["point_speed_m_s"] == 0.2
+
+
+def test_reasons_group_without_their_numbers_longest_first():
+    holds = [
+        Hold(0.0, 0.1, "goal blocked by 3 cells", False),
+        Hold(0.2, 0.3, "goal blocked by 12 cells", False),
+        Hold(0.4, 1.0, "no connection from here", False),
+    ]
+    reasons = result_of([1.0], [0.0], holds=holds).hold_reasons()
+    assert reasons[0] == ("no connection from here", 1, pytest.approx(0.6))
+    assert reasons[1][:2] == ("goal blocked by 3 cells", 2)
+    assert kind_of("panda_hand, 17 at 0.3 m") == "# # at # m"
+
+
+def test_json_has_no_infinity_and_reads_back():
+    result = result_of([np.inf, np.inf], [0.0, 1.0])
+    data = json.loads(result.to_json())
+    assert data["closest"] is None and data["trips"] == 3
+    assert data["timing"]["latency_s"]["search"]["p50"] == pytest.approx(4e-6)
+
+
+def test_the_report_shows_every_figure(straight, crane, places, statue):
+    result = run_loop(straight, crane, places, statue, SHORT)
+    alone = run_loop(straight, crane, places, None, SHORT)
+    text = text_of([result], alone, "0123456789abcdef")
+    for words in (
+        "contacts while moving",
+        "smallest separation",
+        "speed at it",
+        "of those with nobody",
+        "100 %",
+        "p50",
+        "p99",
+        "over 10 ms",
+        "whole step, CPU",
+        "map 0123456789ab",
+        "statue",
+    ):
+        assert words in text
+    assert "…" not in text
+
+
+def test_a_report_of_one_run_alone_needs_no_person(straight, crane, places):
+    result = run_loop(straight, crane, places, None, SHORT)
+    assert "none" in text_of([result])
+
+
+def test_the_setting_names_processor_and_versions():
+    assert processor() and processor() in setting_line()
+    assert setting()["numpy"] == np.__version__
+
+
+def test_percentiles_of_nothing_are_zero():
+    assert percentiles(np.array([])) == {"p50": 0.0, "p99": 0.0, "max": 0.0}
+
+
+def test_a_result_is_frozen():
+    result = result_of([0.1], [0.0])
+    with pytest.raises(ValueError, match="read-only"):
+        result.q[0] = 1.0

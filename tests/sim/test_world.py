@@ -1,0 +1,89 @@
+"""The pybullet world agrees with exact geometry, and its absence is explained."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from sim.camera import Camera
+from sim.cover_world import CoverWorld
+from sim.loop import exact_audit
+from sim.world import SimulatorMissing, World, capsule_mesh
+
+CAMERA = Camera(width=160, height=120)
+HAND = np.array([[0.5, -0.2, 0.4, 0.7, 0.0, 0.5, 0.06]])
+
+
+def test_contact_of_pybullet_agrees_with_the_exact_distance(crane, crane_urdf):
+    pytest.importorskip("pybullet")
+    exact, rng, signs = exact_audit(crane), np.random.default_rng(0), []
+    with World(crane_urdf, crane) as world:
+        for _ in range(120):
+            q = rng.uniform(-1, 1, 2)
+            a = rng.uniform([0.35, -0.5, 0.3], [0.8, 0.5, 0.5])
+            b = a + rng.uniform(-0.2, 0.2, 3)
+            capsules = np.r_[a, b, rng.uniform(0.03, 0.08)][None]
+            world.place(q, capsules)
+            truth = exact(q, capsules)
+            # pybullet keeps a margin of its own and counts the base as well
+            if abs(truth) > 0.003 and np.hypot(*a[:2]) > 0.3:
+                signs.append((truth > 0, world.separation() > 0))
+    signs = np.array(signs)
+    assert (signs[:, 0] == signs[:, 1]).all()
+    assert 0.05 < signs[:, 0].mean() < 0.95
+
+
+def test_distances_of_pybullet_agree_within_its_margins(crane, crane_urdf):
+    pytest.importorskip("pybullet")
+    exact = exact_audit(crane)
+    with World(crane_urdf, crane) as world:
+        for slew in np.linspace(0.4, 1.2, 9):
+            world.place([slew, 0.2], HAND)
+            truth = exact([slew, 0.2], HAND)
+            assert world.separation() == pytest.approx(truth, abs=4e-3)
+
+
+def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(SimulatorMissing, match="Python 3.11 .* or go without"):
+        World(crane_urdf, crane)
+
+
+@pytest.mark.parametrize("kind", ["pybullet", "cover"])
+def test_both_worlds_draw_robot_and_person_where_the_camera_sees_them(
+    crane, crane_urdf, kind
+):
+    if kind == "pybullet":
+        pytest.importorskip("pybullet")
+    made = World(crane_urdf, crane) if kind == "pybullet" else CoverWorld(crane)
+    with made as world:
+        world.place(np.zeros(2), HAND)
+        colour, depth, empty = world.picture(CAMERA)
+    middle = (HAND[0, :3] + HAND[0, 3:6]) / 2
+    (pixel,), (far,) = CAMERA.project(middle)
+    column, row = pixel.astype(int)
+    assert not empty[row, column] and empty[0, 0]
+    assert depth[row, column] == pytest.approx(far - HAND[0, 6], abs=0.02)
+    assert colour.shape == (120, 160, 3) and colour.dtype == np.uint8
+
+
+def test_the_mesh_of_a_capsule_is_a_closed_capsule():
+    vertices, normals, triangles = capsule_mesh(0.3, 0.05)
+    axis = np.clip(vertices[:, 2], -0.15, 0.15)
+    radius = np.linalg.norm(vertices - axis[:, None] * [0, 0, 1], axis=1)
+    np.testing.assert_allclose(radius, 0.05, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    volume = np.einsum("ni,ni->n", a, np.cross(b, c)).sum() / 6
+    exact = np.pi * 0.05**2 * (0.3 + 4 / 3 * 0.05)
+    assert volume == pytest.approx(exact, rel=0.02)
+
+
+def test_the_camera_projects_its_target_to_the_middle():
+    (pixel,), (far,) = CAMERA.project(CAMERA.target)
+    np.testing.assert_allclose(pixel, [80, 60], atol=1e-9)
+    assert far == pytest.approx(np.linalg.norm(np.subtract(CAMERA.eye, CAMERA.target)))
+    P = CAMERA.projection()
+    clip = P @ [0, 0, -far, 1]
+    buffer = (clip[2] / clip[3] + 1) / 2
+    assert CAMERA.metres(buffer) == pytest.approx(far)
