@@ -16,8 +16,8 @@ from odm.exact import Obstacles, obstacles_of
 from roadmap.kinematics import difference
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
-# the last fifth of a chunk: children of its nearest pairs, in generations
-PARENTS, CHILDREN, GENERATIONS = 8, 5, 10
+# the last two fifths of a chunk: children of its nearest pairs, in generations
+PARENTS, CHILDREN, GENERATIONS = 8, 5, 20
 N_WORST = 8
 CAP = 0.1  # [m] larger separations are not resolved
 EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
@@ -131,16 +131,9 @@ class Auditor:
     """Audits one map with one library of obstacles; see `audit`."""
 
     cell_map: CellMap
-    seed: int = 0
-    close: bool = False
-    n_specimens: int = 270
-    specimens: tuple[Specimen, ...] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Draw the obstacles."""
-        rng = np.random.default_rng([self.seed, 1])
-        made = draw_specimens(self.n_specimens, self.cell_map.safety.rho, rng)
-        object.__setattr__(self, "specimens", made)
+    seed: int
+    close: bool
+    specimens: tuple[Specimen, ...] = field(repr=False)
 
     @cached_property
     def library(self) -> kernels.Library:
@@ -175,7 +168,8 @@ class Auditor:
         motion = node if motion is None else np.where(rng.random(n) < 0.1, node, motion)
         obstacle = rng.integers(0, len(self.specimens), n)
         sharp = [k for k, s in enumerate(self.specimens) if s.family in SHARP]
-        obstacle = np.where(rng.random(n) < 0.3, rng.choice(sharp, n), obstacle)
+        if sharp:
+            obstacle = np.where(rng.random(n) < 0.3, rng.choice(sharp, n), obstacle)
         ptr = self.library.aim_ptr
         aim = rng.integers(ptr[obstacle], ptr[obstacle + 1])
         wobble = rng.normal(size=(n, 6)) * _wobble_size(rng, n)[:, None]
@@ -195,7 +189,7 @@ class Auditor:
     def run_chunk(self, chunk: int, n: int) -> tuple[kernels.Pairs, kernels.Found]:
         """Ask and measure the pairs of a chunk, its nearest ones driven further in."""
         bred = PARENTS * CHILDREN
-        generations = min(GENERATIONS, n // (5 * bred))
+        generations = min(GENERATIONS, 2 * n // (5 * bred))
         pairs = self.draw(chunk, n - generations * bred)
         found = self.measure(pairs)
         rng = np.random.default_rng([self.seed, 4, chunk])
@@ -292,7 +286,9 @@ def audit(
         cell_map = spoiled(cell_map, sabotage)
     tell("obstacles", 0, 1)
     n_specimens = int(np.clip(pairs // 500, 3 * len(FAMILIES), 30 * len(FAMILIES)))
-    auditor = Auditor(cell_map, seed, close, n_specimens)
+    rng = np.random.default_rng([seed, 1])
+    specimens = draw_specimens(n_specimens, cell_map.safety.rho, rng)
+    auditor = Auditor(cell_map, seed, close, specimens)
     tally = _Tally(auditor)
     try:
         _run(auditor, tally, pairs, threads, tell)

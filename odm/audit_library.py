@@ -11,6 +11,7 @@ import numpy as np
 from odm import shapes as solid
 from odm._kernels.audit import Library
 from odm.exact import gather, shape_parts
+from odm.mesh_surface import cover_densely
 from odm.surfaces import sample_capsules, sample_mesh, surface_of
 
 FAMILIES = (
@@ -44,6 +45,11 @@ def draw_specimens(
         _arm, _needle, _rod, _plate, _box, _cylinder, _ball, _small_ball, _mesh,
     )  # fmt: skip
     return tuple(makers[k % len(makers)](rho, rng) for k in range(n))
+
+
+def draw_arms(n: int, rho: float, rng: np.random.Generator) -> tuple[Specimen, ...]:
+    """Return `n` two-capsule arms, sampled for covering radius rho."""
+    return tuple(_arm(rho, rng) for _ in range(n))
 
 
 def library_of(specimens: tuple[Specimen, ...]) -> Library:
@@ -180,13 +186,13 @@ def _mesh(rho, rng):
         mesh = trimesh.convex.convex_hull(rng.normal(size=(12, 3)))
         vertices = mesh.vertices * _between(rng, 0.01, 0.15, 3)
     shape = solid.Mesh(vertices, mesh.faces)
-    points, _ = sample_mesh(vertices, mesh.faces, rho)
     aims = []
     for v in rng.integers(0, len(vertices), 8):
         out = vertices[v] - vertices.mean(axis=0)
         aims.append(np.concatenate([vertices[v], out / np.linalg.norm(out)]))
     if rng.random() < 0.5:
         return _holed("mesh", shape, rho, rng, np.array(aims[0]))
+    points, _ = sample_mesh(vertices, mesh.faces, rho)
     return Specimen("mesh", (shape,), points, np.array(aims))
 
 
@@ -227,13 +233,12 @@ def _holed(family, shape, rho, rng, aim=None):
     """
     from scipy.spatial import cKDTree
 
-    grain = 6.0 if isinstance(shape, solid.Mesh) else 12.0
-    eps = rho / grain
+    eps = rho / 12.0
     if aim is None:
         corners = _rod_aims(shape, rng) if _is_rod(shape) else _corner_aims(shape, rng)
         aim = corners[rng.integers(3)]
     # only the surroundings of the hole are dense; the rest is sampled as usual
-    dense = surface_of(shape, eps).points
+    dense = _dense(shape, eps)
     usual = surface_of(shape, rho - eps).points
     far = np.linalg.norm(dense - aim[:3], axis=1)
     near = dense[far < 3.0 * rho]
@@ -248,6 +253,12 @@ def _holed(family, shape, rho, rng, aim=None):
             return Specimen(family, (shape,), kept, aim[None])
         hole -= eps
     return _regular(family, shape, rho, aim[None])
+
+
+def _dense(shape, eps):
+    if isinstance(shape, solid.Mesh):
+        return cover_densely(shape.vertices, shape.faces, eps)
+    return surface_of(shape, eps).points
 
 
 def _is_rod(shape):

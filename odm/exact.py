@@ -89,9 +89,15 @@ class ExactRobot:
         """
         if not isinstance(obstacles, Obstacles):
             obstacles = obstacles_of(obstacles)
+        return self.distance_of(self._use, q, obstacles, cap)
+
+    def distance_of(
+        self, use: np.ndarray, q: np.ndarray, obstacles: Obstacles, cap: float = np.inf
+    ) -> Nearest:
+        """Return the same for the solids chosen by `use` (n,) bool alone."""
         frames, found = self.frames(q), np.empty(2, np.int64)
         best, gap = kernels.nearest_pair(
-            self.convexes, self._use, frames, obstacles.convexes, obstacles.frames,
+            self.convexes, use, frames, obstacles.convexes, obstacles.frames,
             float(cap), found,
         )  # fmt: skip
         link, other = "", None
@@ -99,7 +105,7 @@ class ExactRobot:
             link = self._link(found[0])
             other = int(obstacles.convexes.owner[found[1]])
         if best > 0.0:
-            inside = self._swallowed(frames, obstacles)
+            inside = self._swallowed(use, frames, obstacles)
             if inside is not None:
                 return Nearest(0.0, 0.0, self._link(inside[0]), inside[1])
         return Nearest(best, gap, link, other)
@@ -132,12 +138,12 @@ class ExactRobot:
     def _link(self, convex: int) -> str:
         return self.robot.link_names[self.convexes.owner[convex]]
 
-    def _swallowed(self, frames, obstacles):
+    def _swallowed(self, use, frames, obstacles):
         """Find a solid inside a mesh that is not convex: it touches no facet."""
         for triangles, shape in zip(
             obstacles.hollow, obstacles.hollow_shape, strict=True
         ):
-            for i in np.flatnonzero(self._use):
+            for i in np.flatnonzero(use):
                 R, p = frames[i, :9].reshape(3, 3), frames[i, 9:]
                 x, y, z = R @ self.convexes.ball[i, :3] + p
                 if abs(kernels.winding(triangles, x, y, z)) > 0.5:

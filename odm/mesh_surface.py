@@ -6,7 +6,7 @@ from odm._kernels.surfaces import greedy_cover
 from roadmap.errors import BadInput
 
 _FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
-_MAX_PAIRS = 2e7  # of neighbouring triangles: bounds memory and time
+_MAX_PAIRS = 1e6  # of neighbouring triangles: bounds memory and time
 
 
 def sample_closed_mesh(
@@ -45,6 +45,11 @@ def sample_closed_mesh(
     centers, radii, area = _cut(corners, fine)
     keep = _choose(centers, radii, area, spacing)
     return centers[keep], _proved_radius(centers, radii, keep)
+
+
+def cover_densely(vertices: np.ndarray, faces: np.ndarray, radius: float) -> np.ndarray:
+    """Return many points of a closed mesh with covering radius at most `radius` [m]."""
+    return _cut(closed_triangles(vertices, faces), radius)[0]
 
 
 def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

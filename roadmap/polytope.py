@@ -16,7 +16,7 @@ from roadmap.solids import Solid
 # Shells may stick out of their solid this far [m] ...
 SHELL_TOLERANCE = 1e-3
 # ... and grow coarser rather than get more vertices than this.
-MAX_SHELL_VERTICES = 96
+MAX_SHELL_VERTICES = 256
 # Hulls of more facets are simplified by at most about 0.2 mm.
 MAX_FACETS = 400
 _ROUNDING = 1e-9
@@ -53,13 +53,10 @@ def polytope(solid: Solid) -> Polytope:
         return Polytope(normals, offsets, _vertices(normals, offsets, inside))
     if len(normals) <= MAX_FACETS:
         return Polytope(normals, offsets, solid.body_points())
-    inside, tolerance = _inner_point(normals, offsets), 2e-4
-    while True:
-        few = _few(normals, offsets, inside, tolerance, MAX_FACETS)
-        if len(few) <= MAX_FACETS:
-            normals, offsets = normals[few], offsets[few] + _WELDING
-            return Polytope(normals, offsets, _vertices(normals, offsets, inside))
-        tolerance *= 1.25
+    inside = _inner_point(normals, offsets)
+    few = _few(normals, offsets, inside, 2e-4, 2 * MAX_FACETS)
+    normals, offsets = normals[few], offsets[few] + _WELDING
+    return Polytope(normals, offsets, _vertices(normals, offsets, inside))
 
 
 def support(solid: Solid, directions: np.ndarray) -> np.ndarray:
@@ -103,13 +100,8 @@ def shell(solid: Solid) -> np.ndarray:
     outer = polytope(solid)
     normals, offsets = outer.normals, outer.offsets + _WELDING
     inside = _inner_point(normals, offsets)
-    tolerance = SHELL_TOLERANCE
-    while True:
-        few = _few(normals, offsets, inside, tolerance, MAX_SHELL_VERTICES)
-        vertices = _vertices(normals[few], offsets[few], inside)
-        if len(vertices) <= MAX_SHELL_VERTICES:
-            return _containing(vertices, solid, inside)
-        tolerance *= 1.25
+    few = _few(normals, offsets, inside, SHELL_TOLERANCE, MAX_SHELL_VERTICES)
+    return _containing(_vertices(normals[few], offsets[few], inside), solid, inside)
 
 
 def _normals(solid: Solid) -> np.ndarray:
@@ -155,20 +147,26 @@ def _sphere_normals() -> np.ndarray:
 def _few(normals, offsets, inside, tolerance: float, limit: int) -> list[int]:
     """Choose facets whose polytope violates no other facet by more than `tolerance`.
 
-    Gives up as soon as there are more than `limit` of them.
+    The facets that are violated most come first; ends earlier where the polytope
+    would get more than `limit` vertices.
     """
-    chosen = _first_facets(normals)
-    while len(chosen) <= limit:
-        vertices = _vertices(normals[chosen], offsets[chosen], inside)
+    chosen, wanted, vertices = _first_facets(normals), [], None
+    share = 0.34
+    while share > 0:
+        trial = chosen + wanted[: max(1, int(share * len(wanted)))]
+        corners = _vertices(normals[trial], offsets[trial], inside)
+        if len(corners) > limit and vertices is not None:
+            # one at a time, then not at all
+            share = share / 4 if share * len(wanted) > 1 else 0
+            continue
+        chosen, vertices = trial, corners
         sticking = vertices @ normals.T - offsets
         worst = sticking.argmax(axis=1)
         over = sticking[np.arange(len(vertices)), worst]
         if over.max() <= tolerance:
             break
-        # a third of the facets wanted per round: each may settle several vertices
         order = np.argsort(-over, kind="stable")
         wanted = list(dict.fromkeys(worst[order][over[order] > tolerance].tolist()))
-        chosen += wanted[: max(1, len(wanted) // 3)]
     return chosen
 
 

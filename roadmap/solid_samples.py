@@ -39,11 +39,15 @@ def surface(solid: Solid, n: int) -> tuple[np.ndarray, np.ndarray]:
 
     hull = ConvexHull(polytope(solid).corners)
     step = np.sqrt(2 * hull.area / n)
+    triangles = hull.points[hull.simplices]
+    sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
+    parts = np.maximum(1, np.ceil(sides.max(axis=1) / step)).astype(int)
     points, normals = [], []
-    for triangle, normal in zip(hull.simplices, hull.equations[:, :3], strict=True):
-        lattice = _lattice(*hull.points[triangle], step)
-        points.append(lattice)
-        normals.append(np.broadcast_to(normal, lattice.shape))
+    for k in np.unique(parts):
+        lattice = _lattices(triangles[parts == k], k)
+        points.append(lattice.reshape(-1, 3))
+        own = hull.equations[parts == k, None, :3]
+        normals.append(np.broadcast_to(own, lattice.shape).reshape(-1, 3))
     points, normals = np.vstack(points), np.vstack(normals)
     # one point for each small cell of space: thin triangles bring far too many
     cells = np.floor(points / (0.7 * step)).astype(int)
@@ -57,12 +61,12 @@ def surface(solid: Solid, n: int) -> tuple[np.ndarray, np.ndarray]:
     return points, normals
 
 
-def _lattice(a, b, c, step: float) -> np.ndarray:
-    sides = (b - a, c - a, c - b)
-    k = max(1, int(np.ceil(max(map(np.linalg.norm, sides)) / step)))
+def _lattices(triangles: np.ndarray, k: int) -> np.ndarray:
+    """Return the points of triangles (n, 3, 3) whose sides are parted k times."""
     u, v = np.meshgrid(np.arange(k + 1), np.arange(k + 1))
-    u, v = u[u + v <= k] / k, v[u + v <= k] / k
-    return a + u[:, None] * (b - a) + v[:, None] * (c - a)
+    u, v = u[u + v <= k, None] / k, v[u + v <= k, None] / k
+    a, b, c = (triangles[:, None, i] for i in range(3))
+    return a + u * (b - a) + v * (c - a)
 
 
 def _oriented_box(solid: Solid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from roadmap._kernels import cover as kernels
 from roadmap.errors import BadRobot
-from roadmap.polytope import depth, polytope
+from roadmap.polytope import depth, polytope, support
 from roadmap.robot import SPHERE, Robot
 from roadmap.solid_samples import grid, surface
 from roadmap.solids import Solid
@@ -246,7 +246,7 @@ def _needed(spheres, solids: list[Solid], samples: np.ndarray) -> np.ndarray:
 def _region(solid: Solid) -> tuple[np.ndarray, ...]:
     """Return what the kernels take for a solid: half-spaces, ball and box."""
     outer = polytope(solid)
-    low, high = outer.corners.min(axis=0) - 1e-6, outer.corners.max(axis=0) + 1e-6
+    low, high = -support(solid, -np.eye(3)) - 1e-6, support(solid, np.eye(3)) + 1e-6
     box = np.concatenate([(low + high) / 2, (high - low) / 2])
     if solid.kind != SPHERE:
         return outer.normals, outer.offsets, np.array([0.0, 0.0, 0.0, 1e6]), box

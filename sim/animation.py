@@ -100,7 +100,7 @@ def liveliest(result: RunResult, length: int) -> int:
     near = np.exp(-np.clip(result.separation, 0.0, 10.0) / 0.1)
     replanned = result.status == STATUS.index("replanned")
     held = result.status == STATUS.index("holding")
-    score = moving * (1.0 + 2.0 * near) + 8.0 * replanned * (near > 0.02) - 0.5 * held
+    score = moving * (0.2 + 3.0 * near) + 30.0 * replanned * near - 0.5 * held
     total = np.r_[0.0, np.cumsum(score)]
     return int(np.argmax(total[length:] - total[:-length]))
 

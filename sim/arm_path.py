@@ -8,7 +8,7 @@ from roadmap.arrays import frozen
 from sim.arm import HumanArm, facing_robot
 
 SHOULDER = (0.85, 0.15, 0.50)  # p_base_shoulder of a right arm reaching to the robot
-NEAR, FAR = 0.32, 0.93  # share of the arm's reach a hand uses: no locked elbow
+NEAR, FAR = 0.20, 0.93  # share of the arm's reach a hand keeps in front, and within
 TREMBLE_HZ = 5.0
 MARGIN = 0.98  # share of the speed limit that is used: the fastest moment is sampled
 

@@ -9,6 +9,8 @@ from rich.console import Console
 
 from odm.cell_map import CellMap, load_map
 from odm.planner import ReactivePlanner
+from odm.surfaces import sample_capsules
+from roadmap.kinematics import tool_pose
 from sim.animation import FilmSettings, write_animation
 from sim.arm_path import Person
 from sim.cover_world import CoverWorld
@@ -117,8 +119,13 @@ def warm_up(
     planner: ReactivePlanner, places: np.ndarray, motion: str, settings: LoopSettings
 ) -> None:
     """Run a few frames so that everything is compiled before time is measured."""
-    brief = replace(settings, duration_s=0.5, keep_paths=0)
+    brief = replace(settings, duration_s=3.0, keep_paths=0)
     run_loop(planner, planner.robot, places, make_motion(motion), brief)
+    tool = tool_pose(planner.robot, places[0])[:3, 3]
+    touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
+    answer = planner.step(touching, q=places[0])
+    planner.separation(places[0])
+    _ = answer.reason, answer.retreat
 
 
 def open_world(cell_map: CellMap) -> tuple[World | CoverWorld, str]:

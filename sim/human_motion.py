@@ -10,6 +10,7 @@ from sim.arm import HumanArm
 from sim.arm_path import Person, Round, ScriptedMotion
 
 TREMBLE = 0.02  # amplitude of the trembling hand [m]
+ASIDE = (0.70, 0.48, 0.20)  # where a hand rests out of the way, beside the person [m]
 
 
 class HumanMotion(Protocol):
@@ -45,11 +46,10 @@ def sweep(person: Person, rng: np.random.Generator) -> ScriptedMotion:
 def reach(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Let the hand reach into the space and back, each with a peak of about 1 m/s."""
     limit = person.max_speed or 1.0
-    rest_place = (0.70, 0.25, 0.20)
-    script = Round(person, rest_place, limit)
+    script = Round(person, ASIDE, limit)
     for _ in range(8):
         script.move(_in_work_space(rng), rng.uniform(0.2, 0.8), rng.uniform(0.85, 1.0))
-        script.move(rest_place, rng.uniform(0.8, 2.0), rng.uniform(0.6, 0.9))
+        script.move(ASIDE, rng.uniform(0.8, 2.0), rng.uniform(0.6, 0.9))
     script.close(1.0)
     return ScriptedMotion("reach", limit, person, tuple(script.legs), np.zeros(3))
 
@@ -59,7 +59,7 @@ def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     limit = person.max_speed or 1.0
     script = Round(person, (0.60, 0.0, 0.40), 0.3 * limit)
     for _ in range(6):
-        place = (rng.uniform(0.45, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
+        place = (rng.uniform(0.5, 0.65), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
         script.move(place, rng.uniform(3.0, 6.0))
     script.close(2.0)
     direction = rng.normal(size=3)
@@ -70,11 +70,10 @@ def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
 def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Let the hand rest in the way for some seconds, then move away."""
     limit = person.max_speed or 0.8
-    rest_place = (0.70, 0.30, 0.25)
-    script = Round(person, rest_place, limit)
+    script = Round(person, ASIDE, limit)
     for _ in range(5):
         script.move(_in_work_space(rng), rng.uniform(2.0, 5.0), rng.uniform(0.5, 1.0))
-        script.move(rest_place, rng.uniform(2.0, 4.0), rng.uniform(0.5, 1.0))
+        script.move(ASIDE, rng.uniform(2.0, 4.0), rng.uniform(0.5, 1.0))
     script.close(1.0)
     return ScriptedMotion("hover", limit, person, tuple(script.legs), np.zeros(3))
 
@@ -82,11 +81,10 @@ def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
 def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Thrust the hand straight at the robot's work place with a peak of 2 m/s."""
     limit = person.max_speed or 2.0
-    rest_place = (0.68, 0.15, 0.35)
-    script = Round(person, rest_place, limit)
+    script = Round(person, ASIDE, limit)
     for _ in range(6):
         script.move(_in_work_space(rng), rng.uniform(0.1, 0.6))
-        script.move(rest_place, rng.uniform(1.5, 4.0), 0.3)
+        script.move(ASIDE, rng.uniform(1.5, 4.0), 0.3)
     script.close(1.0)
     return ScriptedMotion("intrusion", limit, person, tuple(script.legs), np.zeros(3))
 

@@ -48,7 +48,7 @@ class LoopSettings:
     retreat_scale: float = 0.25
     stand_below: float = 0.022
     keep_paths: int = 0
-    polish: int = 0
+    polish: int = 4
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
@@ -76,6 +76,7 @@ class Frame:
         joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
             the robot [m/s] since the frame before.
         wall_s, cpu_s: Time of the planner's step, a retreat included [s].
+        polish_s: Time of its polishing after the answer [s].
     """
 
     index: int
@@ -88,6 +89,7 @@ class Frame:
     point_speed: float
     wall_s: float
     cpu_s: float
+    polish_s: float
 
 
 class Loop:
@@ -145,9 +147,8 @@ class Loop:
             point_speed=self._point_speed(),
             wall_s=wall,
             cpu_s=cpu,
+            polish_s=self._polish(),
         )
-        if self.settings.polish:
-            _optional(self.planner, "polish", self.settings.polish)
         self._move(answer, retreat)
         return frame
 
@@ -178,6 +179,12 @@ class Loop:
             return None
         retreat = answer.retreat
         return None if retreat is None or len(retreat) == 0 else retreat
+
+    def _polish(self) -> float:
+        begun = time.perf_counter()
+        if self.settings.polish:
+            _optional(self.planner, "polish", self.settings.polish)
+        return time.perf_counter() - begun
 
     def _point_speed(self) -> float:
         before, self._centers = self._centers, sphere_centers(self.robot, self._q)
@@ -270,6 +277,7 @@ def _result(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         place=place,
         wall_s=[frame.wall_s for frame in frames],
         cpu_s=[frame.cpu_s for frame in frames],
+        polish_s=[frame.polish_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         **rows,

@@ -67,7 +67,11 @@ def latency_table(result: RunResult) -> Table:
     table.add_column("stage")
     for head in ("p50 [µs]", "p99 [µs]", "max [µs]", f"over {1000 * period:.0f} ms"):
         table.add_column(head, justify="right")
-    whole = {"whole step, wall": result.wall_s, "whole step, CPU": result.cpu_s}
+    whole = {
+        "step, wall clock": result.wall_s,
+        "step, CPU": result.cpu_s,
+        "polishing afterwards": result.polish_s,
+    }
     for name, seconds in {**result.stages, **whole}.items():
         shown = percentiles(1e6 * seconds)
         cells = [f"{shown[key]:,.1f}" for key in ("p50", "p99", "max")]

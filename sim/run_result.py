@@ -23,6 +23,7 @@ _ARRAYS = {
     "place": np.int32,
     "wall_s": np.float64,
     "cpu_s": np.float64,
+    "polish_s": np.float64,
 }
 
 
@@ -62,6 +63,7 @@ class RunResult:
         status: (F,) index into `STATUS`.
         place: (F,) the work place the robot is on its way to.
         wall_s, cpu_s: (F,) time of the planner's step: passed, and computed [s].
+        polish_s: (F,) time of its polishing after the answer [s].
         stages: The planner's own times by stage, (F,) each [s].
         paths: Frame -> (k, dof) planned path, where they were kept.
     """
@@ -81,6 +83,7 @@ class RunResult:
     place: np.ndarray
     wall_s: np.ndarray
     cpu_s: np.ndarray
+    polish_s: np.ndarray
     stages: dict[str, np.ndarray]
     paths: dict[int, np.ndarray] = field(default_factory=dict)
 
@@ -121,12 +124,12 @@ class RunResult:
         return int(d.argmin()) if len(d) and np.isfinite(d.min()) else None
 
     def misses(self, clock: str = "wall") -> np.ndarray:
-        """Return the frames whose step took longer than the period, by a clock.
+        """Return the frames whose step and polishing outlasted the period.
 
         Args:
             clock: "wall" or "cpu".
         """
-        return np.flatnonzero(getattr(self, f"{clock}_s") > 1.0 / self.rate_hz)
+        return np.flatnonzero(self._busy(clock) > 1.0 / self.rate_hz)
 
     def hold_reasons(self, most: int = 3) -> list[tuple[str, int, float]]:
         """Return (reason, how often, total [s]), longest first.
@@ -163,7 +166,8 @@ class RunResult:
 
     def timing(self) -> dict:
         """Return the figures of the clock, as plain data [s]."""
-        clocks = {"wall": self.wall_s, "cpu": self.cpu_s, **self.stages}
+        clocks = {"wall": self.wall_s, "cpu": self.cpu_s, "polish": self.polish_s}
+        clocks |= self.stages
         return {
             "period_s": 1.0 / self.rate_hz,
             "latency_s": {name: percentiles(a) for name, a in clocks.items()},
@@ -199,9 +203,11 @@ class RunResult:
             "status": STATUS[self.status[frame]],
         }
 
+    def _busy(self, clock: str) -> np.ndarray:
+        return getattr(self, f"{clock}_s") + self.polish_s
+
     def _late(self, clock: str) -> list[dict]:
-        times = getattr(self, f"{clock}_s")
-        frames = self.misses(clock)
+        times, frames = self._busy(clock), self.misses(clock)
         return [{"frame": int(i), "step_s": float(times[i])} for i in frames]
 
 

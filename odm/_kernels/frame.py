@@ -166,7 +166,7 @@ def close_starts(state, points, starts, q, frame, budget):
     found = 0
     tried = 0
     for k in range(starts.count[0]):
-        if found >= budget or tried >= 4 * budget:
+        if found >= budget or tried >= 2 * budget:
             break
         if starts.memo[k] == 4 * frame + FREE or starts.static[k] != 1:
             continue
@@ -211,7 +211,7 @@ def close_goal(state, points, g, frame, budget):
     found = 0
     tried = 0
     for a in range(goals.number[g]):
-        if found >= budget or tried >= 4 * budget:
+        if found >= budget or tried >= 2 * budget:
             break
         if goals.memo[g, a] == 4 * frame + FREE:
             continue

@@ -32,7 +32,9 @@ def item_free(graph, words, search, frame, item):
     if hit == 0:
         search.stats[N_EDGE_TESTS] += 1
         for k in range(graph.ptr[item], graph.ptr[item + 1]):
-            if words[graph.block[k]] & graph.mask[k] != 0:
+            # few blocks are occupied: most masks need not be fetched
+            word = words[graph.block[k]]
+            if word != 0 and word & graph.mask[k] != 0:
                 hit = 1
                 break
     search.memo[item] = 2 * frame + hit
@@ -43,7 +45,8 @@ def item_free(graph, words, search, frame, item):
 def pool_free(pool, words, item):
     """Return True if no occupied cell is in the list of a pool item."""
     for k in range(pool.begin[item], pool.end[item]):
-        if words[pool.block[k]] & pool.mask[k] != 0:
+        word = words[pool.block[k]]
+        if word != 0 and word & pool.mask[k] != 0:
             return False
     return True
 
@@ -168,13 +171,14 @@ def a_star(graph, words, starts, goals, only, h, search, frame, run):
         v = search.e_node[entry]
         if search.done[v] == run:
             continue
+        # the node first: its verdict settles all the entries that lead into it
+        if v < n and not item_free(graph, words, search, frame, v):
+            search.done[v] = run
+            continue
         ref = search.e_ref[entry]
         if ref <= EDGE_BASE:
             if not item_free(graph, words, search, frame, n + EDGE_BASE - ref):
                 continue
-        if v < n and not item_free(graph, words, search, frame, v):
-            search.done[v] = run
-            continue
         search.done[v] = run
         search.came[v] = entry
         popped += 1
@@ -199,8 +203,10 @@ def a_star(graph, words, starts, goals, only, h, search, frame, run):
             w = graph.adj_node[k]
             if search.done[w] == run:
                 continue
-            known = search.memo[n + graph.adj_edge[k]]
-            if known == 2 * frame + 1:
+            blocked = 2 * frame + 1
+            if search.memo[w] == blocked:
+                continue
+            if search.memo[n + graph.adj_edge[k]] == blocked:
                 continue
             hw = h[w]
             if hw == math.inf:

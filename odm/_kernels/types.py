@@ -191,4 +191,4 @@ class Own(NamedTuple):
 N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS = 0, 1, 2, 3, 4
 N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME, N_JOINT, N_LOOK = range(7)
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
-EDGE_BASE = -16  # ref EDGE_BASE - e is roadmap edge e
+EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment

@@ -181,10 +181,12 @@ def worst_power(region, centers, squares, tol, stack, where):
     stack[0] = region[3]
     while top > 0:
         top -= 1
+        whole, middle = _power(centers, squares, stack[top])
+        if whole <= worst + tol:
+            continue
         side = _side(region, stack[top])
         if side > 0:
             continue
-        whole, middle = _power(centers, squares, stack[top])
         if side < 0 and middle > worst:
             worst = middle
             for k in range(3):
@@ -210,11 +212,11 @@ def holes(region, centers, squares, rule, stack, found):
     while top > 0:
         top -= 1
         b = stack[top]
-        side = _side(region, b)
-        if side > 0:
-            continue
         whole, middle = _power(centers, squares, b)
         if whole <= rule[0]:
+            continue
+        side = _side(region, b)
+        if side > 0:
             continue
         size = max(b[3], max(b[4], b[5]))
         near = False

@@ -13,15 +13,21 @@ from roadmap._kernels.kinematics import body_frames
 
 @njit(cache=True, nogil=True)
 def pair_clearance(pair_i, balls, points, p, frames, need, v, s):
-    """Bound the distance of pair `p` by bounding balls, then by GJK if they fail."""
+    """Bound the distance of pair `p` by bounding balls, then by GJK if they fail.
+
+    v: (3,) separating direction of last time; all zero to start with the centres.
+    """
     fa = frames[pair_i[p, 2]]
     fb = frames[pair_i[p, 3]]
     a, b = balls[pair_i[p, 0]], balls[pair_i[p, 1]]
     square = 0.0
+    fresh = v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0
     for k in range(3):
         x = fa[3 * k] * a[0] + fa[3 * k + 1] * a[1] + fa[3 * k + 2] * a[2] + fa[9 + k]
         y = fb[3 * k] * b[0] + fb[3 * k + 1] * b[1] + fb[3 * k + 2] * b[2] + fb[9 + k]
         square += (x - y) * (x - y)
+        if fresh:
+            v[k] = x - y
     lower = math.sqrt(square) - a[3] - b[3]
     if lower >= need:
         return lower, 1e300
@@ -37,6 +43,7 @@ def configuration_clear(model, q, margin, scratch):
     frames, axes, _, _, _, s = scratch
     body_frames(tree_i, tree_f, q, frames)
     for p in range(pair_i.shape[0]):
+        axes[p, 0] = axes[p, 1] = axes[p, 2] = 0.0
         lower, _ = pair_clearance(pair_i, balls, points, p, frames, margin, axes[p], s)
         if lower < margin:
             return p
@@ -73,6 +80,7 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
         for j in range(dof):
             move += pair_reach[p, j] * abs(dq[j])
         moves[p] = move
+        axes[p, 0] = axes[p, 1] = axes[p, 2] = 0.0
         lists[0, p] = p
     # the last row of the stack serves as q(t)
     at = stack[stack.shape[0] - 1]

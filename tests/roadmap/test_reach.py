@@ -35,14 +35,14 @@ def ancestors(robot, body):
 @pytest.mark.parametrize("name", ["panda", "gantry"])
 def test_no_sampled_configuration_exceeds_the_bound(name, request, rng):
     robot = request.getfixturevalue(name)
-    seen = seen_reach(robot, robot.sphere_body, robot.spheres[:, :3], 3000, rng)
+    seen = seen_reach(robot, robot.sphere_body, robot.spheres[:, :3], 1500, rng)
     turns = robot.tree_i[:, 2] == 1
     own = robot.sphere_reach > 0
     assert (seen <= robot.sphere_reach)[:, turns][own[:, turns]].all()
 
 
 def test_the_bound_is_not_crude(panda, rng):
-    seen = seen_reach(panda, panda.sphere_body, panda.spheres[:, :3], 3000, rng)
+    seen = seen_reach(panda, panda.sphere_body, panda.spheres[:, :3], 1500, rng)
     own = panda.sphere_reach > 0.05
     assert (panda.sphere_reach[own] <= 1.08 * seen[own]).all()
 

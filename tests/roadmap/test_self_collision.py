@@ -120,9 +120,7 @@ def proved_apart(robot, tested, pair, q, need):
     T = body_frames(robot, q)
     flat = np.hstack([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]])
     v, s = np.zeros(3), np.zeros((16, 3))
-    lower, _ = kernels.pair_clearance(
-        pair_i, balls, points, pair, flat, need, v, s
-    )
+    lower, _ = kernels.pair_clearance(pair_i, balls, points, pair, flat, need, v, s)
     return lower >= need
 
 

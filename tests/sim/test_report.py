@@ -31,6 +31,7 @@ def result_of(separation, joint_speed, status=None, holds=()):
         place=np.zeros(n),
         wall_s=np.full(n, 1e-5),
         cpu_s=np.full(n, 1e-5),
+        polish_s=np.zeros(n),
         stages={"search": np.full(n, 4e-6)},
     )
 
@@ -92,7 +93,7 @@ def test_the_report_shows_every_figure(straight, crane, places, statue):
         "p50",
         "p99",
         "over 10 ms",
-        "whole step, CPU",
+        "step, CPU",
         "map 0123456789ab",
         "statue",
     ):

@@ -1,0 +1,44 @@
+# make demo: a robot at work beside a moving arm; make test: the whole suite.
+# Python 3.11 is taken where it runs: pybullet, which draws, has wheels for it only.
+PYTHON ?= $(shell for p in python3.11 python3; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& { echo $$p; break; }; done)
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
+
+.PHONY: demo test lint clean
+
+demo: $(VENV)/.sim
+	$(BIN)/odm demo
+
+test: $(VENV)/.test
+	$(BIN)/odm warmup
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+
+clean:
+	rm -rf out build dist *.egg-info maps/built .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed"; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info; print("Python %d.%d" % v[:2]); \
+	v < (3, 12) or print("pybullet has no wheels for it: no Panda from pybullet, pictures are drawn without it; install Python 3.11 for both")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.sim: pyproject.toml | $(BIN)/python
+	@echo "installing into $(VENV) ..."
+	@$(PIP) -e '.[sim]'
+	@touch $@
+
+$(VENV)/.test: pyproject.toml | $(BIN)/python
+	@echo "installing into $(VENV), tests included ..."
+	@$(PIP) -e '.[test]'
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(BIN)/python
+	@$(PIP) -e '.[dev]'
+	@touch $@

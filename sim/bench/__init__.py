@@ -1,0 +1,1 @@
+"""The benches: what `odm bench` measures, and what it is measured against."""

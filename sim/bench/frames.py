@@ -1,0 +1,206 @@
+"""Frames of the reference set-up: a person's arm between two places of the robot.
+
+An arm of two capsules (upper arm 0.30 m, radius 0.05; forearm with hand 0.43 m, radius
+0.04) hangs on a shoulder about 0.85 m before the robot. In each pair the robot wants to
+go from one side of the arm to the other, and the hand sweeps, reaches or trembles
+between them at up to 1 m/s, seen at 100 Hz. Everything comes from the seed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm import Capsule, sample_capsules
+from odm.cell_map import CellMap
+from odm.exact import ExactRobot
+from odm.static import StaticTest
+from roadmap.arrays import frozen
+from roadmap.errors import PlanningError
+from roadmap.kinematics import difference, tool_pose
+
+LENGTHS = (0.30, 0.43)  # upper arm, forearm with hand: axes of the capsules [m]
+RADII = (0.05, 0.04)
+SPACING = 0.03  # covering radius of the arm's samples [m]
+RATE_HZ = 100.0
+TOP_SPEED = 1.0  # of any point of the arm [m/s]
+MOTIONS = ("sweep", "reach", "jitter")
+CONDITIONS = ("every", "first")
+# where the tool starts and ends: left and right of the arm [m]
+SIDE = np.array([[0.25, 0.15, 0.15], [0.65, 0.55, 0.75]])
+_MOST_DRAWS = 20000
+
+
+class NoFeasiblePair(PlanningError):
+    """The robot has no valid configurations at the two sides of the arm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """One start and goal, and the frames between which they are asked for.
+
+    Attributes:
+        q_start, q_goal: (dof,) valid configurations, not roadmap nodes.
+        capsules: (f, 2, 7) the arm in every frame: a, b, radius [m].
+        motion: How the hand moves: one of MOTIONS.
+    """
+
+    q_start: np.ndarray
+    q_goal: np.ndarray
+    capsules: np.ndarray
+    motion: str
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("q_start", "q_goal", "capsules"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+
+    def points(self) -> list[np.ndarray]:
+        """Return the sampled surface of the arm in every frame, (n, 3) each [m]."""
+        return [sample_capsules(rods, SPACING) for rods in self.capsules]
+
+
+def make_pairs(
+    cell_map: CellMap,
+    pairs: int = 60,
+    frames: int = 200,
+    seed: int = 1,
+    condition: str = "every",
+) -> list[Pair]:
+    """Draw pairs of configurations and a moving arm for each.
+
+    Args:
+        cell_map: The map of the robot.
+        pairs, frames: Number of pairs, and of frames of each.
+        seed: Same seed, same frames.
+        condition: "every": the exact solids of start and goal keep the map's
+            clearance from the arm in every frame, as the competitors of GOALS were
+            measured; "first": in the first frame only.
+
+    Raises:
+        NoFeasiblePair: None was found in many draws.
+    """
+    draw = _Draw(cell_map, np.random.default_rng(seed))
+    return [
+        draw.pair(MOTIONS[k % len(MOTIONS)], frames, condition) for k in range(pairs)
+    ]
+
+
+class _Draw:
+    """Draws pairs for one map from one stream of random numbers."""
+
+    def __init__(self, cell_map: CellMap, rng: np.random.Generator) -> None:
+        self.robot, self.rng = cell_map.robot, rng
+        self.m = cell_map.safety.m
+        self.exact = ExactRobot(cell_map.robot)
+        self.static = StaticTest(
+            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
+        )
+
+    def pair(self, motion: str, frames: int, condition: str) -> Pair:
+        for _ in range(200):
+            capsules = arm_frames(motion, frames, self.rng)
+            heeded = capsules if condition == "every" else capsules[:1]
+            q_start = self.configuration(1.0, heeded)
+            q_goal = self.configuration(-1.0, heeded)
+            if q_start is None or q_goal is None:
+                continue
+            if self.rng.random() < 0.5:
+                q_start, q_goal = q_goal, q_start
+            return Pair(q_start, q_goal, capsules, motion)
+        raise NoFeasiblePair(
+            f"no free pair of configurations was found for {self.robot.name}: its tool "
+            f"must reach both sides of the arm, {SIDE[0]} to {SIDE[1]} m; use another "
+            "robot"
+        )
+
+    def configuration(self, side: float, capsules: np.ndarray) -> np.ndarray | None:
+        """Return a valid configuration with the tool at a side, free of the arm."""
+        robot = self.robot
+        low, high = (SIDE * [1.0, side, 1.0])[:, None]
+        low, high = np.minimum(low, high)[0], np.maximum(low, high)[0]
+        for _ in range(_MOST_DRAWS):
+            q = self.rng.uniform(robot.lower, robot.upper)
+            p_tool = tool_pose(robot, q)[:3, 3]
+            if not ((low <= p_tool) & (p_tool <= high)).all():
+                continue
+            if not self.static.motion_free(q, np.zeros(robot.dof)):
+                continue
+            return q if self.free(q, capsules) else None
+        return None
+
+    def free(self, q: np.ndarray, capsules: np.ndarray) -> bool:
+        """Return whether the exact solids keep the clearance in all frames."""
+        return not any(self.exact.collides(q, shapes(c), self.m) for c in capsules)
+
+
+def shapes(rods: np.ndarray) -> list[Capsule]:
+    """Return capsules (k, 7) as solids."""
+    return [Capsule.between(r[:3], r[3:6], r[6]) for r in rods]
+
+
+def arm_frames(motion: str, frames: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the arm in every frame of a motion, (frames, 2, 7) [a, b, radius] [m]."""
+    shoulder = np.array([0.85, 0.0, 0.45]) + rng.uniform(-0.1, 0.1, 3)
+    path = _HANDS[motion](rng)
+    swivel = rng.uniform(-0.6, 0.6)
+    speed = TOP_SPEED * rng.uniform(0.5, 1.0)
+    phase = rng.uniform()
+    # the fastest point of the arm sets the time scale of the periodic motion
+    s = np.linspace(0.0, 1.0, 2001)
+    ends = _pose(shoulder, path(s), swivel)
+    fastest = np.linalg.norm(np.diff(ends, axis=0), axis=-1).max() * 2000
+    s = phase + np.arange(frames) / RATE_HZ * speed / fastest
+    ends = _pose(shoulder, path(s), swivel)
+    rods = np.empty((frames, 2, 7))
+    rods[:, :, :3], rods[:, :, 3:6] = ends[:, :2], ends[:, 1:]
+    rods[:, :, 6] = RADII
+    return rods
+
+
+def _pose(shoulder: np.ndarray, hand: np.ndarray, swivel: float) -> np.ndarray:
+    """Return (f, 3, 3): shoulder, elbow and hand; the elbow hangs, turned by swivel."""
+    a, b = LENGTHS
+    reach = hand - shoulder
+    far = np.linalg.norm(reach, axis=1)[:, None]
+    along = reach / far
+    far = np.clip(far, abs(a - b) + 0.02, a + b - 1e-3)
+    hand = shoulder + far * along
+    down = np.array([0.0, np.sin(swivel), -np.cos(swivel)])
+    side = down - (along @ down)[:, None] * along
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    x = (far**2 + a * a - b * b) / (2.0 * far)
+    elbow = shoulder + x * along + np.sqrt(np.maximum(0.0, a * a - x * x)) * side
+    return np.stack([np.broadcast_to(shoulder, hand.shape), elbow, hand], axis=1)
+
+
+def _sweep(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
+    middle = np.array([rng.uniform(0.30, 0.55), rng.uniform(-0.1, 0.1), 0.0])
+    middle[2] = rng.uniform(0.3, 0.65)
+    width = np.array([0.05, rng.uniform(0.25, 0.4), 0.1]) * rng.uniform(0.7, 1.0, 3)
+    return lambda s: middle + width * np.sin(2 * np.pi * s)[:, None]
+
+
+def _reach(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
+    there = np.array([0.3, 0.0, 0.5]) + rng.uniform(-1, 1, 3) * [0.08, 0.15, 0.15]
+    rest = np.array([0.7, 0.0, 0.15]) + rng.uniform(-0.05, 0.05, 3)
+    return lambda s: rest + (there - rest) * (0.5 - 0.5 * np.cos(2 * np.pi * s))[:, None]
+
+
+def _jitter(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
+    middle = np.array([0.42, 0.0, 0.5]) + rng.uniform(-1, 1, 3) * [0.12, 0.12, 0.15]
+    turns, shift = rng.integers(1, 9, (4, 3)), rng.uniform(0, 1, (4, 3))
+    size = rng.uniform(0.002, 0.012, (4, 3))
+
+    def hand(s: np.ndarray) -> np.ndarray:
+        angle = 2 * np.pi * (s[:, None, None] * turns + shift)
+        return middle + (size * np.sin(angle)).sum(axis=1)
+
+    return hand
+
+
+_HANDS = {"sweep": _sweep, "reach": _reach, "jitter": _jitter}
+
+
+def straight(cell_map: CellMap, pair: Pair) -> np.ndarray:
+    """Return the displacement of the straight motion from start to goal, (dof,)."""
+    return difference(cell_map.robot, pair.q_start, pair.q_goal)

@@ -1,0 +1,87 @@
+"""Tables of a bench: for the terminal (rich) and for the README (markdown)."""
+
+from rich.console import Console
+from rich.table import Table
+
+_HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
+
+
+def print_bench(result: dict, console: Console | None = None) -> None:
+    """Print the table of a bench and the lines about its setting."""
+    console = console or Console()
+    table = Table(title=f"odm bench {result['bench']}", title_justify="left")
+    for k, head in enumerate(_HEAD):
+        table.add_column(head, justify="left" if k < 2 else "right")
+    for row in result["rows"]:
+        table.add_row(*_cells(row))
+    console.print(table)
+    for line in setting_lines(result):
+        console.print(line, highlight=False)
+
+
+def markdown(result: dict) -> str:
+    """Return the table of a bench and its setting as markdown."""
+    lines = ["| " + " | ".join(_HEAD) + " |", "|" + "---|" * len(_HEAD)]
+    lines += ["| " + " | ".join(_cells(row)) + " |" for row in result["rows"]]
+    return "\n".join([*lines, "", *setting_lines(result)]) + "\n"
+
+
+def setting_lines(result: dict) -> list[str]:
+    """Return what a figure is worth nothing without: machine, versions, map, frames."""
+    head, setup = result["header"], result.get("setup", {})
+    versions = [f"{k} {v}" for k, v in head["versions"].items() if v is not None]
+    load = " ".join(f"{x:.2f}" for x in head["load_average"])
+    lines = [
+        f"{head['processor']}, {head['cores']} cores, load average {load}; "
+        f"Python {head['python']}, {', '.join(versions)}."
+    ]
+    if "map" in head:
+        about = head["map"]
+        lines.append(
+            f"Map {about['name']} {about['hash'][:12]}: {about['nodes']} nodes, "
+            f"{about['edges']} edges, {about['spheres']} moving spheres."
+        )
+    if setup:
+        lines.append("; ".join(f"{k}: {v}" for k, v in setup.items()) + ".")
+    notes = {r["name"]: r["note"] for r in result["rows"] if r.get("note")}
+    return lines + [f"{name}: {note}." for name, note in notes.items()]
+
+
+def _cells(row: dict) -> tuple[str, ...]:
+    asked = ", ".join(_limit(row, k, v) for k, v in row["asked"].items())
+    if "value" in row:
+        return row["name"], asked, _value(row), "", "", "", _yes(row["met"])
+    if row["wall"] is None:
+        return row["name"], asked, "no frames", "", "", "", ""
+    wall = [_time(row["wall"][k]) for k in ("p50", "p99", "max")]
+    cpu = row["cpu"]
+    busy = "" if cpu is None else f"{_time(cpu['p50'])} / {_time(cpu['p99'])}"
+    met = _yes(row["met"])
+    if row["met"] is False and row["met_cpu"]:
+        met = "by CPU time"
+    return row["name"], asked, *wall, busy, met
+
+
+def _limit(row: dict, share: str, limit: float) -> str:
+    if "value" in row:
+        sign = "<=" if share == "most" else ">="
+        return f"{sign} {limit:g} {row['unit']}".strip()
+    return f"{share} <= {_time(limit)}"
+
+
+def _value(row: dict) -> str:
+    if row["unit"] == "" and row["value"] in (0.0, 1.0) and row["met"] is not None:
+        return "yes" if row["value"] else "no"
+    return f"{row['value']:.4g} {row['unit']}".strip()
+
+
+def _time(us: float) -> str:
+    if us >= 1e6:
+        return f"{us / 1e6:.3g} s"
+    if us >= 1e3:
+        return f"{us / 1e3:.3g} ms"
+    return f"{us:.3g} us"
+
+
+def _yes(met: bool | None) -> str:
+    return "" if met is None else "yes" if met else "no"

@@ -1,0 +1,242 @@
+"""The `odm` command: one door to everything; each command says more with --help.
+
+Commands import what they need when they run, so that `odm --help` answers at once.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sim import cli_build
+from sim.terminal import JSON_HELP, Bars, guarded, show_json
+
+app = typer.Typer(
+    name="odm",
+    help="Reactive motion planning beside a moving human, with precomputed maps.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("build")(guarded(cli_build.build))
+
+MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+MapOption = Annotated[
+    Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
+]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
+Threads = Annotated[int, typer.Option(min=0, help="Threads; 0: one per core.")]
+Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
+
+
+def main() -> None:
+    """Run the command line; the exit code is 0, 1 (a finding or error) or 2 (usage)."""
+    app(with_json_target(sys.argv[1:]), prog_name="odm")
+
+
+def with_json_target(arguments: list[str]) -> list[str]:
+    """Let `--json` stand alone: without a FILE.json behind it, it means '-'."""
+    result, at = [], 0
+    while at < len(arguments):
+        word, at = arguments[at], at + 1
+        if word == "--json":
+            after = arguments[at] if at < len(arguments) else ""
+            if after == "-" or after.endswith(".json"):
+                word, at = f"--json={after}", at + 1
+            else:
+                word = "--json=-"
+        result.append(word)
+    return result
+
+
+@app.command()
+@guarded
+def info(
+    map_dir: MapArgument,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw what the map covers.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery."""
+    from odm import load_map
+    from sim import describe
+
+    cell_map = load_map(map_dir)
+    facts = describe.facts(cell_map)
+    if plot is not None:
+        from sim.coverage import plot_map
+
+        plot.parent.mkdir(parents=True, exist_ok=True)
+        facts["plot"] = str(plot_map(cell_map, plot))
+    if json is not None:
+        show_json(facts, json)
+    else:
+        describe.show(facts)
+
+
+@app.command()
+@guarded
+def audit(
+    map_dir: MapArgument,
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs tested.")] = 100_000,
+    seed: Seed = 0,
+    close: Annotated[
+        bool, typer.Option("--close", help="Ask the close test, not the cells.")
+    ] = False,
+    sabotage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="rho|mu|sphere", help="Take this term away: the audit must fail."
+        ),
+    ] = None,
+    threads: Threads = 0,
+    json: Json = None,
+) -> None:
+    """Try to falsify a map: exact geometry against what the map calls free.
+
+    Exit code 0: nothing found; 1: something, with the nearest cases.
+    """
+    from odm import load_map
+    from odm.audit import audit as run_audit
+    from sim import describe
+
+    cell_map = load_map(map_dir)
+    options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
+    with Bars() as tell:
+        report = run_audit(cell_map, pairs=pairs, progress=tell, **options)
+    if json is not None:
+        show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
+    else:
+        describe.show_audit(report, cell_map.hash)
+    if not report.complete:
+        raise KeyboardInterrupt
+    if not report.passed:
+        raise typer.Exit(1)
+
+
+@app.command()
+@guarded
+def run(
+    map_dir: MapOption,
+    motion: Annotated[
+        str,
+        typer.Option(metavar="sweep|reach|jitter|hover|intrusion", help="The person."),
+    ] = "sweep",
+    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
+    seed: Seed = 0,
+    rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write all pictures there.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Write the latency plot.")
+    ] = None,
+    animation: Annotated[
+        Path | None, typer.Option(metavar="GIF", help="Write a short film.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Move the robot between two work places while a person moves; audit each frame."""
+    from sim.run_command import RunFiles, run_motion
+    from sim.terminal import show_json
+
+    files = RunFiles.chosen(out, motion, plot, animation)
+    quiet = json == "-"
+    result = run_motion(map_dir, motion, seconds, seed, rate, files, quiet)
+    if json is not None:
+        show_json(result, json)
+
+
+@app.command()
+@guarded
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="For pictures.")] = Path(
+        "out"
+    ),
+    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
+    threads: Threads = 0,
+) -> None:
+    """Build the demo map unless it is there, run a robot beside a moving arm, draw it."""
+    from sim.run_command import run_demo_command
+
+    run_demo_command(out, seconds, threads)
+
+
+@app.command()
+@guarded
+def replay(
+    map_dir: MapOption,
+    frames: Annotated[Path, typer.Option(metavar="NPZ", help="Recorded frames.")],
+    always_replan: Annotated[
+        bool, typer.Option("--always-replan", help="Search anew in every frame.")
+    ] = False,
+    spacing: Annotated[
+        float | None,
+        typer.Option(
+            help="Of samples on capsules, in m; default: 0.03, or less if the map asks for it."
+        ),
+    ] = None,
+    paths: Annotated[
+        bool, typer.Option("--paths", help="Keep each frame's path in the JSON.")
+    ] = False,
+    json: Json = None,
+) -> None:
+    """Play recorded obstacle frames through the planner, without a simulator.
+
+    The file holds `capsules` (F, K, 7), or `points` (sum, 3) and `offsets` (F + 1,),
+    with `q_start`, `q_goal` (dof,) and `rate_hz`. Between frames the robot moves
+    along the answer's path at its joints' speed limits.
+    """
+    from odm import load_map
+    from sim import replay as player
+
+    cell_map = load_map(map_dir)
+    recording = player.read_recording(frames, cell_map, spacing)
+    with Bars() as tell:
+        record = player.play(cell_map, recording, always_replan, paths, tell)
+    if json is not None:
+        show_json(record, json)
+    if json != "-":
+        player.show(record)
+
+
+@app.command()
+@guarded
+def bench(
+    name: Annotated[str, typer.Argument(metavar="latency|build", help="Which one.")],
+    map_dir: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
+    ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the tables as Markdown.")
+    ] = False,
+    json: Json = None,
+) -> None:
+    """Measure: figures as tables or JSON, with processor, versions and map hash."""
+    from sim.bench_command import run_bench
+
+    run_bench(name, map_dir, markdown, json)
+
+
+@app.command()
+@guarded
+def warmup(
+    fine: Annotated[
+        bool,
+        typer.Option("--fine", help="Also for grids of more than 65535 blocks."),
+    ] = False,
+) -> None:
+    """Compile all kernels ahead, so that no frame ever pays for it."""
+    from sim.warmup import run_warmup
+
+    with Bars("loading the compiler") as tell:
+        seconds, compiled = run_warmup(tell, fine)
+    what = f"{compiled} kernels compiled" if compiled else "everything was compiled"
+    print(f"{what}, {seconds:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

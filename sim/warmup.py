@@ -1,0 +1,203 @@
+"""`odm warmup`: compile every kernel before a frame has to wait for it.
+
+Numba compiles a kernel for the types of its arguments, and keeps the result on disk.
+To it a read-only array is another type than a writable one, so the arrays here are
+the real ones: a map that was stored and is read again by memory-map.
+"""
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from odm import (
+    Box,
+    CellMap,
+    PlannerSettings,
+    ReactivePlanner,
+    Recipe,
+    build_map,
+    load_map,
+    sample_capsules,
+    surface_of,
+)
+from odm.recipe import RobotRecipe, Safety
+from roadmap.build import RoadmapSettings
+from roadmap.kinematics import tool_pose
+
+URDF = """<robot name="sample">
+<link name="base"><collision><geometry><cylinder radius="0.06" length="0.1"/></geometry>
+</collision></link>
+<link name="upper"><collision><origin xyz="0.1 0 0"/><geometry>
+<box size="0.2 0.05 0.05"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.1 0 0"/><geometry>
+<box size="0.2 0.04 0.04"/></geometry></collision></link>
+<link name="hand"><collision><origin xyz="0.05 0 0"/><geometry>
+<sphere radius="0.03"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/>
+<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="b" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+<joint name="c" type="revolute"><parent link="fore"/><child link="hand"/>
+<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+</robot>
+"""
+COARSE, FINE = 0.04, 0.004  # [m] the fine one needs more blocks than 16 bits can name
+
+Progress = Callable[[str, int, int], None]
+
+
+def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
+    """Build a tiny map, store, load and use it in every way.
+
+    Args:
+        progress: Called with (stage, done, total).
+        fine: Also compile for grids of more than 65535 blocks.
+
+    Returns:
+        Seconds it took, and how many kernels were compiled anew.
+    """
+    begun, before = time.perf_counter(), cache_misses()
+    sizes = (COARSE, FINE) if fine else (COARSE,)
+    stages = 6 * len(sizes)
+    for k, h in enumerate(sizes):
+        with tempfile.TemporaryDirectory() as folder:
+            jobs = _jobs(Path(folder), h)
+            for i, job in enumerate(jobs, 6 * k + 1):
+                job()
+                progress("kernels", i, stages)
+    return time.perf_counter() - begun, cache_misses() - before
+
+
+def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
+    loaded: list[CellMap] = []
+
+    def build() -> None:
+        build_map(tiny_recipe(folder, h)).save(folder / "map")
+
+    def load() -> None:
+        loaded.append(load_map(folder / "map"))
+        loaded[0].robot.ik(tool_pose(loaded[0].robot, np.array([0.1, 0.4, 0.5])))
+
+    return [
+        build,
+        load,
+        lambda: exercise(loaded[0]),
+        lambda: _ask(loaded[0]),
+        lambda: _audit(loaded[0]),
+        lambda: _measure(loaded[0]),
+    ]
+
+
+def tiny_recipe(folder: Path, h: float = COARSE) -> Recipe:
+    """Return the recipe of a map that is built in a moment; writes its URDF."""
+    urdf = folder / "sample.urdf"
+    urdf.write_text(URDF, encoding="utf-8")
+    return Recipe(
+        name="sample",
+        robot=RobotRecipe(source=str(urdf), tip="hand"),
+        roadmap=RoadmapSettings(nodes=60, neighbors=6),
+        safety=Safety(h=h),
+        scenery=(
+            {"type": "plane", "name": "floor"},
+            {"type": "box", "size": [0.2, 0.2, 0.1], "position": [0.6, 0.4, 0.05]},
+        ),
+    )
+
+
+def exercise(cell_map: CellMap) -> None:
+    """Take every way through a frame once, with a planner of its own.
+
+    Later planners of this process then find all kernels loaded.
+    """
+    settings = PlannerSettings(max_points=64)
+    for always_replan in (True, False):
+        planner = ReactivePlanner(cell_map, always_replan, settings)
+        start, goal = _two_nodes(planner)
+        planner.set_goals([goal], costs=[0.5])
+        planner.set_goals([goal, start])
+        for points in _scenes(cell_map, start, goal):
+            for q in (start, 0.9 * start + 0.1 * goal, goal):
+                planner.step(points, q=q, dq=np.zeros_like(q))
+                answer = planner.step(points, q=q, stamp=0.0, now=0.01)
+                _ = answer.reason, answer.blockers, answer.retreat
+            planner.polish(8)
+            planner.separation(start)
+            planner.is_free(start, goal)
+            planner.invalid_nodes()
+            planner.invalid_edges()
+        planner.step(points, q=start, covering_radius=cell_map.safety.rho)
+        planner.step(np.full((1, 3), np.nan), q=start)
+        planner.reset()
+
+
+def _two_nodes(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
+    """Return two configurations that are free here, not quite roadmap nodes."""
+    nodes = planner.cell_map.roadmap.nodes
+    middle = np.array(nodes.mean(axis=0))
+    near = [0.999 * node + 0.001 * middle for node in nodes[:: max(1, len(nodes) // 40)]]
+    free = [q for q in near if planner.is_free(q, q)]
+    return (free[0], free[-1]) if free else (np.array(nodes[0]), np.array(nodes[-1]))
+
+
+def _scenes(cell_map: CellMap, start: np.ndarray, goal: np.ndarray) -> list[np.ndarray]:
+    """Return points of nobody, of an arm in the way, at the start and all around."""
+    robot, rho = cell_map.robot, cell_map.safety.rho
+    hand, there = (tool_pose(robot, q)[:3, 3] for q in (start, goal))
+    between = 0.5 * (hand + there)
+    rod = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.03])
+
+    def arm_at(*places: np.ndarray) -> np.ndarray:
+        rows = [np.r_[p, p, 0.0] + rod for p in places]
+        return sample_capsules(np.array(rows), rho)
+
+    many = [arm_at(between + 0.03 * k) for k in range(4)]
+    return [
+        np.zeros((0, 3)),
+        arm_at(between + 10.0),
+        arm_at(between),
+        arm_at(hand),
+        arm_at(there),
+        np.concatenate(many),
+    ]
+
+
+def _ask(cell_map: CellMap) -> None:
+    """Set scenery of the place, and sample every kind of obstacle."""
+    planner = ReactivePlanner(cell_map)
+    box = Box(np.array([0.1, 0.1, 0.1]))
+    planner.set_static(box)
+    planner.set_static(surface_of(box, cell_map.safety.rho))
+    planner.set_goals([_two_nodes(planner)[1]])
+
+
+def _audit(cell_map: CellMap) -> None:
+    from odm.audit import audit
+
+    audit(cell_map, pairs=60, threads=1)
+    audit(cell_map, pairs=60, close=True, threads=1)
+
+
+def _measure(cell_map: CellMap) -> None:
+    from sim.loop import exact_audit
+
+    q = np.array(cell_map.roadmap.nodes[0])
+    exact_audit(cell_map.robot)(q, np.array([[1.0, 0, 0, 1.0, 0, 0.3, 0.05]]))
+
+
+def cache_misses() -> int:
+    """Return how many kernels this process has compiled so far."""
+    from numba.core.dispatcher import Dispatcher
+
+    kernels = {}
+    for name, module in list(sys.modules.items()):
+        if name.split(".")[0] in ("roadmap", "odm", "sim"):
+            found = [v for v in vars(module).values() if isinstance(v, Dispatcher)]
+            kernels |= {id(kernel): kernel for kernel in found}
+    return sum(sum(k.stats.cache_misses.values()) for k in kernels.values())

@@ -1,0 +1,77 @@
+"""Slow twins of the cell kernels, written from the definitions and nothing else."""
+
+import numpy as np
+
+from roadmap.kinematics import body_frames
+
+
+def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, int]]:
+    """Return the cells whose cube comes within `radius` of `center`."""
+    # only the cells in a box around it, with two to spare on each side
+    at = (np.asarray(center) - origin) / h
+    first = np.maximum(0, np.floor(at - radius / h).astype(int) - 2)
+    last = np.minimum(4 * np.asarray(blocks), np.ceil(at + radius / h).astype(int) + 2)
+    axes = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    low = origin + h * cells
+    nearest = np.clip(center, low, low + h)
+    hit = np.linalg.norm(nearest - center, axis=-1) <= radius
+    return set(map(tuple, cells[hit].tolist()))
+
+
+def centers(arm, robot, q) -> np.ndarray:
+    """Return the centres of an Arm's spheres at q, (n, 3)."""
+    frames = body_frames(robot, q)[arm.body]
+    return np.einsum("nij,nj->ni", frames[:, :3, :3], arm.spheres[:, :3]) + frames[:, :3, 3]
+
+
+def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
+    """Unpack (block, mask) pairs to cells."""
+    _, ny, nz = (int(v) for v in blocks)
+    found = set()
+    for b, mask in zip(ids.tolist(), masks.tolist(), strict=True):
+        base = (4 * (b // (ny * nz)), 4 * (b // nz % ny), 4 * (b % nz))
+        for k in range(64):
+            if mask >> k & 1:
+                step = (k >> 4, k >> 2 & 3, k & 3)
+                found.add(tuple(base[a] + step[a] for a in range(3)))
+    return found
+
+
+def item_cells(cell_map, item) -> set[tuple[int, int, int]]:
+    """Return the cells in the list of an item (node, or n_nodes + edge)."""
+    cells = cell_map.arm_cells
+    part = slice(int(cells.ptr[item]), int(cells.ptr[item + 1]))
+    return words_to_cells(cells.block[part], cells.mask[part], cell_map.grid.blocks)
+
+
+def edge_cells(cell_map, edge) -> set[tuple[int, int, int]]:
+    """Return all cells an edge sweeps: its own list and those of its nodes."""
+    a, b = cell_map.roadmap.edges[edge]
+    own = item_cells(cell_map, cell_map.roadmap.n_nodes + edge)
+    return own | item_cells(cell_map, a) | item_cells(cell_map, b)
+
+
+def occupied_cells(cell_map, points) -> set[tuple[int, int, int]]:
+    """Return the cells of points inside the grid."""
+    cells = cell_map.grid.locate(points)
+    return set(map(tuple, cells[(cells >= 0).all(axis=1)].tolist()))
+
+
+def free_items(cell_map, points) -> tuple[np.ndarray, np.ndarray]:
+    """Return which nodes (n,) and edges (m,) share no cell with the points."""
+    occupied = occupied_cells(cell_map, points)
+    n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
+    nodes = np.array([not item_cells(cell_map, i) & occupied for i in range(n)])
+    edges = np.array([not edge_cells(cell_map, e) & occupied for e in range(m)])
+    return nodes, edges
+
+
+def smallest_gap(cell_map, q_a, dq, points, n=400) -> float:
+    """Return the least of |centre - point| - r over dense samples of a motion [m]."""
+    arm, best = cell_map.arm, np.inf
+    for t in np.linspace(0, 1, n):
+        c = centers(arm, cell_map.robot, q_a + t * dq)
+        d = np.linalg.norm(c[:, None] - points[None], axis=-1) - arm.spheres[:, None, 3]
+        best = min(best, d.min(initial=np.inf))
+    return best

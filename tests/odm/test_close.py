@@ -1,0 +1,142 @@
+"""The close test: free means free everywhere on the motion, and cells agree."""
+
+import numpy as np
+from naive_cells import edge_cells, occupied_cells, smallest_gap
+from small import draw_arm, draw_valid
+
+import odm
+from odm._kernels import close, kinematics_door, occupancy
+from odm._kernels.types import make_work
+from roadmap.kinematics import difference
+
+
+def cloud_of(cell_map, points):
+    cloud = cell_map.grid.new_cloud(max(1, len(points)))
+    occupancy.mark_points(points, cloud)
+    occupancy.sort_points(points, cloud)
+    return cloud
+
+
+def work_of(cell_map):
+    robot = cell_map.robot
+    return make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+
+
+def is_clear(cell_map, points, q, dq, escape=False, work=None):
+    work = work or work_of(cell_map)
+    return close.motion_clear(
+        cell_map.arm, cell_map.swept_radii(), q, dq, cell_map.motion_tolerance,
+        cloud_of(cell_map, points), escape, work,
+    )
+
+
+def test_what_is_called_free_is_free_at_dense_samples(small_map, planner, rng):
+    keep = small_map.safety.rho + small_map.safety.m
+    free = 0
+    for _ in range(150):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        points = points[occupied_mask(small_map, points)]
+        if is_clear(small_map, points, q, dq):
+            free += 1
+            assert smallest_gap(small_map, q, dq, points, 200) >= keep - 1e-9
+    assert free > 20
+
+
+def occupied_mask(cell_map, points):
+    return (cell_map.grid.locate(points) >= 0).all(axis=1)
+
+
+def test_what_is_called_blocked_comes_within_the_tolerance(small_map, planner, rng):
+    keep = small_map.safety.rho + small_map.safety.m
+    blocked = 0
+    for _ in range(60):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        points = points[occupied_mask(small_map, points)]
+        work = work_of(small_map)
+        if not is_clear(small_map, points, q, dq, work=work):
+            blocked += 1
+            sag = close.FINE_SAG + 1e-6
+            assert smallest_gap(small_map, q, dq, points, 400) <= keep + 10 * sag
+            assert 0 <= work.found[1] < len(points)
+    assert blocked > 10
+
+
+def test_what_cells_call_free_the_close_test_calls_free(small_map, rng):
+    roadmap, agreed = small_map.roadmap, 0
+    for _ in range(60):
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        occupied = occupied_cells(small_map, points)
+        for edge in rng.choice(roadmap.n_edges, 6, replace=False):
+            if edge_cells(small_map, edge) & occupied:
+                continue
+            agreed += 1
+            a, b = roadmap.edges[edge]
+            q = roadmap.nodes[a]
+            dq = difference(small_map.robot, q, roadmap.nodes[b])
+            assert is_clear(small_map, points, q, dq)
+    assert agreed > 60
+
+
+def test_points_that_graze_the_boundary_of_the_cells_pass_the_close_test(small_map, rng):
+    # one point in the middle of a free cell right next to a swept one
+    roadmap, grid = small_map.roadmap, small_map.grid
+    for edge in rng.choice(roadmap.n_edges, 20, replace=False):
+        swept = edge_cells(small_map, edge)
+        cell = next(iter(sorted(swept)))
+        while cell in swept:
+            cell = (cell[0] - 1, cell[1], cell[2])
+        corner = grid.origin + grid.h * (np.array(cell) + [0.999999, 0.5, 0.5])
+        a, b = roadmap.edges[edge]
+        q = roadmap.nodes[a]
+        dq = difference(small_map.robot, q, roadmap.nodes[b])
+        assert is_clear(small_map, corner[None], q, dq)
+
+
+def test_one_more_point_never_frees_a_motion(small_map, planner, rng):
+    for _ in range(40):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        few = points[rng.random(len(points)) < 0.5]
+        assert is_clear(small_map, few, q, dq) or not is_clear(small_map, points, q, dq)
+
+
+def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(small_map, planner, rng):
+    arm, robot = small_map.arm, small_map.robot
+    keep = small_map.swept_radii()
+    escaped = 0
+    for _ in range(200):
+        q = draw_valid(planner, rng)
+        work = work_of(small_map)
+        kinematics_door.place_anchor(arm, q, work)
+        now = work.anchor.copy()
+        # a point that leans on a sphere of the arm
+        i = int(rng.integers(len(now)))
+        side = rng.normal(size=3)
+        point = now[i] + side / np.linalg.norm(side) * (arm.spheres[i, 3] + 0.005)
+        dq = rng.uniform(-0.4, 0.4, robot.dof)
+        if not is_clear(small_map, point[None], q, dq, True, work):
+            continue
+        escaped += 1
+        before = np.linalg.norm(now - point, axis=1)
+        for t in np.linspace(0, 1, 80):
+            kinematics_door.place_anchor(arm, q + t * dq, work)
+            gap = np.linalg.norm(work.anchor - point, axis=1)
+            least = np.minimum(keep, before - close.ESCAPE_SLACK)
+            assert (gap >= least - 1e-9).all()
+    assert escaped > 5
+
+
+def test_separation_is_the_smallest_distance_of_cover_and_points(small_map, planner, rng):
+    for _ in range(20):
+        q = draw_valid(planner, rng)
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.step(points, q=q)
+        inside = points[occupied_mask(small_map, points)]
+        want = smallest_gap(small_map, q, np.zeros_like(q), inside, 1)
+        got = planner.separation(q)
+        assert got == want or abs(got - want) < 1e-9

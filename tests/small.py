@@ -1,0 +1,46 @@
+"""A small robot, its recipe and things to draw at random: shared by many tests."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import odm
+from odm.recipe import Recipe, RobotRecipe, Safety
+from roadmap.build import RoadmapSettings
+
+DATA = Path(__file__).parent / "data"
+FLOOR = {"type": "plane", "name": "floor"}
+
+
+def small_recipe(**safety: float) -> Recipe:
+    """Return the recipe of a quick map of the three-joint arm."""
+    return Recipe(
+        "arm3",
+        RobotRecipe(source=str(DATA / "arm3.urdf"), tip="tool"),
+        RoadmapSettings(nodes=150, neighbors=6, seed=3),
+        replace(Safety(h=0.05), **safety),
+        (FLOOR,),
+    )
+
+
+def draw_valid(planner: odm.ReactivePlanner, rng: np.random.Generator) -> np.ndarray:
+    """Draw a configuration that nothing standing still blocks."""
+    robot = planner.robot
+    while True:
+        q = rng.uniform(robot.lower, robot.upper)
+        if planner.static.motion_free(q, np.zeros_like(q)):
+            return q
+
+
+def draw_arm(rng: np.random.Generator) -> np.ndarray:
+    """Draw two capsules (2, 7) somewhere around the small arm [m]."""
+    shoulder = rng.uniform([-0.8, -0.4, 0.1], [0.8, 0.4, 1.0])
+    elbow = shoulder + 0.3 * _direction(rng)
+    hand = elbow + 0.35 * _direction(rng)
+    return np.array([[*shoulder, *elbow, 0.05], [*elbow, *hand, 0.04]])
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
