@@ -106,7 +106,8 @@ def _needle(rho, rng):
     The first ring of samples lies z0 below the end of the axis. The pole is at
     sqrt(r^2 + (z0 + r)^2) = rho from it, and every other point of the tip is nearer.
     """
-    radius, length = _between(rng, 0.001, min(0.004, 0.2 * rho)), _between(rng, 0.1, 0.6)
+    radius = _between(rng, 0.001, min(0.004, 0.2 * rho))
+    length = _between(rng, 0.1, 0.6)
     bare = np.sqrt((rho * (1 - 1e-9)) ** 2 - radius**2) - radius
     shape = solid.Capsule(radius, length)
     a, b = shape.ends()

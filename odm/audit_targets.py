@@ -70,7 +70,8 @@ def _tight(robot: Robot, i: int, n: int = 200) -> np.ndarray:
     kind = robot.solid_kind[i]
     if kind not in (HULL, BOX):
         return np.empty((0, 6))
-    corners = BOX_CORNERS * robot.solid_size[i] if kind == BOX else _hull_points(robot, i)
+    box = kind == BOX
+    corners = BOX_CORNERS * robot.solid_size[i] if box else _hull_points(robot, i)
     own = robot.spheres[robot.sphere_body == robot.link_body[robot.solid_link[i]]]
     T = robot.solid_pose[i]
     away = (corners @ T[:3, :3].T + T[:3, 3])[:, None] - own[None, :, :3]

@@ -139,7 +139,8 @@ def _ball_solids(robot: Robot) -> Solids:
 
 def _still_words(cell_map: CellMap, auditor: Auditor, edge: int) -> np.ndarray:
     """Return the cells of closely spaced still configurations of an edge."""
-    asked, arm, grid, safety = auditor.asked, cell_map.arm, cell_map.grid, cell_map.safety
+    asked, arm, grid = auditor.asked, cell_map.arm, cell_map.grid
+    safety = cell_map.safety
     t = np.linspace(0.0, 1.0, _STILL)[:, None]
     q = asked.nodes[asked.edges[edge, 0]] + t * asked.dq[edge]
     room = _STILL * grid.n_blocks

@@ -15,7 +15,8 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import body_frames
 from roadmap.robot import BOX, CYLINDER, HULL, SPHERE, Robot
 
-BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+_SIDES = (-0.5, 0.5)
+BOX_CORNERS = np.array([[x, y, z] for x in _SIDES for y in _SIDES for z in _SIDES])
 _NO_TRIANGLES = np.empty((0, 3, 3))
 
 

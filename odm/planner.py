@@ -8,7 +8,7 @@ import numpy as np
 
 from odm import attach, explain, polish
 from odm._kernels import close, frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_SAME, N_SEGMENT
+from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -27,6 +27,9 @@ from odm.static import StaticTest
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
+
+_LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
+_WORTH = 1.1  # times the straight length: a rest shorter than that stays
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ class ReactivePlanner:
         self.last: Answer | None = None
         self._q = self.memory.own.q
         self._moving = False
+        self._new_goals = False
         self._nowhere = np.empty((0, self.robot.dof))
         self.attacher.forget_start()
 
@@ -114,6 +118,7 @@ class ReactivePlanner:
             return
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
+        self._new_goals = True
 
     def set_static(self, points_or_shapes: object) -> None:
         """Set the scenery of this place, once: (n, 3) points or closed shapes.
@@ -171,6 +176,8 @@ class ReactivePlanner:
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
             return self._hold(begun, marked, covering_radius, trouble, code)
+        if code == step.PLANNED or not memory.own.numbers[N_FRAME] % _LOOK_STRAIGHT:
+            code = self._straighten(code)
         way, numbers = memory.way, memory.own.numbers
         at = int(numbers[N_SEGMENT])
         path = way.q[at : way.count[0]].copy()
@@ -181,6 +188,10 @@ class ReactivePlanner:
         return self._answer(status, path, begun, marked, covering_radius)
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
+        if self._new_goals:
+            self._new_goals = False
+            if np.array_equal(q, self._q):  # it stands: look around before it leaves
+                self.attacher.attach_start(q)
         code = self._step(points, q)
         lost = code == step.NOT_ATTACHED
         # on the way, but its segment is blocked at both ends: look around
@@ -189,6 +200,37 @@ class ReactivePlanner:
             self.attacher.attach_start(q)
             return self._step(points, q)
         return code
+
+    def _straighten(self, code: int) -> int:
+        """Go straight to the goal where a robot on its way can; returns the code.
+
+        From an attached start the search itself tries the straight motion, by its
+        cells. On the way there are none for it: the close test decides.
+        """
+        m, way = self.memory, self.memory.way
+        at = int(m.own.numbers[N_SEGMENT])
+        last = int(way.count[0]) - 1
+        if last - at < 2 or self.attacher.is_fresh(self._q):
+            return code
+        q = self._q.copy()
+        dq = self._difference(q, way.q[last])
+        if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
+            return code
+        self._sort()
+        tolerance = self.cell_map.motion_tolerance
+        if not close.motion_clear(
+            m.arm, self.radii, q, dq, tolerance, m.cloud, False, m.work
+        ) or not self.static.motion_free(q, dq):
+            return code
+        way.vertex[:2] = m.goals.count[2], way.vertex[last]
+        way.q[0], way.q[1] = q, q + dq
+        way.ref[0] = NO_ITEM
+        way.count[0] = 2
+        m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
+        return step.PLANNED
+
+    def _length(self, dq: np.ndarray) -> float:
+        return float(np.linalg.norm(dq * self.cell_map.roadmap.weights))
 
     def _step(self, points: np.ndarray, q: np.ndarray) -> int:
         s = self.settings

@@ -31,7 +31,8 @@ def spoiled(cell_map: CellMap, term: str, nodes: int = _NODES) -> CellMap:
         A map that still claims the terms it lacks.
     """
     if term not in TERMS:
-        raise BadInput(f"sabotage {term!r} is unknown: choose one of {', '.join(TERMS)}")
+        known = ", ".join(TERMS)
+        raise BadInput(f"sabotage {term!r} is unknown: choose one of {known}")
     roadmap = part_of(cell_map.roadmap, nodes)
     robot, arm, safety = cell_map.robot, arm_of(cell_map.robot), cell_map.safety
     if term == "rho":

@@ -92,6 +92,34 @@ def require_covering(surface: Surface | float, rho: float) -> None:
         )
 
 
+def rounded_covering(covering_radius: float, rounding: float, ball: float) -> float:
+    """Return the smaller covering radius that a rounded obstacle needs against balls.
+
+    A convex solid that is a union of balls of radius `rounding` (a capsule or sphere:
+    its own radius) is sampled with covering radius rho. Let a point c lie D <= `ball`
+    from it, x be the nearest surface point and n its normal, c = x + D n. The sample
+    p nearest to x is below the tangent plane, but outside the ball of radius a that
+    touches x from inside, so its depth is at most |p - x|^2 / (2 a), and
+
+        |p - c|^2 = |p - x|^2 + D^2 - 2 D n.(p - x) <= D^2 + rho^2 (1 + D / a).
+
+    Hence some sample is within `ball` + result of c; the result falls as `ball` grows,
+    so the smallest ball counts.
+
+    Args:
+        covering_radius: rho of the samples [m].
+        rounding: Radius a [m].
+        ball: Smallest radius asked about: least cover sphere plus clearance m [m].
+
+    Returns:
+        A radius that takes the place of rho in the tests of spheres this large [m].
+    """
+    rho = covering_radius
+    if not (rounding > 0.0 and ball > 0.0) or rho >= 2.0 * rounding:
+        return rho
+    return min(rho, np.sqrt(ball**2 + rho**2 * (1.0 + ball / rounding)) - ball)
+
+
 def sample_capsules(capsules: np.ndarray, spacing: float = 0.03) -> np.ndarray:
     """Sample the whole surfaces of capsules, both end caps included.
 

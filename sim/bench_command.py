@@ -6,46 +6,85 @@ import pkgutil
 from pathlib import Path
 
 from roadmap.errors import BadInput
-from sim.terminal import Bars, show_json
+from sim.terminal import Bars, show_json, write_text
 
 
 def bench_names() -> list[str]:
     """Return the benches that are there: modules of `sim.bench` with a `run`."""
     import sim.bench
 
-    found = []
-    for module in pkgutil.iter_modules(sim.bench.__path__):
-        path = Path(sim.bench.__path__[0]) / f"{module.name}.py"
-        if path.is_file() and "\ndef run(" in path.read_text(encoding="utf-8"):
-            found.append(module.name)
-    return sorted(found)
+    folder = Path(sim.bench.__path__[0])
+    modules = [m.name for m in pkgutil.iter_modules([str(folder)])]
+    texts = {m: (folder / f"{m}.py").read_text(encoding="utf-8") for m in modules}
+    return sorted(name for name, text in texts.items() if "\ndef run(" in text)
 
 
-def run_bench(
-    name: str, map_dir: Path | None, markdown: bool, json: str | None
-) -> None:
-    """Run a bench and print its report.
+def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> None:
+    """Run a bench and print its table, or write it where it is wanted.
 
-    A bench is a module with `run(...) -> report`; it is given what its signature
-    names of `map_dir` and `progress`. A report has `as_dict()`, `tables()` (rich)
-    and `markdown()`.
+    Args:
+        name: Of a module of `sim.bench` with `run(...)`, which returns plain data.
+        options: What the user chose, by parameter of `run`; None: left to the bench.
+        json: FILE.json or '-'.
+        markdown: '-' or a file with the markers of this bench, see `fill_section`.
 
     Raises:
-        BadInput: There is no such bench.
+        BadInput: There is no such bench, or it has no such option or file.
     """
-    names = bench_names()
-    if name not in names:
-        raise BadInput(f"there is no bench {name!r}; choose one of {', '.join(names)}")
+    if name not in bench_names():
+        known = ", ".join(bench_names())
+        raise BadInput(f"there is no bench {name!r}; choose one of {known}")
     run = importlib.import_module(f"sim.bench.{name}").run
-    wanted = inspect.signature(run).parameters
-    with Bars() as tell:
-        offered = {"map_dir": map_dir, "progress": tell}
-        report = run(**{k: v for k, v in offered.items() if k in wanted})
-    if json is not None:
-        show_json(report.as_dict(), json)
-    if markdown:
-        print(report.markdown())
-    elif json != "-":
-        from rich.console import Console
+    given = {k: v for k, v in options.items() if v is not None}
+    _check_options(name, run, given)
+    from sim.bench import table
 
-        Console().print(*report.tables())
+    if markdown not in (None, "-"):
+        fill_section(Path(markdown), name, None)
+    with Bars() as tell:
+        if "tell" in inspect.signature(run).parameters:
+            given["tell"] = lambda part: tell(part, 0, 1)
+        result = run(**given)
+    if json is not None:
+        show_json(result, json)
+    if markdown == "-":
+        print(table.markdown(result))
+    elif markdown is not None:
+        fill_section(Path(markdown), name, table.markdown(result))
+    elif json != "-":
+        table.print_bench(result)
+
+
+def _check_options(name: str, run: object, given: dict) -> None:
+    known = inspect.signature(run).parameters
+    for option in given:
+        if option not in known:
+            flag = "--map" if option == "map_dir" else f"--{option}"
+            raise BadInput(f"the bench {name!r} has no option {flag}; leave it out")
+    for option, parameter in known.items():
+        if parameter.default is parameter.empty and option not in given:
+            flag = "--map" if option == "map_dir" else f"--{option}"
+            raise BadInput(f"the bench {name!r} needs {flag}; give it")
+
+
+def fill_section(path: Path, name: str, text: str | None) -> None:
+    """Put the table of a bench between its two markers in a Markdown file.
+
+    Args:
+        path: The file.
+        name: Of the bench; the markers are `<!-- odm bench NAME: begin -->` and end.
+        text: The table; None only checks that the markers are there.
+
+    Raises:
+        BadInput: The file or its markers are missing.
+    """
+    begin, end = (f"<!-- odm bench {name}: {side} -->" for side in ("begin", "end"))
+    whole = path.read_text(encoding="utf-8")
+    before, _, rest = whole.partition(begin)
+    _, found, after = rest.partition(end)
+    if not found:
+        raise BadInput(
+            f"{path} has no section between {begin} and {end}; add both lines"
+        )
+    if text is not None:
+        write_text(path, f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}")

@@ -33,20 +33,24 @@ Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
 
 def main() -> None:
     """Run the command line; the exit code is 0, 1 (a finding or error) or 2 (usage)."""
-    app(with_json_target(sys.argv[1:]), prog_name="odm")
+    app(with_targets(sys.argv[1:]), prog_name="odm")
 
 
-def with_json_target(arguments: list[str]) -> list[str]:
+# options that may stand alone, and the ending of the file behind them
+_TARGETS = {"--json": ".json", "--markdown": ".md"}
+
+
+def with_targets(arguments: list[str]) -> list[str]:
     """Let `--json` stand alone: without a FILE.json behind it, it means '-'."""
     result, at = [], 0
     while at < len(arguments):
         word, at = arguments[at], at + 1
-        if word == "--json":
+        if word in _TARGETS:
             after = arguments[at] if at < len(arguments) else ""
-            if after == "-" or after.endswith(".json"):
-                word, at = f"--json={after}", at + 1
+            if after == "-" or after.endswith(_TARGETS[word]):
+                word, at = f"{word}={after}", at + 1
             else:
-                word = "--json=-"
+                word += "=-"
         result.append(word)
     return result
 
@@ -159,7 +163,7 @@ def demo(
     seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
     threads: Threads = 0,
 ) -> None:
-    """Build the demo map unless it is there, run a robot beside a moving arm, draw it."""
+    """Build the demo map unless it is there, then a robot works beside an arm."""
     from sim.run_command import run_demo_command
 
     run_demo_command(out, seconds, threads)
@@ -176,7 +180,7 @@ def replay(
     spacing: Annotated[
         float | None,
         typer.Option(
-            help="Of samples on capsules, in m; default: 0.03, or less if the map asks for it."
+            help="Of samples on capsules, in m; default: 0.03 or the map's rho."
         ),
     ] = None,
     paths: Annotated[
@@ -210,15 +214,25 @@ def bench(
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
     ] = None,
-    markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print the tables as Markdown.")
+    seed: Annotated[int | None, typer.Option(help="Same seed, same frames.")] = None,
+    short: Annotated[
+        bool, typer.Option("--short", help="To see that it runs, not to measure.")
     ] = False,
+    markdown: Annotated[
+        str | None,
+        typer.Option(
+            "--markdown",
+            metavar="FILE",
+            help="Put the table between the markers in FILE.md; alone: print it.",
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Measure: figures as tables or JSON, with processor, versions and map hash."""
     from sim.bench_command import run_bench
 
-    run_bench(name, map_dir, markdown, json)
+    options = {"map_dir": map_dir, "seed": seed, "short": short or None}
+    run_bench(name, options, json, markdown)
 
 
 @app.command()

@@ -157,7 +157,8 @@ def _joint_table(robot: dict) -> "Table":
 
 def _cover_table(cover: list[dict]) -> "Table":
     title = "Sphere cover, worst links first"
-    table = _table(title, "link", "", "spheres", "sticks out \\[mm]", "on average \\[mm]")
+    numbers = ("spheres", "sticks out \\[mm]", "on average \\[mm]")
+    table = _table(title, "link", "", *numbers)
     for row in sorted(cover, key=lambda row: -row["excess"]):
         cells = f"{1000 * row['excess']:.1f}", f"{1000 * row['protrusion']:.1f}"
         kind = "" if row["moving"] else "base"

@@ -141,7 +141,8 @@ def _two_nodes(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
     """Return two configurations that are free here, not quite roadmap nodes."""
     nodes = planner.cell_map.roadmap.nodes
     middle = np.array(nodes.mean(axis=0))
-    near = [0.999 * node + 0.001 * middle for node in nodes[:: max(1, len(nodes) // 40)]]
+    some = nodes[:: max(1, len(nodes) // 40)]
+    near = [0.999 * node + 0.001 * middle for node in some]
     free = [q for q in near if planner.is_free(q, q)]
     return (free[0], free[-1]) if free else (np.array(nodes[0]), np.array(nodes[-1]))
 

@@ -118,7 +118,7 @@ def basis(x, y, z, out):
 
 @njit(cache=True, nogil=True)
 def turn(a, b, spin, frame):
-    """Write to `frame` a rotation that takes direction a to b, turned by spin round b."""
+    """Write to `frame` a rotation that takes a to b, then turns by spin round b."""
     from_, to = np.empty((3, 3)), np.empty((3, 3))
     basis(a[0], a[1], a[2], from_)
     basis(b[0], b[1], b[2], to)
@@ -159,6 +159,31 @@ def asked_free(asked, arm, motion, points, cloud, work):
 
 
 @njit(cache=True, nogil=True)
+def swallowed(solids, frames, library, k, frame):
+    """Return a solid that lies inside hollow obstacle k, or -1.
+
+    Only asked where no facet is touched: then one point of a solid speaks for it all.
+    """
+    b = library.parts
+    start, end = b.ptr[library.part_ptr[k]], b.ptr[library.part_ptr[k + 1]]
+    triangles = b.points[start:end].copy().reshape((end - start) // 3, 3, 3)
+    for i in range(frames.shape[0]):
+        if not solids.used[i]:
+            continue
+        f, ball = frames[i], solids.parts.ball[i]
+        p = np.empty(3)
+        for c in range(3):
+            p[c] = f[9 + c] - frame[9 + c] + f[3 * c] * ball[0]
+            p[c] += f[3 * c + 1] * ball[1] + f[3 * c + 2] * ball[2]
+        x = frame[0] * p[0] + frame[3] * p[1] + frame[6] * p[2]
+        y = frame[1] * p[0] + frame[4] * p[1] + frame[7] * p[2]
+        z = frame[2] * p[0] + frame[5] * p[1] + frame[8] * p[2]
+        if abs(winding(triangles, x, y, z)) > 0.5:
+            return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
 def exact_distance(solids, frames, library, k, frame, cap, found):
     """Return (distance, gap) of the moving solids from obstacle k; see nearest_pair."""
     best, gap = cap, 0.0
@@ -193,16 +218,10 @@ def exact_distance(solids, frames, library, k, frame, cap, found):
                 best, gap = low - margin, high - low
                 found[0] = i
     if library.hollow[k] and best > 0.0:
-        start, end = b.ptr[first], b.ptr[last]
-        triangles = b.points[start:end].copy().reshape((end - start) // 3, 3, 3)
-        for i in range(frames.shape[0]):
-            p = frames[i, 9:12] - frame[9:12]
-            x = frame[0] * p[0] + frame[3] * p[1] + frame[6] * p[2]
-            y = frame[1] * p[0] + frame[4] * p[1] + frame[7] * p[2]
-            z = frame[2] * p[0] + frame[5] * p[1] + frame[8] * p[2]
-            if solids.used[i] and abs(winding(triangles, x, y, z)) > 0.5:
-                found[0] = i
-                return 0.0, 0.0
+        inside = swallowed(solids, frames, library, k, frame)
+        if inside >= 0:
+            found[0] = inside
+            return 0.0, 0.0
     return best, gap
 
 
@@ -240,9 +259,9 @@ def approach(solids, frames, library, pairs, k, frame, line):
     for c in range(3):
         line[3 + c] /= size
         p = f[3 * c] * target[0] + f[3 * c + 1] * target[1] + f[3 * c + 2] * target[2]
-        line[c] = (p + f[9 + c] + pairs.shift[k, c]) - (
-            frame[3 * c] * aim[0] + frame[3 * c + 1] * aim[1] + frame[3 * c + 2] * aim[2]
-        )
+        offset = frame[3 * c] * aim[0] + frame[3 * c + 1] * aim[1]
+        offset += frame[3 * c + 2] * aim[2]
+        line[c] = p + f[9 + c] + pairs.shift[k, c] - offset
 
 
 @njit(cache=True, nogil=True)
@@ -259,7 +278,8 @@ def audit_pairs(asked, arm, solids, library, pairs, cap, cloud, work, found):
     """Ask and measure all pairs; results go to `found`."""
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
-    q, line, nearest = np.empty(asked.nodes.shape[1]), np.empty(6), np.empty(1, np.int64)
+    q, line = np.empty(asked.nodes.shape[1]), np.empty(6)
+    nearest = np.empty(1, np.int64)
     for k in range(pairs.motion.shape[0]):
         motion, which = pairs.motion[k], pairs.obstacle[k]
         if motion < 0:

@@ -245,14 +245,9 @@ def sample_rods(flat, rods, spacing):
 def greedy_cover(ptr, covers, back_ptr, covered_by, weight, chosen):
     """Choose rows until every column is covered, by the weight each newly covers.
 
-    Args:
-        ptr, covers: Columns of each row (CSR); every row covers its own column.
-        back_ptr, covered_by: Rows of each column.
-        weight: (n,) above 0.
-        chosen: (n,) out: the rows chosen, first to last.
-
-    Returns:
-        Number of rows chosen.
+    `ptr`, `covers` are the columns of each row (CSR), its own among them; `back_ptr`,
+    `covered_by` the rows of each column; `weight` (n,) is above 0. The rows chosen are
+    written to `chosen` (n,), first to last, and their number is returned.
     """
     n = weight.shape[0]
     gain = np.zeros(n)

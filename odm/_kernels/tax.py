@@ -52,9 +52,7 @@ def walk(limit, kind, solids, frames, library, k, local, frame, line, points):
     """
     s = FAR
     for _ in range(1000):
-        d = distance_at(
-            s, kind, solids, frames, library, k, local, frame, line, points
-        )
+        d = distance_at(s, kind, solids, frames, library, k, local, frame, line, points)
         if d <= limit + TIGHT:
             return s
         s -= d - limit
@@ -68,9 +66,7 @@ def scan(asked, arm, motion, local, frame, line, points, cloud, work):
     """Return where a motion is first given up, coming in from FAR; NaN: never."""
     s = FAR
     while s > -FAR:
-        if not free_at(
-            s, asked, arm, motion, local, frame, line, points, cloud, work
-        ):
+        if not free_at(s, asked, arm, motion, local, frame, line, points, cloud, work):
             return s
         s -= STEP
     return np.nan
@@ -123,9 +119,7 @@ def node_taxes(asked, arm, solids, spheres, library, pairs, m, rho, cloud, work,
         for test in range(4):
             out[k, test] = np.nan
             if where[test] < FAR - STEP:
-                out[k, test] = distance_at(
-                    where[test], SOLIDS, solids, frames, *view
-                )
+                out[k, test] = distance_at(where[test], SOLIDS, solids, frames, *view)
     clear(cloud)
 
 

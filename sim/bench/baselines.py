@@ -49,17 +49,18 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
     fcl = FclSearch(cell_map)
     ours, theirs = Clock(), Clock()
     found, lengths, contacts = np.zeros((2, 2), int), [], 0
-    for pair, picked in _spread(pairs, n_frames):
+    for pair, part in _spread(pairs, n_frames):
         query = _prepare(planner, pair, other)
-        for frame in picked:
-            rods = pair.capsules[frame]
-            points = Pair(
-                pair.q_start, pair.q_goal, rods[None], pair.motion
-            ).points()[0]
-            planner.step(points, q=pair.q_start)  # both start with warm caches
-            answer = ours(planner.step, points, q=pair.q_start)
-            other.warm(rods)
-            path = theirs(other.search, rods)
+        # each has its frames one after the other, as a loop would; two to warm up
+        warm = pair.part(slice(max(0, part.start - 2), part.start))
+        timed = pair.part(part)
+        for p in warm.points():
+            planner.step(p, q=pair.q_start)
+        answers = [ours(planner.step, p, q=pair.q_start) for p in timed.points()]
+        for rods in warm.capsules:
+            other.search(rods)
+        paths = [theirs(other.search, rods) for rods in timed.capsules]
+        for rods, answer, path in zip(timed.capsules, answers, paths, strict=True):
             mine, its = len(answer.path) > 0, path is not None
             found[int(mine), int(its)] += 1
             if mine and its:
@@ -80,17 +81,14 @@ def _prepare(planner: ReactivePlanner, pair: Pair, other) -> Query:  # noqa: ANN
     return query
 
 
-def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, np.ndarray]]:
-    """Return (pair, frames) so that about n_frames are spread evenly over all."""
-    each = len(pairs[0].capsules)
-    picked = np.unique(
-        np.linspace(0, len(pairs) * each - 1, n_frames).round().astype(int)
-    )
-    found = []
+def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, slice]]:
+    """Return (pair, frames): runs of frames spread over all pairs and their length."""
+    if n_frames < len(pairs):
+        pairs = [pairs[k * len(pairs) // n_frames] for k in range(n_frames)]
+    run, found = max(1, n_frames // len(pairs)), []
     for k, pair in enumerate(pairs):
-        own = picked[(picked >= k * each) & (picked < (k + 1) * each)] - k * each
-        if len(own):
-            found.append((pair, own))
+        first = (len(pair.capsules) - run) * k // max(1, len(pairs) - 1)
+        found.append((pair, slice(max(0, first), first + run)))
     return found
 
 

@@ -41,7 +41,8 @@ class Clock:
         """Return a row of the calls in `keep` (all when None).
 
         Args:
-            name, note: What was measured, and how.
+            name: What was measured.
+            note: How.
             keep: (n,) bool, calls that count.
             asked: Limits by share, in microseconds: p50=20, p99=150.
         """

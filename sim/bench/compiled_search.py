@@ -45,21 +45,18 @@ class CompiledSearch:
 
     what = (
         "same roadmap, attachments, cost-to-go and cover; numba; capsules, clearance m "
-        "+ mu/2; samples at most mu apart, counted ahead, coarse ones first; body balls "
-        "first; verdicts remembered within the frame"
+        "+ mu/2; samples at most mu apart, counted ahead, coarse ones first; body "
+        "balls first; verdicts remembered within the frame"
     )
 
     def __init__(self, cell_map: CellMap) -> None:
         """Work out ahead how finely every edge has to be sampled."""
-        self.robot, self.roadmap, self.arm = cell_map.robot, cell_map.roadmap, cell_map.arm
+        self.robot, self.roadmap = cell_map.robot, cell_map.roadmap
+        self.arm = cell_map.arm
         self.mu = cell_map.safety.mu
         self.margin = cell_map.safety.m + 0.5 * self.mu
-        self.widest = np.array(
-            [
-                self.arm.spheres[a:b, 3].max(initial=0.0)
-                for a, b in zip(self.arm.body_ptr[:-1], self.arm.body_ptr[1:], strict=True)
-            ]
-        )
+        self.widest = np.zeros(len(self.robot.tree_i))
+        np.maximum.at(self.widest, self.arm.body, self.arm.spheres[:, 3])
         roadmap = self.roadmap
         q = np.ascontiguousarray(roadmap.nodes[roadmap.edges[:, 0]])
         self.edge_dq = difference(self.robot, q, roadmap.nodes[roadmap.edges[:, 1]])
@@ -92,10 +89,6 @@ class CompiledSearch:
             pieces, np.zeros((n_bodies, 12)), np.zeros(self.robot.dof),
             np.zeros(4, np.int64),
         )  # fmt: skip
-
-    def warm(self, rods: np.ndarray) -> None:
-        """Search the frame once, untimed."""
-        self.search(rods)
 
     def search(self, rods: np.ndarray) -> np.ndarray | None:
         """Search one frame from scratch; the path (k, dof) or None."""

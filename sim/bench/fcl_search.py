@@ -44,9 +44,6 @@ class FclSearch:
         lengths = query.goal_lengths.tolist()
         self.into_goal = dict(zip(query.goal_nodes.tolist(), lengths, strict=True))
 
-    def warm(self, rods: np.ndarray) -> None:
-        """Nothing to warm: no caches outlive a frame."""
-
     def search(self, rods: np.ndarray) -> np.ndarray | None:
         """Search one frame from scratch; the path (k, dof) or None."""
         self.checker.set_obstacles(rods)

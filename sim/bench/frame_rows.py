@@ -13,13 +13,8 @@ FOLLOW = {"p50": 40.0, "p99": 300.0}
 _AT_GOAL = 1e-6  # [rad or m]
 
 
-def replanned(cell_map: CellMap, pairs: list[Pair], record: list | None = None) -> list:
-    """Time frames replanned from scratch at the same q.
-
-    Args:
-        cell_map, pairs: Map and frames.
-        record: Where given, each pair's list of answers is appended.
-    """
+def replanned(cell_map: CellMap, pairs: list[Pair]) -> list:
+    """Time frames replanned from scratch at the same q."""
     planner = ReactivePlanner(cell_map, always_replan=True)
     clock, vertices = Clock(), []
     for pair in pairs:
@@ -29,8 +24,6 @@ def replanned(cell_map: CellMap, pairs: list[Pair], record: list | None = None) 
         planner.step(points[0], q=pair.q_start)
         answers = [clock(planner.step, p, q=pair.q_start) for p in points]
         vertices += [len(a.path) for a in answers]
-        if record is not None:
-            record.append(answers)
     vertices = np.array(vertices)
     blocked = vertices != 2
     note = "same q, searched from scratch in every frame"
@@ -47,10 +40,11 @@ def replanned(cell_map: CellMap, pairs: list[Pair], record: list | None = None) 
 def followed(cell_map: CellMap, pairs: list[Pair]) -> list:
     """Time frames of a robot that moves along its path, replanned or only looked at."""
     note = "q new every frame, at joint speed limits, searched from scratch"
-    rows = [_follow(cell_map, pairs, True).row("robot follows its path", note, **FOLLOW)]
-    note = "the same, searched only where the path is blocked"
-    rows.append(_follow(cell_map, pairs, False).row("... replan when blocked", note))
-    return rows
+    always, lazily = (_follow(cell_map, pairs, always) for always in (True, False))
+    return [
+        always.row("robot follows its path", note, **FOLLOW),
+        lazily.row("... replan when blocked", "searched only where it is blocked"),
+    ]
 
 
 def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> Clock:
@@ -89,13 +83,9 @@ def first_steps(cell_map: CellMap, pairs: list[Pair], each: int = 5) -> list:
     planner, clock = ReactivePlanner(cell_map, always_replan=True), Clock()
     for pair in pairs:
         planner.set_goals([pair.q_goal])
-        for rods in np.array_split(np.arange(len(pair.capsules)), each):
-            if len(rods) == 0:
-                continue
+        step = max(1, len(pair.capsules) // each)
+        for points in pair.part(slice(None, None, step)).points():
             planner.reset()
-            points = Pair(
-                pair.q_start, pair.q_goal, pair.capsules[rods[:1]], pair.motion
-            ).points()[0]
             clock(planner.step, points, q=pair.q_start)
     note = "nothing known of q: motions to near nodes are tested and swept"
     return [clock.row("first step at a q never seen", note, p99=5000.0)]

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm import Capsule, sample_capsules
+from odm import Capsule, ReactivePlanner, sample_capsules
 from odm.cell_map import CellMap
 from odm.exact import ExactRobot
 from odm.static import StaticTest
 from roadmap.arrays import frozen
 from roadmap.errors import PlanningError
-from roadmap.kinematics import difference, tool_pose
+from roadmap.kinematics import tool_pose
 
 LENGTHS = (0.30, 0.43)  # upper arm, forearm with hand: axes of the capsules [m]
 RADII = (0.05, 0.04)
@@ -24,10 +24,14 @@ SPACING = 0.03  # covering radius of the arm's samples [m]
 RATE_HZ = 100.0
 TOP_SPEED = 1.0  # of any point of the arm [m/s]
 MOTIONS = ("sweep", "reach", "jitter")
-CONDITIONS = ("every", "first")
+CONDITIONS = {
+    "every": "the exact solids keep the clearance m from the arm in every frame",
+    "clear": "the cover keeps rho + m from the arm's samples in every frame",
+    "first": "the exact solids keep the clearance m from the arm in the first frame",
+}
 # where the tool starts and ends: left and right of the arm [m]
 SIDE = np.array([[0.25, 0.15, 0.15], [0.65, 0.55, 0.75]])
-_MOST_DRAWS = 20000
+_MOST_DRAWS = 5000
 
 
 class NoFeasiblePair(PlanningError):
@@ -58,6 +62,10 @@ class Pair:
         """Return the sampled surface of the arm in every frame, (n, 3) each [m]."""
         return [sample_capsules(rods, SPACING) for rods in self.capsules]
 
+    def part(self, frames: slice) -> "Pair":
+        """Return the pair with some of its frames only."""
+        return Pair(self.q_start, self.q_goal, self.capsules[frames], self.motion)
+
 
 def make_pairs(
     cell_map: CellMap,
@@ -70,11 +78,12 @@ def make_pairs(
 
     Args:
         cell_map: The map of the robot.
-        pairs, frames: Number of pairs, and of frames of each.
+        pairs: Number of pairs.
+        frames: Number of frames of each.
         seed: Same seed, same frames.
-        condition: "every": the exact solids of start and goal keep the map's
-            clearance from the arm in every frame, as the competitors of GOALS were
-            measured; "first": in the first frame only.
+        condition: What start and goal must be, see CONDITIONS. "every" is how the
+            competitors of GOALS were measured, and does not depend on how tight
+            cover and samples are; "clear" is what the planner calls free.
 
     Raises:
         NoFeasiblePair: None was found in many draws.
@@ -92,6 +101,9 @@ class _Draw:
         self.robot, self.rng = cell_map.robot, rng
         self.m = cell_map.safety.m
         self.exact = ExactRobot(cell_map.robot)
+        self.planner = ReactivePlanner(cell_map)
+        self.sided = True
+        self.keep = cell_map.safety.rho + cell_map.safety.m
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
         )
@@ -99,38 +111,53 @@ class _Draw:
     def pair(self, motion: str, frames: int, condition: str) -> Pair:
         for _ in range(200):
             capsules = arm_frames(motion, frames, self.rng)
-            heeded = capsules if condition == "every" else capsules[:1]
-            q_start = self.configuration(1.0, heeded)
-            q_goal = self.configuration(-1.0, heeded)
-            if q_start is None or q_goal is None:
+            heeded = capsules[:1] if condition == "first" else capsules
+            free = self.clear if condition == "clear" else self.free
+            q_start, q_goal = self.configuration(1.0), self.configuration(-1.0)
+            if not (free(q_start, heeded) and free(q_goal, heeded)):
                 continue
             if self.rng.random() < 0.5:
                 q_start, q_goal = q_goal, q_start
             return Pair(q_start, q_goal, capsules, motion)
         raise NoFeasiblePair(
-            f"no free pair of configurations was found for {self.robot.name}: its tool "
-            f"must reach both sides of the arm, {SIDE[0]} to {SIDE[1]} m; use another "
-            "robot"
+            f"no free pair of configurations was found for {self.robot.name} on both "
+            "sides of the arm; the frames need a robot that can keep out of its way"
         )
 
-    def configuration(self, side: float, capsules: np.ndarray) -> np.ndarray | None:
-        """Return a valid configuration with the tool at a side, free of the arm."""
+    def configuration(self, side: float) -> np.ndarray:
+        """Return a valid configuration with the tool at a side of the arm.
+
+        A robot whose tool never gets there, as a planar one, may have it anywhere.
+        """
         robot = self.robot
-        low, high = (SIDE * [1.0, side, 1.0])[:, None]
-        low, high = np.minimum(low, high)[0], np.maximum(low, high)[0]
+        ends = SIDE * [1.0, side, 1.0]
+        low, high = ends.min(axis=0), ends.max(axis=0)
         for _ in range(_MOST_DRAWS):
             q = self.rng.uniform(robot.lower, robot.upper)
             p_tool = tool_pose(robot, q)[:3, 3]
-            if not ((low <= p_tool) & (p_tool <= high)).all():
+            if self.sided and not ((low <= p_tool) & (p_tool <= high)).all():
                 continue
-            if not self.static.motion_free(q, np.zeros(robot.dof)):
-                continue
-            return q if self.free(q, capsules) else None
-        return None
+            if self.static.motion_free(q, np.zeros(robot.dof)):
+                return q
+        if self.sided:
+            self.sided = False
+            return self.configuration(side)
+        raise NoFeasiblePair(
+            f"no valid configuration of {robot.name} was found in {_MOST_DRAWS} draws; "
+            "check its recipe's scenery"
+        )
 
     def free(self, q: np.ndarray, capsules: np.ndarray) -> bool:
         """Return whether the exact solids keep the clearance in all frames."""
         return not any(self.exact.collides(q, shapes(c), self.m) for c in capsules)
+
+    def clear(self, q: np.ndarray, capsules: np.ndarray) -> bool:
+        """Return whether the planner calls q free in all frames."""
+        for rods in capsules:
+            self.planner.step(sample_capsules(rods, SPACING), q=q)
+            if self.planner.separation(q) <= self.keep:
+                return False
+        return True
 
 
 def shapes(rods: np.ndarray) -> list[Capsule]:
@@ -183,7 +210,8 @@ def _sweep(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
 def _reach(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
     there = np.array([0.3, 0.0, 0.5]) + rng.uniform(-1, 1, 3) * [0.08, 0.15, 0.15]
     rest = np.array([0.7, 0.0, 0.15]) + rng.uniform(-0.05, 0.05, 3)
-    return lambda s: rest + (there - rest) * (0.5 - 0.5 * np.cos(2 * np.pi * s))[:, None]
+    way = there - rest
+    return lambda s: rest + way * (0.5 - 0.5 * np.cos(2 * np.pi * s))[:, None]
 
 
 def _jitter(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
@@ -199,8 +227,3 @@ def _jitter(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
 
 
 _HANDS = {"sweep": _sweep, "reach": _reach, "jitter": _jitter}
-
-
-def straight(cell_map: CellMap, pair: Pair) -> np.ndarray:
-    """Return the displacement of the straight motion from start to goal, (dof,)."""
-    return difference(cell_map.robot, pair.q_start, pair.q_goal)

@@ -5,7 +5,15 @@ from pathlib import Path
 
 from odm import load_map
 from sim.bench import baselines, frame_rows, map_rows, walled
-from sim.bench.frames import LENGTHS, RADII, RATE_HZ, SPACING, TOP_SPEED, make_pairs
+from sim.bench.frames import (
+    CONDITIONS,
+    LENGTHS,
+    RADII,
+    RATE_HZ,
+    SPACING,
+    TOP_SPEED,
+    make_pairs,
+)
 from sim.bench.header import header
 
 FCL_FRAMES, COMPILED_FRAMES = 40, 600  # frames the competitors are run on
@@ -25,7 +33,8 @@ def run(
 
     Args:
         map_dir: Folder of a built map.
-        pairs, frames: Start and goal pairs, and frames of each.
+        pairs: Start and goal pairs.
+        frames: Frames of each.
         seed: Same seed, same frames.
         condition: See `make_pairs`.
         short: Few of everything: to see that the bench runs, not to measure.
@@ -51,7 +60,7 @@ def run(
         "direct map": lambda: map_rows.direct_map(cell_map, some),
         "camera": lambda: map_rows.clouds(cell_map, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
-        "new process": lambda: map_rows.first_answer(map_dir, drawn[0]),
+        "new process": lambda: map_rows.first_answer(map_dir, drawn[0], 1 if short else 3),
     }
     head, rows = header(cell_map), []
     for name, measure in parts.items():
@@ -86,8 +95,5 @@ def _setup(drawn, pairs, frames, seed, condition) -> dict:  # noqa: ANN001
         "arm": {"lengths_m": LENGTHS, "radii_m": RADII, "top_speed_m_s": TOP_SPEED},
         "points_per_frame": len(drawn[0].points()[0]),
         "covering_radius_m": SPACING,
-        "start_and_goal_free": {
-            "every": "by exact solids with the clearance m, in every frame",
-            "first": "by exact solids with the clearance m, in the first frame",
-        }[condition],
+        "start and goal": CONDITIONS[condition],
     }

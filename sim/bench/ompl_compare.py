@@ -57,7 +57,7 @@ def run(
         rows += _compare(cell_map, pair, set(picked.tolist()), other, ours, limit_s)
     setup = {"pairs": pairs, "frames compared": len(rows), "seed": seed}
     setup["OMPL's limit"] = f"{limit_s} s"
-    table = _rows(np.array(rows, float).reshape(-1, 5), ours)
+    table = _rows(np.array(rows, float).reshape(-1, 6), ours)
     return {"bench": "ompl", "header": header(cell_map), "setup": setup, "rows": table}
 
 
@@ -65,7 +65,7 @@ def _compare(
     cell_map: CellMap, pair: Pair, picked: set[int], other: "OmplPlanner",
     ours: Clock, limit_s: float,
 ) -> list[tuple]:  # fmt: skip
-    """Return (found, length, found by OMPL, its length, its time [us]) by frame."""
+    """Return (found, length, OMPL found, its length, its us, ends clear)."""
     planner = ReactivePlanner(cell_map)
     planner.set_goals([pair.q_goal])
     rows = []
@@ -75,12 +75,17 @@ def _compare(
             begun = time.perf_counter_ns()
             path = other.solve(pair, pair.capsules[frame], limit_s)
             took = 1e-3 * (time.perf_counter_ns() - begun)
-            found = answer.status != HOLDING
-            rows.append(
-                (found, length(answer.path), path is not None, length(path), took)
-            )
+            found, its = answer.status != HOLDING, path is not None
+            clear = found or _clear(planner, pair)
+            rows.append((found, length(answer.path), its, length(path), took, clear))
         planner.polish(4)
     return rows
+
+
+def _clear(planner: ReactivePlanner, pair: Pair) -> bool:
+    """Return whether start and goal keep the planner's own clearance in this frame."""
+    keep = planner.cell_map.safety.rho + planner.cell_map.safety.m
+    return all(planner.separation(q) > keep for q in (pair.q_start, pair.q_goal))
 
 
 def _rows(found: np.ndarray, ours: Clock) -> list[dict]:
@@ -88,15 +93,19 @@ def _rows(found: np.ndarray, ours: Clock) -> list[dict]:
     both = mine & its
     ratio = np.median(found[both, 1] / found[both, 3]) if both.any() else np.nan
     shared = 100.0 * both.sum() / max(1, its.sum())
+    clear = its & (found[:, 5] > 0)
+    of_clear = 100.0 * (both & clear).sum() / max(1, clear.sum())
     note = "following or replanning as blocked, polish(4) between frames"
     return [
         value_row("frames OMPL finds a path in", 100.0 * its.mean(), "%"),
         value_row("... of those answered with a path", shared, "%", least=ANSWERED),
+        value_row("... where both ends keep rho + m by the cover", of_clear, "%",
+                  least=ANSWERED),
         value_row("answered, not found by OMPL", int((mine & ~its).sum()), "frames"),
         value_row("path length, median ratio to OMPL simplified", ratio, "",
                   "joint space, rad", most=LENGTH),
         value_row("path length, ours, median", _median(found[both, 1]), "rad"),
-        value_row("path length, OMPL simplified, median", _median(found[both, 3]), "rad"),
+        value_row("path length, OMPL's, median", _median(found[both, 3]), "rad"),
         ours.row("the planner", note),
         time_row("OMPL RRT-Connect, simplified", "where it found a path",
                  found[its, 4], None),

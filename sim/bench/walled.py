@@ -68,7 +68,7 @@ def _beside(
     points: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray | None:
-    """Return `points` and an arm more beside the links at q; start and goal stay free."""
+    """Return `points` and one more arm beside the links at q; both ends stay free."""
     cell_map = planner.cell_map
     robot, safety = cell_map.robot, cell_map.safety
     keep = safety.rho + safety.m

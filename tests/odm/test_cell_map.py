@@ -149,17 +149,36 @@ def test_an_unknown_recipe_lists_the_known_ones():
         odm.load_recipe("pandaa")
 
 
-@pytest.mark.parametrize("change", [{"h": 0.002}, {"nodes": 9_000_000}])
-def test_an_absurd_size_is_refused_before_the_build(change):
+def test_a_map_that_would_not_fit_in_memory_is_refused_before_the_build():
     from dataclasses import replace
 
     recipe = small_recipe()
-    if "h" in change:
-        recipe = replace(recipe, safety=replace(recipe.safety, **change))
-    else:
-        recipe = replace(recipe, roadmap=replace(recipe.roadmap, **change))
+    huge = replace(recipe, roadmap=replace(recipe.roadmap, nodes=9_000_000))
     with pytest.raises(BuildRefused, match="GB"):
-        odm.build_map(recipe)
+        odm.build_map(huge)
+    fine = replace(
+        recipe,
+        safety=replace(recipe.safety, h=0.002),
+        roadmap=replace(recipe.roadmap, nodes=200_000),
+    )
+    with pytest.raises(BuildRefused, match="cells of 0.002 m"):
+        odm.build_map(fine)
+
+
+def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map):
+    from dataclasses import replace
+
+    recipe = small_recipe(h=0.008)
+    few = replace(recipe, roadmap=replace(recipe.roadmap, nodes=40))
+    fine = odm.build_map(few, robot=small_map.robot)
+    assert fine.grid.n_blocks > 65535
+    assert fine.arm_cells.block.dtype == np.uint32
+    planner = odm.ReactivePlanner(fine)
+    planner.set_goals([np.array([-1.2, -0.6, 0.0])])
+    points = odm.sample_capsules(np.array([[0, 0, 0.9, 0, 0, 1.4, 0.05]]), 0.03)
+    answer = planner.step(points, q=np.array([1.2, 0.6, 0.0]))
+    assert answer.status in ("replanned", "holding")
+    assert len(planner.invalid_edges())
 
 
 @pytest.mark.parametrize(

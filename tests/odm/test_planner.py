@@ -138,9 +138,9 @@ def test_many_goals_do_not_fill_the_memory(small_map, planner, rng):
 def test_polishing_never_lengthens_and_is_remembered(small_map, planner, rng):
     cuts = shorter = 0
     for _ in range(25):
-        q = draw_valid(planner, rng)
-        planner.set_goals([draw_valid(planner, rng)])
-        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        q = HOME + rng.uniform(-0.2, 0.2, 3)
+        planner.set_goals([AWAY + rng.uniform(-0.2, 0.2, 3)])
+        points = odm.sample_capsules(POST + rng.uniform(-0.02, 0.02, 7), 0.03)
         before = planner.step(points, q=q)
         if before.status == "holding" or len(before.path) < 3:
             continue

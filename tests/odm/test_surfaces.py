@@ -12,6 +12,7 @@ import odm.shapes as shapes
 from odm.surfaces import (
     Surface,
     require_covering,
+    rounded_covering,
     sample_boxes,
     sample_capsules,
     sample_cylinders,
@@ -262,6 +263,30 @@ def test_an_open_mesh_is_refused():
         sample_mesh(box.vertices, box.faces + 1)
     with pytest.raises(BadInput, match="too large"):
         sample_mesh(box.vertices * 1000, box.faces)
+
+
+@laws
+@given(st.floats(0.01, 0.2), lengths, spacings, st.floats(0.01, 0.15), seeds)
+def test_a_rounded_obstacle_needs_a_smaller_radius(radius, length, spacing, ball, seed):
+    """Wherever a ball touches the capsule, a sample is within ball + that radius."""
+    rng = np.random.default_rng(seed)
+    needed = rounded_covering(spacing, radius, ball)
+    assert needed <= spacing
+    samples = surface_of(shapes.Capsule(radius, length), spacing).points
+    outer = capsule_surface(rng, radius + 1.0, length)
+    axis = np.clip(outer[:, 2], -0.5 * length, 0.5 * length)
+    foot = np.column_stack([np.zeros((len(axis), 2)), axis])
+    normal = (outer - foot) / (radius + 1.0)
+    for size in (1.0, 0.3, 0.0):
+        centers = foot + (radius + size * ball) * normal
+        assert farthest(centers, samples) <= ball + needed + 1e-12
+    larger = rounded_covering(spacing, radius, 1.1 * ball)
+    assert larger <= needed + 1e-15
+
+
+def test_the_reference_arm_needs_two_thirds_of_rho():
+    assert rounded_covering(0.03, 0.04, 0.03) == pytest.approx(0.0197, abs=1e-4)
+    assert rounded_covering(0.03, 0.01, 0.03) == 0.03
 
 
 def test_a_mesh_comes_from_a_file_in_its_own_unit(tmp_path):

@@ -1,0 +1,217 @@
+"""The benches run and say true things; how fast they are is not tested."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from small import DATA, small_recipe
+
+import odm
+from odm.direct import DirectMap
+from sim.bench import (
+    baselines,
+    build,
+    frame_rows,
+    frames,
+    latency,
+    map_rows,
+    ompl_compare,
+    walled,
+)
+from sim.bench.clock import Clock, time_row, value_row
+from sim.bench.compiled_search import CompiledSearch
+from sim.bench.fcl_search import FclSearch
+from sim.bench.query import query_of
+from sim.bench.table import markdown, print_bench
+
+
+@pytest.fixture(scope="module")
+def map_dir(tmp_path_factory):
+    """A saved map of the small arm."""
+    return odm.build_map(small_recipe()).save(tmp_path_factory.mktemp("bench") / "arm3")
+
+
+@pytest.fixture(scope="module")
+def saved(map_dir):
+    """The same map, loaded."""
+    return odm.load_map(map_dir)
+
+
+@pytest.fixture(scope="module")
+def pairs(saved):
+    """A few pairs with a sweeping, reaching and trembling arm."""
+    return frames.make_pairs(saved, pairs=6, frames=10, seed=2)
+
+
+def test_the_same_seed_draws_the_same_frames(saved, pairs):
+    again = frames.make_pairs(saved, pairs=6, frames=10, seed=2)
+    for one, other in zip(pairs, again, strict=True):
+        assert np.array_equal(one.capsules, other.capsules)
+        assert np.array_equal(one.q_start, other.q_start)
+        assert np.array_equal(one.q_goal, other.q_goal)
+
+
+@pytest.mark.parametrize("motion", frames.MOTIONS)
+def test_no_point_of_the_arm_is_faster_than_said(motion, rng):
+    for _ in range(5):
+        rods = frames.arm_frames(motion, 400, rng)
+        ends = np.concatenate([rods[:, :, :3], rods[:, :, 3:6]], axis=1)
+        speed = np.linalg.norm(np.diff(ends, axis=0), axis=2) * frames.RATE_HZ
+        assert speed.max() <= frames.TOP_SPEED * 1.01
+        assert speed.max() >= 0.2
+
+
+@pytest.mark.parametrize("motion", frames.MOTIONS)
+def test_the_arm_keeps_its_lengths(motion, rng):
+    rods = frames.arm_frames(motion, 50, rng)
+    length = np.linalg.norm(rods[:, :, 3:6] - rods[:, :, :3], axis=2)
+    assert np.allclose(length, frames.LENGTHS, atol=1e-9)
+    assert np.allclose(rods[:, 0, 3:6], rods[:, 1, :3])
+
+
+@pytest.mark.parametrize("condition", frames.CONDITIONS)
+def test_start_and_goal_are_as_free_as_the_condition_says(saved, condition):
+    drawn = frames.make_pairs(saved, 2, 6, seed=4, condition=condition)
+    planner = odm.ReactivePlanner(saved)
+    exact = frames.ExactRobot(saved.robot)
+    keep = saved.safety.rho + saved.safety.m
+    for pair in drawn:
+        heeded = pair.capsules[:1] if condition == "first" else pair.capsules
+        for rods in heeded:
+            planner.step(frames.sample_capsules(rods, frames.SPACING), q=pair.q_start)
+            for q in (pair.q_start, pair.q_goal):
+                # what the cover calls clear is clear for the exact solids
+                assert not exact.collides(q, frames.shapes(rods), saved.safety.m)
+                if condition == "clear":
+                    assert planner.separation(q) > keep
+
+
+def test_a_robot_advances_at_its_joint_speed_limits():
+    path = np.array([[0.0, 0.0], [1.0, 0.5], [1.0, 2.5]])
+    fast = np.array([2.0, 1.0])
+    assert np.allclose(frame_rows.advance(path, fast, 0.25), [0.5, 0.25])
+    assert np.allclose(frame_rows.advance(path, fast, 1.5), [1.0, 1.5])
+    assert np.allclose(frame_rows.advance(path, fast, 9.0), path[-1])
+
+
+def test_both_ways_to_the_direct_map_agree(saved, pairs):
+    rows = map_rows.direct_map(saved, pairs)
+    assert rows[-1]["value"] == 1.0 and rows[-1]["met"]
+
+
+def test_the_direct_map_agrees_with_a_fresh_one(saved, pairs):
+    planner = odm.ReactivePlanner(saved)
+    for points in pairs[0].points():
+        planner.step(points, q=pairs[0].q_start)
+        nodes, edges = DirectMap(saved).invalid(planner.memory.cloud)
+        assert np.array_equal(planner.invalid_nodes(), nodes)
+        assert np.array_equal(planner.invalid_edges(), edges)
+
+
+def test_paths_of_the_planner_touch_nothing_by_fcl(saved, pairs):
+    found = baselines.compare(saved, pairs, fcl_frames=12, compiled_frames=30)
+    for name in ("fcl", "compiled"):
+        about = found[name]
+        assert about["fcl_contacts_on_our_paths"] == 0
+        assert about["frames"] > 0 and about["found_by_both"] > 0
+
+
+def test_the_compiled_competitor_finds_what_the_planner_finds(saved, pairs):
+    # it keeps less distance (no cells, no covering radius), on the same graph
+    found = baselines.compare(saved, pairs, fcl_frames=1, compiled_frames=60)
+    assert found["compiled"]["found_by_planner_only"] == 0
+    assert found["compiled"]["median_length_ratio"] >= 1.0 - 1e-9
+
+
+def test_paths_of_the_compiled_competitor_touch_nothing_by_fcl(saved, pairs):
+    other, fcl = CompiledSearch(saved), FclSearch(saved)
+    planner = odm.ReactivePlanner(saved, always_replan=True)
+    found = 0
+    for pair in pairs:
+        planner.reset()
+        planner.set_goals([pair.q_goal])
+        planner.step(np.zeros((0, 3)), q=pair.q_start)
+        other.set_query(query_of(planner, pair))
+        for rods in pair.capsules[::3]:
+            path = other.search(rods)
+            found += path is not None
+            assert path is None or fcl.path_free(path, rods)
+    assert found
+
+
+def test_walls_leave_start_and_goal_free_but_cut_off(saved, pairs):
+    planner = odm.ReactivePlanner(saved, always_replan=True)
+    rng, keep = np.random.default_rng(1), saved.safety.rho + saved.safety.m
+    walls = 0
+    for pair in pairs:
+        for place in ("goal", "start"):
+            points, n_arms = walled.wall(planner, pair, place, rng)
+            if points is None:
+                continue
+            walls += 1
+            assert n_arms >= 1
+            assert planner.step(points, q=pair.q_start).status == "holding"
+            assert planner.separation(pair.q_start) > keep
+            assert planner.separation(pair.q_goal) > keep
+    assert walls
+
+
+def test_a_camera_cloud_has_the_points_it_is_said_to_have(pairs, rng):
+    cloud = map_rows.camera_cloud(pairs[0].capsules[0], rng)
+    assert cloud.shape == (map_rows.CLOUD, 3) and np.isfinite(cloud).all()
+
+
+def test_the_short_bench_reports_every_row_as_plain_data(map_dir):
+    result = json.loads(json.dumps(latency.run(map_dir, short=True)))
+    assert result["header"]["map"]["hash"] == odm.load_map(map_dir).hash
+    assert len(result["header"]["load_average"]) == 3
+    names = [row["name"] for row in result["rows"]]
+    for part in ("path out", "follows", "never seen", "set_goals", "goal walled",
+                 "start walled", "direct map", "20 000", "bytes", "load", "process",
+                 "python-fcl", "compiled"):  # fmt: skip
+        assert any(part in name for name in names), part
+    text = markdown(result)
+    assert all(name in text for name in names)
+    print_bench(result)
+
+
+def test_ompl_is_compared_on_a_few_frames(map_dir):
+    pytest.importorskip("ompl")
+    result = ompl_compare.run(map_dir, pairs=2, frames=6, each=2, seed=2, limit_s=0.5)
+    rows = {row["name"]: row for row in json.loads(json.dumps(result))["rows"]}
+    assert result["setup"]["frames compared"] == 4
+    assert 0 <= rows["frames OMPL finds a path in"]["value"] <= 100
+    assert "OMPL" in markdown(result)
+
+
+def test_a_missing_ompl_is_one_clear_sentence(map_dir, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ompl", None)
+    with pytest.raises(ompl_compare.OmplMissing, match="pip install"):
+        ompl_compare.run(map_dir, pairs=1, frames=2)
+
+
+def test_a_recipe_builds_to_the_same_bytes_with_one_and_two_threads(tmp_path):
+    recipe = tmp_path / "tiny.toml"
+    recipe.write_text(
+        f'[robot]\nsource = "{DATA / "arm3.urdf"}"\ntip = "tool"\n'
+        "[roadmap]\nnodes = 60\nneighbors = 5\n[safety]\nh = 0.05\n"
+    )
+    rows = build.run((str(recipe),))["rows"]
+    same = next(row for row in rows if "same bytes" in row["name"])
+    assert same["met"]
+
+
+def test_a_row_is_met_where_all_its_limits_are():
+    times = np.arange(101.0)
+    row = time_row("t", "", times, times * 2, p50=60, p99=99)
+    assert row["met"] and not row["met_cpu"]
+    assert time_row("t", "", times[:0], None, p50=1)["met"] is None
+    assert value_row("v", 3.0, "", least=2.0)["met"]
+    assert not value_row("v", 3.0, "", most=2.0)["met"]
+
+
+def test_a_clock_returns_what_it_timed():
+    clock = Clock()
+    assert clock(max, 1, 2) == 2
+    assert len(clock.wall) == len(clock.cpu) == 1
