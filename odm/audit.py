@@ -38,6 +38,11 @@ class Auditor:
         return library_of(self.specimens)
 
     @cached_property
+    def sharp(self) -> np.ndarray:
+        """(n,) True for the obstacles whose samples give nothing away."""
+        return np.array([s.family in SHARP for s in self.specimens])
+
+    @cached_property
     def solids(self) -> kernels.Solids:
         """The robot's solids, with points to aim at."""
         return audit_solids(self.cell_map.robot, np.random.default_rng([self.seed, 2]))
@@ -64,9 +69,9 @@ class Auditor:
         node = -1 - rng.integers(0, roadmap.n_nodes, n)
         motion = node if motion is None else np.where(rng.random(n) < 0.1, node, motion)
         obstacle = rng.integers(0, len(self.specimens), n)
-        sharp = [k for k, s in enumerate(self.specimens) if s.family in SHARP]
-        if sharp:
-            obstacle = np.where(rng.random(n) < 0.3, rng.choice(sharp, n), obstacle)
+        if self.sharp.any():
+            chosen = rng.choice(np.flatnonzero(self.sharp), n)
+            obstacle = np.where(rng.random(n) < 0.3, chosen, obstacle)
         ptr = self.library.aim_ptr
         aim = rng.integers(ptr[obstacle], ptr[obstacle + 1])
         wobble = rng.normal(size=(n, 6)) * _wobble_size(rng, n)[:, None]
@@ -91,7 +96,7 @@ class Auditor:
         found = self.measure(pairs)
         rng = np.random.default_rng([self.seed, 4, chunk])
         for _ in range(generations):
-            rows = _nearest_boundary_pairs(pairs, found)
+            rows = _nearest_boundary_pairs(pairs, found, self.sharp)
             if len(rows) == 0:
                 break
             children = mutated(pairs, np.resize(rows, bred), rng, self.cell_map)
@@ -197,7 +202,8 @@ def _run(auditor, tally, pairs, threads, tell):
     from concurrent.futures import ThreadPoolExecutor
 
     sizes = [min(CHUNK, pairs - at) for at in range(0, pairs, CHUNK)]
-    _ = auditor.library, auditor.solids, auditor.asked  # made once, before the threads
+    # made once, before the threads
+    _ = auditor.library, auditor.solids, auditor.asked, auditor.sharp
     done = 0
     with ThreadPoolExecutor(threads or None) as pool:
         try:
@@ -234,17 +240,23 @@ def mutated(
     )
 
 
-def _nearest_boundary_pairs(pairs: kernels.Pairs, found: kernels.Found) -> np.ndarray:
+def _nearest_boundary_pairs(
+    pairs: kernels.Pairs, found: kernels.Found, sharp: np.ndarray
+) -> np.ndarray:
     """Return the nearest boundary pair of each of the nearest motions.
 
-    Half of the parents lie inside an edge: only there the motion bound is at stake.
+    Half of the parents lie inside an edge: only there the motion bound is at stake. A
+    quarter are of obstacles that are not sharp, which would never win otherwise.
     """
     rows = np.flatnonzero(found.boundary)
     rows = rows[np.argsort(found.distance[rows], kind="stable")]
     _, first = np.unique(pairs.motion[rows], return_index=True)
     rows = rows[np.sort(first)]
     inside = (pairs.motion[rows] >= 0) & (np.abs(pairs.t[rows] - 0.5) < 0.48)
-    return np.concatenate([rows[inside][: PARENTS // 2], rows[: PARENTS // 2]])
+    blunt = ~sharp[pairs.obstacle[rows]]
+    quarter = PARENTS // 4
+    parts = rows[inside][: 2 * quarter], rows[blunt][:quarter], rows[:quarter]
+    return np.concatenate(parts)
 
 
 def _places(rng, n):

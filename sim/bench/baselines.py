@@ -16,6 +16,7 @@ from sim.bench.frames import Pair
 from sim.bench.query import Query, query_of
 
 FASTER_THAN_FCL, FASTER_THAN_COMPILED = 300.0, 10.0
+WARM = 10  # frames before those that are timed
 
 
 def compare(
@@ -51,8 +52,8 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
     found, lengths, contacts = np.zeros((2, 2), int), [], 0
     for pair, part in _spread(pairs, n_frames):
         query = _prepare(planner, pair, other)
-        # each has its frames one after the other, as a loop would; two to warm up
-        warm = pair.part(slice(max(0, part.start - 2), part.start))
+        # each has its frames one after the other, as a loop would, some to warm up
+        warm = pair.part(slice(max(0, part.start - WARM), part.start))
         timed = pair.part(part)
         for p in warm.points():
             planner.step(p, q=pair.q_start)
@@ -87,8 +88,9 @@ def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, slice]]:
         pairs = [pairs[k * len(pairs) // n_frames] for k in range(n_frames)]
     run, found = max(1, n_frames // len(pairs)), []
     for k, pair in enumerate(pairs):
-        first = (len(pair.capsules) - run) * k // max(1, len(pairs) - 1)
-        found.append((pair, slice(max(0, first), first + run)))
+        first = max(0, len(pair.capsules) - WARM - run) * k // max(1, len(pairs) - 1)
+        first = min(first + WARM, max(0, len(pair.capsules) - run))
+        found.append((pair, slice(first, first + run)))
     return found
 
 
@@ -108,6 +110,9 @@ def _counts(race: dict) -> dict:
         "found_by_planner_only": int(found[1, 0]),
         "found_by_competitor_only": int(found[0, 1]),
         "found_by_none": int(found[0, 0]),
+        "median_of_ratios_by_frame": float(
+            np.median(np.array(race["theirs"].cpu) / np.array(race["ours"].cpu))
+        ),
         "median_length_ratio": ratio,
         "fcl_contacts_on_our_paths": int(race["contacts"]),
     }

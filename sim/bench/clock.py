@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+TRUTH = "true"  # unit of a value that is 1 where something holds
 SHARES = {"p50": 50, "p90": 90, "p99": 99, "max": 100}
 
 

@@ -50,7 +50,7 @@ def run(
     tell("frames")
     drawn = make_pairs(cell_map, pairs, frames, seed, condition)
     _warm(cell_map, drawn[:2], seed)
-    some = drawn[: 2 if short else 20]
+    some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
     parts = {
         "replanned": lambda: frame_rows.replanned(cell_map, drawn),
         "following": lambda: frame_rows.followed(cell_map, drawn),
@@ -60,7 +60,7 @@ def run(
         "direct map": lambda: map_rows.direct_map(cell_map, some),
         "camera": lambda: map_rows.clouds(cell_map, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
-        "new process": lambda: map_rows.first_answer(map_dir, drawn[0], 1 if short else 3),
+        "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
     head, rows = header(cell_map), []
     for name, measure in parts.items():

@@ -18,7 +18,7 @@ from odm.static import StaticTest
 from roadmap.errors import PlanningError
 from sim.bench.clock import Clock, time_row, value_row
 from sim.bench.fcl_search import FclPair
-from sim.bench.frames import Pair, make_pairs
+from sim.bench.frames import CONDITIONS, Pair, make_pairs
 from sim.bench.header import header
 
 LIMIT_S = 1.0
@@ -37,6 +37,7 @@ def run(
     frames: int = 200,
     each: int = 4,
     seed: int = 1,
+    condition: str = "every",
     limit_s: float = LIMIT_S,
     tell: Callable[[str], None] | None = None,
 ) -> dict:
@@ -51,13 +52,14 @@ def run(
     cell_map, tell = load_map(map_dir, verify=False), tell or (lambda text: None)
     other = OmplPlanner(cell_map, seed)
     ours, rows = Clock(), []
-    for k, pair in enumerate(make_pairs(cell_map, pairs, frames, seed)):
+    for k, pair in enumerate(make_pairs(cell_map, pairs, frames, seed, condition)):
         tell(f"pair {k + 1} of {pairs}")
         picked = np.linspace(frames - 1, 0, each, endpoint=False).round().astype(int)
         rows += _compare(cell_map, pair, set(picked.tolist()), other, ours, limit_s)
     setup = {"pairs": pairs, "frames compared": len(rows), "seed": seed}
     setup["OMPL's limit"] = f"{limit_s} s"
-    table = _rows(np.array(rows, float).reshape(-1, 6), ours)
+    setup["start and goal"] = CONDITIONS[condition]
+    table = _rows(np.array(rows, float).reshape(-1, 7), ours)
     return {"bench": "ompl", "header": header(cell_map), "setup": setup, "rows": table}
 
 
@@ -65,7 +67,7 @@ def _compare(
     cell_map: CellMap, pair: Pair, picked: set[int], other: "OmplPlanner",
     ours: Clock, limit_s: float,
 ) -> list[tuple]:  # fmt: skip
-    """Return (found, length, OMPL found, its length, its us, ends clear)."""
+    """Return (found, length, OMPL found, its length, its us, ends clear, bent)."""
     planner = ReactivePlanner(cell_map)
     planner.set_goals([pair.q_goal])
     rows = []
@@ -77,7 +79,10 @@ def _compare(
             took = 1e-3 * (time.perf_counter_ns() - begun)
             found, its = answer.status != HOLDING, path is not None
             clear = found or _clear(planner, pair)
-            rows.append((found, length(answer.path), its, length(path), took, clear))
+            bent = len(answer.path) > 2
+            rows.append(
+                (found, length(answer.path), its, length(path), took, clear, bent)
+            )
         planner.polish(4)
     return rows
 
@@ -91,7 +96,7 @@ def _clear(planner: ReactivePlanner, pair: Pair) -> bool:
 def _rows(found: np.ndarray, ours: Clock) -> list[dict]:
     mine, its = found[:, 0] > 0, found[:, 2] > 0
     both = mine & its
-    ratio = np.median(found[both, 1] / found[both, 3]) if both.any() else np.nan
+    bent = both & (found[:, 6] > 0)
     shared = 100.0 * both.sum() / max(1, its.sum())
     clear = its & (found[:, 5] > 0)
     of_clear = 100.0 * (both & clear).sum() / max(1, clear.sum())
@@ -102,8 +107,9 @@ def _rows(found: np.ndarray, ours: Clock) -> list[dict]:
         value_row("... where both ends keep rho + m by the cover", of_clear, "%",
                   least=ANSWERED),
         value_row("answered, not found by OMPL", int((mine & ~its).sum()), "frames"),
-        value_row("path length, median ratio to OMPL simplified", ratio, "",
-                  "joint space, rad", most=LENGTH),
+        value_row("path length, median ratio to OMPL simplified", _ratio(found, both),
+                  "", "joint space, rad", most=LENGTH),
+        value_row("... where ours is not straight", _ratio(found, bent), ""),
         value_row("path length, ours, median", _median(found[both, 1]), "rad"),
         value_row("path length, OMPL's, median", _median(found[both, 3]), "rad"),
         ours.row("the planner", note),
@@ -117,6 +123,10 @@ def length(path: np.ndarray | None) -> float:
     if path is None or len(path) < 2:
         return 0.0
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _ratio(found: np.ndarray, keep: np.ndarray) -> float:
+    return _median(found[keep, 1] / found[keep, 3])
 
 
 def _median(values: np.ndarray) -> float:

@@ -3,6 +3,8 @@
 from rich.console import Console
 from rich.table import Table
 
+from sim.bench.clock import TRUTH
+
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
 
 
@@ -63,6 +65,8 @@ def _cells(row: dict) -> tuple[str, ...]:
 
 
 def _limit(row: dict, share: str, limit: float) -> str:
+    if row["unit"] == TRUTH:
+        return TRUTH
     if "value" in row:
         sign = "<=" if share == "most" else ">="
         return f"{sign} {limit:g} {row['unit']}".strip()
@@ -70,7 +74,7 @@ def _limit(row: dict, share: str, limit: float) -> str:
 
 
 def _value(row: dict) -> str:
-    if row["unit"] == "" and row["value"] in (0.0, 1.0) and row["met"] is not None:
+    if row["unit"] == TRUTH:
         return "yes" if row["value"] else "no"
     return f"{row['value']:.4g} {row['unit']}".strip()
 

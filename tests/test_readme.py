@@ -1,0 +1,34 @@
+"""What the README shows works as it stands there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from odm import build_map
+from sim.bench_command import fill_section
+from sim.warmup import tiny_recipe
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
+    build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "maps/built/demo")
+    monkeypatch.chdir(tmp_path)
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    exec(compile(example, "README.md", "exec"), {})
+    assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+def test_the_measured_table_has_its_place():
+    fill_section(ROOT / "README.md", "latency", None)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/safety.md"])
+def test_links_and_files_named_exist(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)]+)\)", text):
+        assert (ROOT / page).parent.joinpath(link).exists(), link
+    for name in re.findall(r"`((?:roadmap|odm|sim|docs|tests)/[\w/.]+)`", text):
+        assert (ROOT / name).exists() or list(ROOT.glob(f"{name}*")), name
