@@ -26,7 +26,7 @@ clean:
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed"; exit 1; }
 	@$(PYTHON) -c 'import sys; v = sys.version_info; print("Python %d.%d" % v[:2]); \
-	v < (3, 12) or print("pybullet has no wheels for it: no Panda from pybullet, pictures are drawn without it; install Python 3.11 for both")'
+	v < (3, 12) or print("pybullet has no wheels for it: the demo moves a plain arm and draws it itself; with Python 3.11 it would be the Panda")'
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.sim: pyproject.toml | $(BIN)/python

@@ -207,7 +207,8 @@ class Attacher:
         m = self.planner.memory
         return kernels.sweep_into_pool(
             m.arm, self.radii, np.ascontiguousarray(q), np.ascontiguousarray(dq),
-            self.planner.cell_map.motion_tolerance, m.cloud, m.pool, *self.scratch,
+            self.planner.cell_map.motion_tolerance, m.cloud, m.graph.region,
+            m.pool, *self.scratch,
         )
 
     def _new_vertex(self) -> int:
@@ -240,6 +241,7 @@ class Attacher:
             size = b - a
             pool.block[end : end + size] = pool.block[a:b].copy()
             pool.mask[end : end + size] = pool.mask[a:b].copy()
+            pool.sign[4 * new : 4 * new + 4] = pool.sign[4 * item : 4 * item + 4]
             pool.begin[new], pool.end[new] = end, end + size
             end += size
         pool.used[:] = len(used), end

@@ -79,13 +79,10 @@ def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:
     )
 
 
-def check_goals(
-    planner: "ReactivePlanner",
-    goals: Sequence[np.ndarray],
-    costs: Sequence[float] | None,
+def goals_of(
+    robot: Robot, goals: Sequence[np.ndarray], costs: Sequence[float] | None
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return goals as (g, dof) and costs as (g,), or raise BadConfiguration."""
-    robot = planner.robot
     try:
         goals = np.array(goals, dtype=np.float64, ndmin=2)
     except (ValueError, TypeError) as error:
@@ -99,8 +96,6 @@ def check_goals(
             f"{len(goals)} goals were given, at most {MAX_GOALS} are ranked; leave the "
             "worst out"
         )
-    for k, q in enumerate(goals):
-        check_valid(planner, q, f"goal {k}")
     if costs is None:
         return goals, None
     values = np.array(costs, dtype=np.float64)
@@ -109,6 +104,12 @@ def check_goals(
             f"costs {values} must be {len(goals)} numbers of at least 0"
         )
     return goals, values
+
+
+def check_goals(planner: "ReactivePlanner", goals: np.ndarray) -> None:
+    """Raise BadConfiguration where a goal can never be reached in this place."""
+    for k, q in enumerate(goals):
+        check_valid(planner, q, f"goal {k}")
 
 
 def check_valid(planner: "ReactivePlanner", q: np.ndarray, name: str) -> None:

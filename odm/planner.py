@@ -19,7 +19,7 @@ from odm.answer import (
     Freedom,
 )
 from odm.cell_map import CellMap
-from odm.checks import check_configuration, check_goals, check_points
+from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.direct import DirectMap
 from odm.place import close_items, place_points
 from odm.state import lay_out
@@ -84,7 +84,8 @@ class ReactivePlanner:
         self.memory = lay_out(cell_map, self.settings.max_points)
         self.attacher = attach.Attacher(self)
         self.polisher = polish.Polisher(self)
-        self.direct = DirectMap(cell_map)
+        n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
+        self.direct = DirectMap(self.memory, n, m)
         self.rho = cell_map.safety.rho
         self.goals = np.zeros((0, self.robot.dof))
         self.costs: np.ndarray | None = None
@@ -112,10 +113,10 @@ class ReactivePlanner:
             BadConfiguration: A goal has the wrong length, is not finite, out of
                 limits, in self-collision or in contact with the scenery.
         """
-        goals, costs = check_goals(self, goals, costs)
-        same = goals.shape == self.goals.shape and np.array_equal(goals, self.goals)
-        if same and _equal(costs, self.costs):
+        goals, costs = goals_of(self.robot, goals, costs)
+        if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return
+        check_goals(self, goals)
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
         self._new_goals = True
@@ -269,11 +270,11 @@ class ReactivePlanner:
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""
-        return self.direct.invalid(self.memory.cloud)[0].copy()
+        return self.direct.invalid()[0].copy()
 
     def invalid_edges(self) -> np.ndarray:
         """Return the ids of the edges that the frame invalidates, ascending."""
-        return self.direct.invalid(self.memory.cloud)[1].copy()
+        return self.direct.invalid()[1].copy()
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from odm._kernels import signature
 from odm._kernels import state as layout
 from odm._kernels import types as kinds
-from odm.cell_map import CellMap
+from odm.cell_map import CellLists, CellMap
 
 MAX_GOALS = 32
 MAX_ATTACHMENTS = 48
@@ -19,8 +20,8 @@ class Memory:
 
     Attributes:
         table: What the compiled frame takes.
-        arm, cloud, work, graph, pool, goals, search, short, fresh, along, way, spare,
-        own: The groups; see `_kernels/types.py`.
+        arm, cloud, work, graph, pool, goals, search, direct, short, fresh, along, way,
+        spare, own: The groups; see `_kernels/types.py`.
     """
 
     def __init__(self, groups: dict[str, tuple]) -> None:
@@ -32,6 +33,7 @@ class Memory:
         self.pool: kinds.Pool = groups["pool"]
         self.goals: kinds.Goals = groups["goals"]
         self.search: kinds.Search = groups["search"]
+        self.direct: kinds.Direct = groups["direct"]
         self.short: kinds.Shortcuts = groups["short"]
         self.fresh: kinds.Starts = groups["fresh"]
         self.along: kinds.Starts = groups["along"]
@@ -62,7 +64,7 @@ class Memory:
 
 
 _ORDER = (
-    "arm", "cloud", "work", "graph", "pool", "goals", "search", "short", "fresh",
+    "arm", "cloud", "work", "graph", "pool", "goals", "search", "direct", "short", "fresh",
     "along", "way", "spare", "own",
 )
 
@@ -72,15 +74,19 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     robot, roadmap, arm = cell_map.robot, cell_map.roadmap, cell_map.arm
     n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
     cells = cell_map.arm_cells
+    direct = _direct(cells, n + m)
+    region = regions(cell_map)
+    sign = np.zeros(4 * (n + m), np.uint64)
+    signature.sign_items(cells.ptr, cells.block, region, sign)
     graph = kinds.Graph(
         roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
         roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
-        np.zeros(n + m, np.bool_),
+        np.zeros(n + m, np.bool_), region, sign, direct.hits,
     )
     pool = kinds.Pool(
         np.zeros(POOL_ITEMS, np.int64), np.zeros(POOL_ITEMS, np.int64),
         np.zeros(POOL_ENTRIES, cells.block.dtype), np.zeros(POOL_ENTRIES, np.uint64),
-        np.zeros(2, np.int64),
+        np.zeros(4 * POOL_ITEMS, np.uint64), np.zeros(2, np.int64),
     )
     short = kinds.Shortcuts(
         np.full(SHORTCUTS, -1, np.int64), np.zeros(SHORTCUTS, np.int64),
@@ -104,6 +110,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "pool": pool,
             "goals": _goals(n, dof),
             "search": _search(n, m),
+            "direct": direct,
             "short": short,
             "fresh": _starts(),
             "along": _starts(),
@@ -111,6 +118,25 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "spare": new_way(dof),
             "own": own,
         }
+    )
+
+
+def regions(cell_map: CellMap) -> np.ndarray:
+    """Return the signature bit (n_blocks,) of each block, 0 to 255."""
+    nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
+    at = np.indices((nx, ny, nz)) // 2
+    coarse = (at[0] * ny + at[1]) * nz + at[2]
+    used = np.unique(coarse.ravel()[np.unique(cell_map.arm_cells.block)])
+    return (np.searchsorted(used, coarse.ravel()) % 256).astype(np.int32)
+
+
+def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
+    n_blocks = len(cells.t_ptr) - 1
+    room = n_items + n_items % 2  # read two by two
+    return kinds.Direct(
+        cells.t_ptr, cells.t_item.view(np.int32), cells.t_mask,
+        np.zeros(n_blocks, np.uint64), np.zeros(room, np.int32),
+        np.zeros(n_blocks + 1, np.int32),
     )
 
 
@@ -160,5 +186,5 @@ def _search(n: int, m: int) -> kinds.Search:
         np.zeros(n + MAX_GOALS, np.int64), np.zeros(n, np.int64),
         np.zeros(n, np.int64), np.zeros(room, np.int32), np.zeros(room, np.int32),
         np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
-        np.zeros(room, np.int32), np.zeros(8, np.int64),
+        np.zeros(room, np.int32), np.zeros(4, np.uint64), np.zeros(8, np.int64),
     )

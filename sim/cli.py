@@ -145,7 +145,6 @@ def run(
 ) -> None:
     """Move the robot between two work places while a person moves; audit each frame."""
     from sim.run_command import RunFiles, run_motion
-    from sim.terminal import show_json
 
     files = RunFiles.chosen(out, motion, plot, animation)
     quiet = json == "-"

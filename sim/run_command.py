@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.cli_build import MAPS, build_to
-from sim.terminal import Bars
+from sim.cli_build import MAPS, build_to, check_target
+from sim.terminal import Bars, stdout_to_stderr, write_text
 
 if TYPE_CHECKING:
-    from odm import CellMap
+    from odm import CellMap, Recipe
     from sim.run_result import RunResult
 
 DEMO = "demo"  # its recipe and the folder of its map
@@ -95,30 +95,49 @@ def write_files(
         from sim.animation import write_animation
         from sim.demo import open_world
 
-        world, _ = open_world(cell_map)
+        with stdout_to_stderr():  # pybullet greets and warns on stdout
+            world, _ = open_world(cell_map)
         with world:
             write_animation(result, cell_map.robot, places, world, files.animation)
     if files.record is not None:
-        from sim.terminal import write_text
-
         write_text(files.record, result.to_json())
     return written
 
 
 def run_demo_command(out: Path, seconds: float, threads: int) -> None:
     """Build the demo map unless it is there, then run the demo."""
-    from odm import load_map, load_recipe
+    from odm import load_map
     from roadmap.errors import BadMap
     from sim.demo import DEMO as SETTINGS
     from sim.demo import run_demo
 
-    recipe, folder = load_recipe(DEMO), MAPS / DEMO
+    recipe = demo_recipe()
+    folder = MAPS / recipe.name
     try:
         fresh = load_map(folder).recipe.as_dict() == recipe.as_dict()
     except BadMap:
         fresh = False
     if not fresh:
+        check_target(folder, recipe, force=True)
         cell_map, took = build_to(folder, recipe, threads)
         counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
         print(f"demo map: {counts} edges in {took:.0f} s, {folder}")
     run_demo(folder, out, settings=replace(SETTINGS, duration_s=seconds))
+
+
+def demo_recipe() -> "Recipe":
+    """Return the demo's recipe; with a plain arm where pybullet is absent."""
+    from importlib import resources, util
+
+    from odm import load_recipe
+
+    recipe = load_recipe(DEMO)
+    if util.find_spec("pybullet_data") is not None:
+        return recipe
+    print(
+        "pybullet, which brings the Panda, is not installed (wheels for Python 3.11 "
+        "only): the demo takes an arm of plain shapes with the Panda's joints instead"
+    )
+    urdf = str(resources.files("maps") / "plain_arm.urdf")
+    robot = replace(recipe.robot, source=urdf, tip="tool")
+    return replace(recipe, name=f"{DEMO}_plain", robot=robot)

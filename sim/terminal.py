@@ -1,11 +1,12 @@
 """What all commands share: errors as one sentence, progress bars, whole files."""
 
+import contextlib
 import functools
 import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -99,6 +100,23 @@ def write_text(path: str | Path, text: str) -> Path:
         os.unlink(made)
         raise
     return path
+
+
+@contextlib.contextmanager
+def stdout_to_stderr() -> Iterator[None]:
+    """Send what compiled libraries print to stderr, so that stdout stays clean."""
+    sys.stdout.flush()
+    try:
+        kept = os.dup(1)
+    except OSError:  # there is no stdout
+        yield
+        return
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 class Bars:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from numba import njit
 
 from odm._kernels.frame import displacement
@@ -24,7 +25,9 @@ def distances(nodes, q, weights, continuous, out):
 
 
 @njit(cache=True, nogil=True)
-def sweep_into_pool(arm, radii, q, dq, tolerance, cloud, pool, words, scratch, centers):
+def sweep_into_pool(
+    arm, radii, q, dq, tolerance, cloud, region, pool, words, scratch, centers
+):
     """Add the cells of motions q[k] + t dq[k]; returns the first item, -1 when full.
 
     A motion that leaves the grid (none within limits does) gives -2.
@@ -43,11 +46,15 @@ def sweep_into_pool(arm, radii, q, dq, tolerance, cloud, pool, words, scratch, c
             words[:] = 0
             return -2
         pool.begin[item] = end
+        for k4 in range(4 * item, 4 * item + 4):
+            pool.sign[k4] = 0
         for b in range(words.shape[0]):
             if words[b] != 0:
                 if end < pool.block.shape[0]:
                     pool.block[end] = b
                     pool.mask[end] = words[b]
+                bit = region[b]
+                pool.sign[4 * item + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
                 end += 1
                 words[b] = 0
         if end > pool.block.shape[0]:

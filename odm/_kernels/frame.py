@@ -7,11 +7,13 @@ from numba import njit
 from odm._kernels.close import motion_clear, set_point
 from odm._kernels.occupancy import clear, mark_points, sort_points
 from odm._kernels.search import a_star, edge_free, item_free, pool_free
+from odm._kernels.signature import sign_frame
 from odm._kernels.state import (
     N_TOLERANCE,
     N_TRACK,
     arm_of,
     cloud_of,
+    direct_of,
     goals_of,
     graph_of,
     own_of,
@@ -46,6 +48,7 @@ def take_points(state, points):
     own = own_of(state)
     clear(cloud)
     mark_points(points, cloud)
+    sign_frame(cloud, graph_of(state).region, search.sign)
     own.numbers[N_FRAME] += 1
     search.stats[:] = 0
     return cloud.counts[N_BAD]
@@ -122,7 +125,7 @@ def ref_free(state, ref, frame):
             graph, cloud.words, search, frame, EDGE_BASE - ref
         )
     if ref >= 0:
-        return pool_free(pool, cloud.words, ref)
+        return pool_free(pool, cloud.words, search.sign, ref)
     return False
 
 
@@ -192,7 +195,7 @@ def judge_goal(state, points, g, frame):
     any_ = False
     for a in range(goals.number[g]):
         ref = goals.ref[g, a]
-        free = ref == IS_GOAL or pool_free(pool, cloud.words, ref)
+        free = ref == IS_GOAL or pool_free(pool, cloud.words, search.sign, ref)
         v = goals.node[g, a]
         if free and not any_:
             any_ = item_free(graph, cloud.words, search, frame, v)
@@ -229,6 +232,7 @@ def close_goal(state, points, g, frame, budget):
 @njit(cache=True, nogil=True)
 def judge_direct(state, points, q, g, frame):
     """Test the straight motion to goal g: cells, where it stuck before, closely."""
+    search = search_of(state)
     cloud = cloud_of(state)
     work = work_of(state)
     pool = pool_of(state)
@@ -238,7 +242,7 @@ def judge_direct(state, points, q, g, frame):
     goals.direct_memo[g] = 4 * frame + BLOCKED
     if ref == NO_WAY:
         return False
-    if ref >= 0 and pool_free(pool, cloud.words, ref):
+    if ref >= 0 and pool_free(pool, cloud.words, search.sign, ref):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
     displacement(q, goals.q[g], own.continuous, own.dq)
@@ -270,8 +274,8 @@ def search_goals(state, starts, only, frame):
     search.stats[N_RUNS] += 1
     h = own.h_any if only < 0 else goals.h[only]
     return a_star(
-        graph, cloud.words, starts, goals, only, h, search,
-        frame, own.numbers[N_RUN],
+        graph, direct_of(state), cloud, starts, goals, only, h, search, frame,
+        own.numbers[N_RUN],
     )
 
 
@@ -366,6 +370,7 @@ def add_shortcut(short, a, b, item):
 @njit(cache=True, nogil=True)
 def take_shortcuts(state, way, weights):
     """Shorten a way by the remembered motions that are free now."""
+    search = search_of(state)
     cloud = cloud_of(state)
     pool = pool_of(state)
     short = short_of(state)
@@ -388,7 +393,7 @@ def take_shortcuts(state, way, weights):
             item = way.ref[k - 1]
             if i < k - 1:
                 item = find_shortcut(short, way.vertex[i], way.vertex[k])
-                if item < 0 or not pool_free(pool, cloud.words, item):
+                if item < 0 or not pool_free(pool, cloud.words, search.sign, item):
                     continue
             best[k] = length
             back[k] = i

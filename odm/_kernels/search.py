@@ -11,15 +11,19 @@ import math
 
 from numba import njit
 
+from odm._kernels.direct import update_hits
+from odm._kernels.signature import apart
 from odm._kernels.types import (
     EDGE_BASE,
     IS_GOAL,
+    N_COUNTED,
     N_EDGE_TESTS,
     N_FLOODED,
     N_POPPED,
 )
 
 PATIENCE = 96  # vertices closed before the flood from the goal starts
+MANY_TESTS = 2000  # lists looked at before the direct map settles all items at once
 
 
 @njit(cache=True, nogil=True)
@@ -29,21 +33,26 @@ def item_free(graph, words, search, frame, item):
     if known >> 1 == frame:
         return known & 1 == 0
     hit = 1 if graph.closed[item] else 0
-    if hit == 0:
+    if search.stats[N_COUNTED] != 0:
+        hit |= 1 if graph.hits[item] != 0 else 0
+    elif hit == 0:
         search.stats[N_EDGE_TESTS] += 1
-        for k in range(graph.ptr[item], graph.ptr[item + 1]):
-            # few blocks are occupied: most masks need not be fetched
-            word = words[graph.block[k]]
-            if word != 0 and word & graph.mask[k] != 0:
-                hit = 1
-                break
+        if not apart(graph.sign, item, search.sign):
+            for k in range(graph.ptr[item], graph.ptr[item + 1]):
+                # few blocks are occupied: most masks need not be fetched
+                word = words[graph.block[k]]
+                if word != 0 and word & graph.mask[k] != 0:
+                    hit = 1
+                    break
     search.memo[item] = 2 * frame + hit
     return hit == 0
 
 
 @njit(cache=True, nogil=True)
-def pool_free(pool, words, item):
+def pool_free(pool, words, frame_sign, item):
     """Return True if no occupied cell is in the list of a pool item."""
+    if apart(pool.sign, item, frame_sign):
+        return True
     for k in range(pool.begin[item], pool.end[item]):
         word = words[pool.block[k]]
         if word != 0 and word & pool.mask[k] != 0:
@@ -127,7 +136,7 @@ def flood_step(graph, words, search, frame, run, head, tail):
 
 
 @njit(cache=True, nogil=True)
-def a_star(graph, words, starts, goals, only, h, search, frame, run):
+def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
     """Search from the start's free attachments to goal `only` (-1: any, with costs).
 
     starts.memo and goals.memo hold the frame's verdict of each attachment: 4 * frame
@@ -135,6 +144,7 @@ def a_star(graph, words, starts, goals, only, h, search, frame, run):
     Returns the heap entry of the goal, or -1.
     """
     n = graph.adj_ptr.shape[0] - 1
+    words = cloud.words
     low = 0 if only < 0 else only
     high = goals.count[0] if only < 0 else only + 1
     free = 4 * frame + 1
@@ -166,6 +176,10 @@ def a_star(graph, words, starts, goals, only, h, search, frame, run):
     head = 0
     tail = -1  # -1: the flood has not begun, -2: it is over
     while size > 0:
+        if search.stats[N_EDGE_TESTS] > MANY_TESTS and search.stats[N_COUNTED] == 0:
+            # a long search pays for settling all items at once
+            update_hits(direct, graph, cloud)
+            search.stats[N_COUNTED] = 1
         entry = pop(search, size)
         size -= 1
         v = search.e_node[entry]

@@ -16,6 +16,7 @@ from numba.extending import intrinsic
 from odm._kernels.types import (
     Arm,
     Cloud,
+    Direct,
     Goals,
     Graph,
     Own,
@@ -33,16 +34,17 @@ ARM = 0
 CLOUD = 7
 WORK = 18
 GRAPH = 31
-POOL = 41
-GOALS = 46
-SEARCH = 62
-SHORT = 74
-FRESH = 80
-ALONG = 86
-WAY = 92
-SPARE = 96
-OWN = 100
-ROWS = 115
+POOL = 44
+GOALS = 50
+SEARCH = 66
+DIRECT = 79
+SHORT = 85
+FRESH = 91
+ALONG = 97
+WAY = 103
+SPARE = 107
+OWN = 111
+ROWS = 126
 
 
 @intrinsic
@@ -210,6 +212,9 @@ def graph_of(t):
         blocks(t, at + 7),
         u8_1(t, at + 8),
         b1_1(t, at + 9),
+        i4_1(t, at + 10),
+        u8_1(t, at + 11),
+        i4_1(t, at + 12),
     )
 
 
@@ -222,7 +227,8 @@ def pool_of(t):
         i8_1(t, at + 1),
         blocks(t, at + 2),
         u8_1(t, at + 3),
-        i8_1(t, at + 4),
+        u8_1(t, at + 4),
+        i8_1(t, at + 5),
     )
 
 
@@ -266,7 +272,22 @@ def search_of(t):
         f8_1(t, at + 8),
         f8_1(t, at + 9),
         i4_1(t, at + 10),
-        i8_1(t, at + 11),
+        u8_1(t, at + 11),
+        i8_1(t, at + 12),
+    )
+
+
+@njit(cache=True, nogil=True)
+def direct_of(t):
+    """Return the group `Direct`."""
+    at = DIRECT
+    return Direct(
+        i8_1(t, at + 0),
+        i4_1(t, at + 1),
+        u8_1(t, at + 2),
+        u8_1(t, at + 3),
+        i4_1(t, at + 4),
+        i4_1(t, at + 5),
     )
 
 

@@ -87,6 +87,9 @@ class Graph(NamedTuple):
     block: np.ndarray
     mask: np.ndarray
     closed: np.ndarray  # (n + m,) True: blocked by scenery for good
+    region: np.ndarray  # (n_blocks,) bit of a block in signatures, 0 to 255
+    sign: np.ndarray  # (4 (n + m),) signature of an item: regions of its blocks
+    hits: np.ndarray  # (n + m,) the counts of Direct, once a frame made use of them
 
 
 class Pool(NamedTuple):
@@ -96,7 +99,19 @@ class Pool(NamedTuple):
     end: np.ndarray  # (items,)
     block: np.ndarray  # (entries,)
     mask: np.ndarray  # (entries,)
+    sign: np.ndarray  # (4 items,) signature of an item
     used: np.ndarray  # (2,) items, entries
+
+
+class Direct(NamedTuple):
+    """The block-major view and what it counts; see direct.py."""
+
+    ptr: np.ndarray  # (n_blocks + 1,) items of a block
+    item: np.ndarray  # (entries,)
+    mask: np.ndarray  # (entries,)
+    seen: np.ndarray  # (n_blocks,) words that the counts stand for
+    hits: np.ndarray  # (n + m,) occupied blocks of an item; an edge's end nodes too
+    listed: np.ndarray  # (n_blocks + 1,) blocks with seen cells, their number last
 
 
 class Starts(NamedTuple):
@@ -145,6 +160,7 @@ class Search(NamedTuple):
     e_g: np.ndarray  # (entries,)
     heap_f: np.ndarray  # (entries,)
     heap_e: np.ndarray  # (entries,)
+    sign: np.ndarray  # (4,) signature of the frame's occupied blocks
     stats: np.ndarray  # (8,) see N_* below
 
 
@@ -188,7 +204,7 @@ class Own(NamedTuple):
     out: np.ndarray  # (2,) share of the segment that q is on
 
 
-N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS = 0, 1, 2, 3, 4
+N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS, N_COUNTED = range(6)
 N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME, N_JOINT, N_LOOK = range(7)
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm._kernels.types import Search
 from odm.cell_map import CellMap
 from roadmap.kinematics import difference
 from sim.bench import _kernels as kernels
@@ -36,6 +35,18 @@ class Race(NamedTuple):
     counts: np.ndarray
 
 
+class OpenList(NamedTuple):
+    """Entries of the search and their heap, as the planner's own has them."""
+
+    done: np.ndarray
+    e_node: np.ndarray
+    e_ref: np.ndarray
+    e_from: np.ndarray
+    e_g: np.ndarray
+    heap_f: np.ndarray
+    heap_e: np.ndarray
+
+
 class CompiledSearch:
     """Keeps the arrays of the compiled competitor for one map.
 
@@ -63,7 +74,7 @@ class CompiledSearch:
         self.edge_pieces = self._pieces(q, self.edge_dq)
         n, room = roadmap.n_nodes, 2 * roadmap.n_edges + 4096
         self.memo = np.full(n + roadmap.n_edges, -1, np.int64)
-        self.scratch = _scratch(n, room)
+        self.scratch = _open_list(n, room)
         self.frame = 0
 
     def set_query(self, query: Query) -> None:
@@ -118,10 +129,9 @@ class CompiledSearch:
         return out
 
 
-def _scratch(n: int, room: int) -> Search:
-    none = np.zeros(0, np.int64)
-    return Search(
-        none, np.zeros(n + 1, np.int64), none, none, none, np.zeros(room, np.int32),
-        np.zeros(room, np.int32), np.zeros(room, np.int32), np.zeros(room),
-        np.zeros(room), np.zeros(room, np.int32), np.zeros(8, np.int64),
+def _open_list(n: int, room: int) -> OpenList:
+    return OpenList(
+        np.zeros(n + 1, np.int64), np.zeros(room, np.int32), np.zeros(room, np.int32),
+        np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
+        np.zeros(room, np.int32),
     )  # fmt: skip

@@ -10,7 +10,6 @@ import numpy as np
 
 from odm import ReactivePlanner, load_map, sample_capsules
 from odm.cell_map import CellMap
-from odm.direct import DirectMap
 from sim.bench.clock import TRUTH, Clock, time_row, value_row
 from sim.bench.frames import Pair
 
@@ -31,17 +30,16 @@ print(answer.status, flush=True)
 
 def direct_map(cell_map: CellMap, pairs: list[Pair], keep_every: int = 1) -> list:
     """Time all invalid nodes and edges, from scratch and by changes; compare them."""
-    planner = ReactivePlanner(cell_map)
-    changing = DirectMap(cell_map)
+    afresh, following = ReactivePlanner(cell_map), ReactivePlanner(cell_map)
     scratch, changes, equal = Clock(), Clock(), True
     for pair in pairs:
         for points in pair.points()[::keep_every]:
-            planner.step(points, q=pair.q_start)
-            cloud = planner.memory.cloud
-            nodes, edges = scratch(_from_scratch, planner.direct, cloud)
-            nodes_c, edges_c = changes(changing.invalid, cloud)
-            equal &= np.array_equal(nodes, nodes_c) and np.array_equal(edges, edges_c)
-    note = "all invalid nodes and edges"
+            afresh.step(points, q=pair.q_start)
+            following.step(points, q=pair.q_start)
+            found = scratch(_from_scratch, afresh)
+            followed = changes(_invalid, following)
+            equal &= all(map(np.array_equal, found, followed))
+    note = "invalid_nodes() and invalid_edges()"
     return [
         scratch.row("direct map, from scratch", note, p50=400.0),
         changes.row("direct map, by changes", note, p50=100.0),
@@ -49,9 +47,13 @@ def direct_map(cell_map: CellMap, pairs: list[Pair], keep_every: int = 1) -> lis
     ]
 
 
-def _from_scratch(direct, cloud):  # noqa: ANN001, ANN202
-    direct.clear()
-    return direct.invalid(cloud)
+def _from_scratch(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
+    planner.direct.clear()
+    return _invalid(planner)
+
+
+def _invalid(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
+    return planner.invalid_nodes(), planner.invalid_edges()
 
 
 def camera_cloud(capsules: np.ndarray, rng: np.random.Generator) -> np.ndarray:
