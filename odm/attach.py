@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
+_QUICK = 6  # near nodes that a robot in motion is joined with
+_TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
 class Attacher:
@@ -29,6 +31,8 @@ class Attacher:
         self.radii = planner.cell_map.swept_radii() + 1e-6
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
+        self.quick = False
+        self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
 
     # --- goals -----------------------------------------------------------------
@@ -84,6 +88,8 @@ class Attacher:
                 self.planner.robot.continuous, goals.h[g],
             )
             return
+        self._look_beyond(False)
+        self._measure(q)
         ids, refs = self._motions(q, self._wanted(), outward=False)
         k = len(ids)
         goals.number[g] = k
@@ -97,8 +103,8 @@ class Attacher:
     # --- starts ----------------------------------------------------------------
 
     def is_fresh(self, q: np.ndarray) -> bool:
-        """Return True if q is the configuration that was attached last."""
-        return bool(np.array_equal(q, self.q_fresh))
+        """Return True if q is the configuration that was attached last, in full."""
+        return not self.quick and bool(np.array_equal(q, self.q_fresh))
 
     def forget_start(self) -> None:
         """Drop the attached start."""
@@ -119,16 +125,25 @@ class Attacher:
             self.set_goals(goals, costs)
             planner.goals = goals
 
-    def attach_start(self, q: np.ndarray) -> None:
-        """Attach a configuration never seen before."""
+    def attach_start(self, q: np.ndarray, quick: bool = False) -> None:
+        """Attach a configuration never seen before.
+
+        `quick` leaves the cells of its motions out, which a robot that is passing
+        through would use once: the close test decides on a few of them.
+        """
         self._tidy()
         m = self.planner.memory
+        self.quick = quick
         self.q_fresh[:] = q
         m.goals.count[1] = self._new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
         self._new_vertex()
+        self._look_beyond(True)
         self._measure(q)
-        ids, refs = self._motions(q, self._wanted_here(), outward=True)
+        if quick:
+            ids, refs = self._quick_motions(q)
+        else:
+            ids, refs = self._motions(q, self._wanted_here(), outward=True)
         k = len(ids)
         m.fresh.count[0] = k
         m.fresh.node[:k], m.fresh.ref[:k] = ids, refs
@@ -148,6 +163,9 @@ class Attacher:
         dq = planner._difference(self.q_fresh, m.goals.q[:g])
         q = np.repeat(self.q_fresh[None], g, axis=0)
         free = np.flatnonzero(planner.static.motions_free(q, dq))
+        if self.quick:
+            m.goals.fresh_ref[free] = kinds.NO_ITEM
+            return
         first = self.sweep(q[free], dq[free])
         if first >= 0:
             m.goals.fresh_ref[free] = first + np.arange(len(free))
@@ -161,10 +179,31 @@ class Attacher:
         )
 
     def _candidates(self, wanted: int) -> np.ndarray:
-        """Return near nodes, nearest first; ties by number."""
+        """Return nodes to join q with, in turn the nearest and those on the way.
+
+        On the way are those with the least cost from q through the node to where the
+        motion leads: short paths leave through them. Ties go by number.
+        """
         k = min(_LOOKED_AT * wanted, self.roadmap.n_nodes)
-        near = np.argpartition(self.near, k - 1)[:k]
-        return near[np.lexsort((near, self.near[near]))]
+        near = self._least(self.near, k)
+        if self.beyond is None:
+            return near
+        by_way = self._least(self.near + self.beyond, k)
+        return np.array(list(dict.fromkeys(np.stack([near, by_way], 1).ravel().tolist())))
+
+    def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
+        few = np.argpartition(cost, k - 1)[:k]
+        return few[np.lexsort((few, cost[few]))]
+
+    def _look_beyond(self, towards_goals: bool) -> None:
+        """Set what lies beyond a node: the goals, or the robot's configuration."""
+        m = self.planner.memory
+        self.beyond = None
+        if towards_goals and m.goals.count[0]:
+            self.beyond = m.own.h_any
+        elif not towards_goals and np.isfinite(self.planner._q).all():
+            self._measure(self.planner._q)
+            self.beyond = self.near.copy()
 
     def _wanted(self) -> int:
         return min(self.planner.settings.attachments, MAX_ATTACHMENTS)
@@ -194,6 +233,13 @@ class Attacher:
             return nodes[:0], nodes[:0]
         return nodes, first + np.arange(len(nodes))
 
+    def _quick_motions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (nodes, no items) of certified motions to a few near nodes."""
+        ids = self._candidates(_QUICK)[:_QUICK]
+        begin, dq = self._between(q, ids, True)
+        good = ids[self.planner.static.motions_free(begin, dq)]
+        return good, np.full(len(good), kinds.NO_ITEM)
+
     def _between(
         self, q: np.ndarray, ids: np.ndarray, outward: bool
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +253,8 @@ class Attacher:
         m = self.planner.memory
         return kernels.sweep_into_pool(
             m.arm, self.radii, np.ascontiguousarray(q), np.ascontiguousarray(dq),
-            self.planner.cell_map.motion_tolerance, m.cloud, m.graph.region,
+            max(self.planner.cell_map.motion_tolerance, _TOLERANCE), m.cloud,
+            m.graph.region,
             m.pool, *self.scratch,
         )
 

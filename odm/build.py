@@ -4,7 +4,6 @@ import logging
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from odm.cell_map import CellMap, arm_of
 from odm.estimate import check_size
 from odm.grid import grid_for
 from odm.recipe import Recipe, load_recipe
-from odm.scenery import Scenery, parse_scenery
+from odm.scenery import parse_scenery
 from odm.static import StaticTest, always_touching
 from odm.sweep import sweep_roadmap
 from roadmap import load_robot
@@ -29,7 +28,6 @@ def build_map(
     threads: int = 0,
     progress: Progress | None = None,
     robot: Robot | None = None,
-    _sabotage: str | None = None,
 ) -> CellMap:
     """Build the map of a recipe; the same bytes for any number of threads.
 
@@ -38,8 +36,6 @@ def build_map(
         threads: Worker threads; 0 means one per core.
         progress: Called with (stage, done, total).
         robot: Use this robot instead of loading the recipe's.
-        _sabotage: For the audit of the audit only: "rho", "mu" or "sphere" takes
-            that term away from the cells.
 
     Raises:
         BadRecipe, BadRobot: The recipe or its robot cannot be used.
@@ -59,10 +55,9 @@ def build_map(
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(robot, recipe.safety.h, margin)
-    arm, safety = arm_of(robot), recipe.safety
-    if _sabotage is not None:
-        arm, safety = _spoil(arm, safety, _sabotage)
-    cells = sweep_roadmap(robot, arm, roadmap, grid, safety, threads, _named(progress))
+    cells = sweep_roadmap(
+        robot, arm_of(robot), roadmap, grid, recipe.safety, threads, _named(progress)
+    )
     built = {
         "seconds": round(time.perf_counter() - begun, 2),
         "roadmap_seconds": round(sampled - begun, 2),
@@ -96,21 +91,6 @@ def _named(progress: Progress | None) -> Progress | None:
     return lambda stage, done, total: progress(f"cells of {stage}", done, total)
 
 
-def _spoil(arm, safety, term: str):  # noqa: ANN001, ANN202 (Arm, Safety)
-    """Take one term of the safety argument away; the audit must notice."""
-    if term == "rho":
-        return arm, replace(safety, rho=0.0)
-    if term == "mu":
-        # an edge is taken for its first node: nothing for the way between
-        return arm, replace(safety, mu=-safety.mu)
-    if term == "sphere":
-        spheres = arm.spheres.copy()
-        spheres[-1, 3] = 0.0
-        spheres[-1, :3] = spheres[0, :3] * 0.0
-        return arm._replace(spheres=spheres), safety
-    raise ValueError(f"unknown sabotage {term!r}")
-
-
 def _versions() -> dict[str, str]:
     import numba
     import scipy
@@ -122,6 +102,3 @@ def _versions() -> dict[str, str]:
         "scipy": scipy.__version__,
         "machine": platform.machine(),
     }
-
-
-__all__ = ["Scenery", "build_map"]

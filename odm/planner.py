@@ -45,7 +45,7 @@ class PlannerSettings:
         max_points: Room for points of a frame; grows when a frame has more.
     """
 
-    attachments: int = 20
+    attachments: int = 18
     start_attachments: int = 10
     close_tests: int = 3
     margin: float = 0.15
@@ -189,16 +189,18 @@ class ReactivePlanner:
         return self._answer(status, path, begun, marked, covering_radius)
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
-        if self._new_goals:
-            self._new_goals = False
-            if np.array_equal(q, self._q):  # it stands: look around before it leaves
-                self.attacher.attach_start(q)
+        standing = self.attacher.quick or self._new_goals
+        standing = standing and np.array_equal(q, self._q)
+        if standing and not self.attacher.is_fresh(q):
+            self.attacher.attach_start(q)  # look around before it leaves
+        self._new_goals = False
+        moved = not np.array_equal(q, self._q) if self._moving else False
         code = self._step(points, q)
         lost = code == step.NOT_ATTACHED
         # on the way, but its segment is blocked at both ends: look around
         stuck = code == step.NO_PATH and not self.attacher.is_fresh(q)
         if lost or (stuck and len(self.goals)):
-            self.attacher.attach_start(q)
+            self.attacher.attach_start(q, quick=moved and not lost)
             return self._step(points, q)
         return code
 

@@ -73,14 +73,14 @@ def value_row(
     most: float | None = None,
     least: float | None = None,
 ) -> dict:
-    """Return a row of one value with its bound, if it has one."""
+    """Return a row of one value with its bound, if it has one; NaN is no value."""
+    value = None if np.isnan(value) else float(value)
     met = None
-    if most is not None:
-        met = bool(value <= most)
-    if least is not None:
-        met = bool(value >= least)
+    if most is not None and value is not None:
+        met = value <= most
+    if least is not None and value is not None:
+        met = value >= least
     asked = {k: v for k, v in (("most", most), ("least", least)) if v is not None}
-    value = float(value)
     row = {"name": name, "note": note, "unit": unit, "value": value, "asked": asked}
     return row | {"met": met}
 

@@ -76,7 +76,11 @@ def _limit(row: dict, share: str, limit: float) -> str:
 def _value(row: dict) -> str:
     if row["unit"] == TRUTH:
         return "yes" if row["value"] else "no"
-    return f"{row['value']:.4g} {row['unit']}".strip()
+    value = row["value"]
+    if value is None:
+        return "no frames"
+    text = f"{value:.0f}" if value.is_integer() else f"{value:.4g}"
+    return f"{text} {row['unit']}".strip()
 
 
 def _time(us: float) -> str:

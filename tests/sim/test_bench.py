@@ -209,6 +209,7 @@ def test_a_row_is_met_where_all_its_limits_are():
     assert time_row("t", "", times[:0], None, p50=1)["met"] is None
     assert value_row("v", 3.0, "", least=2.0)["met"]
     assert not value_row("v", 3.0, "", most=2.0)["met"]
+    assert value_row("v", np.nan, "", most=2.0)["met"] is None
 
 
 def test_a_clock_returns_what_it_timed():
