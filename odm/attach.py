@@ -7,6 +7,7 @@ import numpy as np
 from odm._kernels import attach as kernels
 from odm._kernels import types as kinds
 from odm._kernels.sweep import sweep_space
+from odm.cell_map import ROUNDING
 from odm.state import MAX_ATTACHMENTS
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class Attacher:
         words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
         space = sweep_space(len(memory.arm.spheres), len(robot.tree_i), robot.dof)
         self.scratch = (words, *space)
-        self.radii = planner.cell_map.swept_radii() + 1e-6
+        self.radii = planner.cell_map.swept_radii() + ROUNDING
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
         self.quick = False

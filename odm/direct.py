@@ -25,10 +25,14 @@ class DirectMap:
         self.seen[:] = 0
         self.memory.direct.listed[-1] = 0
 
-    def invalid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (node ids, edge ids), ascending views of own memory."""
+    def nodes(self) -> np.ndarray:
+        """Return the ids of the invalid nodes, ascending: a view of own memory."""
+        direct.refresh(self.memory.table)
+        count = direct.list_hits(self.pairs, 0, self.n_nodes, self.nodes_out)
+        return self.nodes_out[:count]
+
+    def edges(self) -> np.ndarray:
+        """Return the ids of the invalid edges, ascending: a view of own memory."""
         direct.refresh(self.memory.table)
         n, m = self.n_nodes, self.n_edges
-        k = direct.list_hits(self.pairs, 0, n, self.nodes_out)
-        j = direct.list_hits(self.pairs, n, m, self.edges_out)
-        return self.nodes_out[:k], self.edges_out[:j]
+        return self.edges_out[: direct.list_hits(self.pairs, n, m, self.edges_out)]

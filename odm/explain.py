@@ -79,7 +79,7 @@ class Reasons:
 
     def _blocked(self) -> tuple[str, Blockers]:
         planner = self.planner
-        keep = planner.cell_map.safety.rho + planner.cell_map.safety.m
+        keep = planner.keep
         gap, link, point = nearest(planner, self.q)
         if gap < keep:
             text = (
@@ -208,7 +208,7 @@ def is_free(
     t = float(m.work.value[0])
     text = (
         f"{link_of(planner, sphere)} would come within "
-        f"{_cm(planner.cell_map.safety.rho + planner.cell_map.safety.m)} of point "
+        f"{_cm(planner.keep)} of point "
         f"{point} at {t:.0%} of the motion"
     )
     return Freedom(False, "frame", text)

@@ -24,6 +24,7 @@ from odm.direct import DirectMap
 from odm.place import close_items, place_points
 from odm.state import lay_out
 from odm.static import StaticTest
+from odm.surfaces import rounded_covering
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
@@ -80,8 +81,10 @@ class ReactivePlanner:
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
         )
-        self.radii = cell_map.swept_radii()
         self.memory = lay_out(cell_map, self.settings.max_points)
+        self.radii = self.memory.own.radii
+        self._sampled: tuple[float | None, float | None] = (None, None)
+        self.keep = cell_map.safety.rho + cell_map.safety.m
         self.attacher = attach.Attacher(self)
         self.polisher = polish.Polisher(self)
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
@@ -144,6 +147,7 @@ class ReactivePlanner:
         stamp: float | None = None,
         now: float | None = None,
         covering_radius: float | None = None,
+        rounding: float | None = None,
     ) -> Answer:
         """Answer one frame.
 
@@ -154,7 +158,11 @@ class ReactivePlanner:
             labels: (n,) part of each point; where given, each part is closed.
             stamp, now: Time of the points and present time [s], one clock.
             covering_radius: Declared for raw points [m]; None means that the points
-                come from closed shapes sampled within the map's rho.
+                come from closed shapes sampled within the map's rho. The close test
+                uses the declared one, so dense points cost less free space.
+            rounding: Smallest radius of the sampled shapes where all are capsules or
+                spheres [m]: proves that less than rho is needed (see
+                `odm.surfaces.rounded_covering`).
 
         Returns:
             The answer; "no path" is an answer, not an exception.
@@ -168,6 +176,8 @@ class ReactivePlanner:
         memory = self.memory
         if len(points) > len(memory.cloud.where):
             memory.replace_cloud(self.cell_map.grid.new_cloud(2 * len(points)))
+        if (covering_radius, rounding) != self._sampled:
+            self._set_radii(covering_radius, rounding)
         self.points = points
         bad = frame.take_points(memory.table, points)
         marked = time.perf_counter_ns()
@@ -187,6 +197,16 @@ class ReactivePlanner:
         self._moving = True
         status = FOLLOWING if following else REPLANNED
         return self._answer(status, path, begun, marked, covering_radius)
+
+    def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
+        """Let the close test's radii follow how the points were sampled."""
+        self._sampled = (covering_radius, rounding)
+        m, rho = self.cell_map.safety.m, self.rho
+        rho = rho if covering_radius is None else covering_radius
+        balls = self.cell_map.arm.spheres[:, 3] + m
+        needed = [rounded_covering(rho, rounding or 0.0, ball) for ball in balls]
+        self.radii[:] = balls + needed
+        self.keep = m + float(np.max(needed))
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         standing = self.attacher.quick or self._new_goals
@@ -272,11 +292,11 @@ class ReactivePlanner:
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""
-        return self.direct.invalid()[0].copy()
+        return self.direct.nodes().copy()
 
     def invalid_edges(self) -> np.ndarray:
         """Return the ids of the edges that the frame invalidates, ascending."""
-        return self.direct.invalid()[1].copy()
+        return self.direct.edges().copy()
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""

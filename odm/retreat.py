@@ -32,7 +32,7 @@ def find_retreat(planner: "ReactivePlanner", q: np.ndarray) -> np.ndarray | None
     if now > NEAR:
         return None
     radii = planner.radii
-    keep = planner.cell_map.safety.rho + planner.cell_map.safety.m
+    keep = planner.keep
     escape = bool(now < keep)
     kinematics_door.place_anchor(m.arm, q, m.work)
     best, found = now + _GAIN, None

@@ -133,7 +133,9 @@ class Loop:
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
         points = sample_capsules(capsules, self.settings.spacing)
         wall, cpu = time.perf_counter(), time.thread_time()
-        answer = self.planner.step(points, q=self._q, dq=self._dq, stamp=now, now=now)
+        answer = self.planner.step(
+            points, q=self._q, dq=self._dq, stamp=now, now=now, **_told(capsules)
+        )
         retreat = self._retreat(answer)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         frame = Frame(
@@ -314,3 +316,8 @@ def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
             f"configurations of {robot.dof} joints, (n, {robot.dof})"
         )
     return places
+
+
+def _told(capsules: np.ndarray) -> dict[str, float]:
+    """Return what the planner may know of the shapes: their smallest radius."""
+    return {"rounding": float(capsules[:, 6].min())} if len(capsules) else {}

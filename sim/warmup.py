@@ -120,6 +120,7 @@ def exercise(cell_map: CellMap) -> None:
     for always_replan in (True, False):
         planner = ReactivePlanner(cell_map, always_replan, settings)
         start, goal = _two_nodes(planner)
+        planner.set_goals([np.array(cell_map.roadmap.nodes[0])])
         planner.set_goals([goal], costs=[0.5])
         planner.set_goals([goal, start])
         for points in _scenes(cell_map, start, goal):

@@ -230,6 +230,15 @@ def close_goal(state, points, g, frame, budget):
 
 
 @njit(cache=True, nogil=True)
+def stands_free(state, points, q):
+    """Return True if a configuration itself keeps its distance from the points."""
+    own = own_of(state)
+    for j in range(q.shape[0]):
+        own.still[j] = 0.0
+    return close_free(state, points, q, own.still)
+
+
+@njit(cache=True, nogil=True)
 def judge_direct(state, points, q, g, frame):
     """Test the straight motion to goal g: cells, where it stuck before, closely."""
     search = search_of(state)
@@ -250,9 +259,7 @@ def judge_direct(state, points, q, g, frame):
     stuck = goals.direct_stuck[g]
     if stuck >= 0.0:
         set_point(q, own.dq, stuck, own.spot)
-        for j in range(q.shape[0]):
-            own.still[j] = 0.0
-        if not close_free(state, points, own.spot, own.still):
+        if not stands_free(state, points, own.spot):
             return False
     if not close_free(state, points, q, own.dq):
         goals.direct_stuck[g] = work.value[0]
@@ -462,7 +469,11 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             entry = search_goals(state, starts, g, frame)
         if entry < 0:
             opened = 0
+            if not any_start and not stands_free(state, points, q):
+                return False
             if not enterable:
+                if not stands_free(state, points, goals.q[g]):
+                    continue
                 opened = close_goal(state, points, g, frame, budget)
                 if opened == 0:
                     continue

@@ -23,7 +23,7 @@ from odm._kernels.types import (
 )
 
 PATIENCE = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 2000  # lists looked at before the direct map settles all items at once
+MANY_TESTS = 500  # lists looked at before the direct map settles all items at once
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from odm.cell_map import CellMap
 from sim.bench.clock import Clock, value_row
 from sim.bench.compiled_search import CompiledSearch
 from sim.bench.fcl_search import FclSearch
-from sim.bench.frames import Pair
+from sim.bench.frames import ROUND, Pair
 from sim.bench.query import Query, query_of
 
 FASTER_THAN_FCL, FASTER_THAN_COMPILED = 300.0, 10.0
@@ -56,8 +56,8 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
         warm = pair.part(slice(max(0, part.start - WARM), part.start))
         timed = pair.part(part)
         for p in warm.points():
-            planner.step(p, q=pair.q_start)
-        answers = [ours(planner.step, p, q=pair.q_start) for p in timed.points()]
+            planner.step(p, q=pair.q_start, rounding=ROUND)
+        answers = [ours(planner.step, p, q=pair.q_start, rounding=ROUND) for p in timed.points()]
         for rods in warm.capsules:
             other.search(rods)
         paths = [theirs(other.search, rods) for rods in timed.capsules]

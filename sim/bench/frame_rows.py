@@ -6,7 +6,7 @@ from odm import ReactivePlanner
 from odm.answer import HOLDING
 from odm.cell_map import CellMap
 from sim.bench.clock import Clock, value_row
-from sim.bench.frames import RATE_HZ, Pair
+from sim.bench.frames import RATE_HZ, ROUND, Pair
 
 REPLAN = {"p50": 20.0, "p99": 150.0}
 FOLLOW = {"p50": 40.0, "p99": 300.0}
@@ -21,8 +21,8 @@ def replanned(cell_map: CellMap, pairs: list[Pair]) -> list:
         points = pair.points()
         planner.reset()
         planner.set_goals([pair.q_goal])
-        planner.step(points[0], q=pair.q_start)
-        answers = [clock(planner.step, p, q=pair.q_start) for p in points]
+        planner.step(points[0], q=pair.q_start, rounding=ROUND)
+        answers = [clock(planner.step, p, q=pair.q_start, rounding=ROUND) for p in points]
         vertices += [len(a.path) for a in answers]
     vertices = np.array(vertices)
     blocked = vertices != 2
@@ -59,10 +59,10 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
         q = pair.q_start
         planner.reset()
         planner.set_goals(goals[:1])
-        planner.step(points[0], q=q)  # the first step at a q never seen: another row
+        planner.step(points[0], q=q, rounding=ROUND)  # the first step at a q never seen: another row
         timed = clock
         for p in points:
-            answer = timed(planner.step, p, q=q)
+            answer = timed(planner.step, p, q=q, rounding=ROUND)
             timed = clock
             if answer.status == HOLDING:
                 continue
@@ -92,7 +92,7 @@ def first_steps(cell_map: CellMap, pairs: list[Pair], each: int = 5) -> list:
         step = max(1, len(pair.capsules) // each)
         for points in pair.part(slice(None, None, step)).points():
             planner.reset()
-            clock(planner.step, points, q=pair.q_start)
+            clock(planner.step, points, q=pair.q_start, rounding=ROUND)
     note = "nothing known of q: motions to near nodes are tested and swept"
     return [clock.row("first step at a q never seen", note, p99=5000.0)]
 

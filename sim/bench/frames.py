@@ -20,6 +20,7 @@ from roadmap.kinematics import tool_pose
 
 LENGTHS = (0.30, 0.43)  # upper arm, forearm with hand: axes of the capsules [m]
 RADII = (0.05, 0.04)
+ROUND = min(RADII)  # told to the planner: capsules of no smaller radius [m]
 SPACING = 0.03  # covering radius of the arm's samples [m]
 RATE_HZ = 100.0
 TOP_SPEED = 1.0  # of any point of the arm [m/s]

@@ -18,7 +18,7 @@ from odm.static import StaticTest
 from roadmap.errors import PlanningError
 from sim.bench.clock import Clock, time_row, value_row
 from sim.bench.fcl_search import FclPair
-from sim.bench.frames import CONDITIONS, Pair, make_pairs
+from sim.bench.frames import CONDITIONS, ROUND, Pair, make_pairs
 from sim.bench.header import header
 
 LIMIT_S = 1.0
@@ -72,7 +72,7 @@ def _compare(
     planner.set_goals([pair.q_goal])
     rows = []
     for frame, points in enumerate(pair.points()):
-        answer = ours(planner.step, points, q=pair.q_start)
+        answer = ours(planner.step, points, q=pair.q_start, rounding=ROUND)
         if frame in picked:
             begun = time.perf_counter_ns()
             path = other.solve(pair, pair.capsules[frame], limit_s)

@@ -7,7 +7,7 @@ from odm.answer import HOLDING
 from odm.cell_map import CellMap
 from roadmap.kinematics import sphere_centers
 from sim.bench.clock import Clock, value_row
-from sim.bench.frames import LENGTHS, RADII, SPACING, Pair
+from sim.bench.frames import LENGTHS, RADII, ROUND, SPACING, Pair
 
 _ARMS = 24  # more arms than this do not wall anything in
 _TRIES = 40  # placements looked at for each arm
@@ -34,7 +34,7 @@ def walled_in(
                 continue
             arms.append(n_arms)
             for _ in range(repeats):
-                clock(planner.step, points, q=pair.q_start)
+                clock(planner.step, points, q=pair.q_start, rounding=ROUND)
         note = "free, but cut off by arms around it; same q"
         rows.append(clock.row(f"{place} walled in", note, **WALLED))
         mean = float(np.mean(arms)) if arms else 0.0
@@ -50,13 +50,13 @@ def wall(
     planner.set_goals([pair.q_goal])
     q = pair.q_goal if place == "goal" else pair.q_start
     points = np.zeros((0, 3))
-    planner.step(points, q=pair.q_start)
+    planner.step(points, q=pair.q_start, rounding=ROUND)
     for n_arms in range(1, _ARMS + 1):
         more = _beside(planner, pair, q, points, rng)
         if more is None:
             return None, 0
         points = more
-        if planner.step(points, q=pair.q_start).status == HOLDING:
+        if planner.step(points, q=pair.q_start, rounding=ROUND).status == HOLDING:
             return points, n_arms
     return None, 0
 
@@ -90,7 +90,7 @@ def _beside(
             ]
         )
         both = np.concatenate([points, sample_capsules(rods, SPACING)])
-        planner.step(both, q=pair.q_start)
+        planner.step(both, q=pair.q_start, rounding=ROUND)
         ends = (pair.q_start, pair.q_goal)
         if all(planner.separation(end) > keep for end in ends):
             return both

@@ -48,7 +48,7 @@ class Straight:
     def separation(self, q):
         return self.gap
 
-    def step(self, points, q, dq=None, stamp=None, now=None):
+    def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
         return Answer("following", np.array([q, self.goal]))
 
 
@@ -59,7 +59,7 @@ class Careful(Straight):
         self.robot, self.retreat, self.held = robot, retreat, False
         self.gap = np.inf
 
-    def step(self, points, q, dq=None, stamp=None, now=None):
+    def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
         centers = sphere_centers(self.robot, q)[self.robot.moving]
         radii = self.robot.spheres[self.robot.moving, 3]
         gaps = np.linalg.norm(points[:, None] - centers, axis=2) - radii
