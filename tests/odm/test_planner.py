@@ -283,6 +283,18 @@ def test_no_kernel_is_compiled_again_for_another_map(small_map, tmp_path):
     assert [len(k.signatures) for k in kernels] == seen
 
 
+def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
+    from odm._kernels import frame, step
+
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    planner.step(points, q=HOME)
+    seen = len(step.step.signatures), len(frame.take_points.signatures)
+    points.flags.writeable = False
+    planner.step(points, q=small_map.roadmap.nodes[3])
+    assert (len(step.step.signatures), len(frame.take_points.signatures)) == seen
+
+
 # --- bad values hold, bad programs raise ----------------------------------------
 
 
