@@ -1,0 +1,94 @@
+"""The roadmap: reproducible, connected, and handed out as a graph."""
+
+import networkx
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import dijkstra
+
+from roadmap.build import RoadmapSettings, build_roadmap
+from roadmap.errors import BadInput, BuildRefused
+from roadmap.sampling import SAMPLERS, draw
+
+
+def everything_free(q, dq):
+    return np.ones(len(q), bool)
+
+
+def test_the_graph_handed_out_has_the_same_nodes_edges_and_lengths(small_map):
+    roadmap = small_map.roadmap
+    graph = roadmap.to_networkx()
+    assert isinstance(graph, networkx.Graph)
+    assert graph.number_of_nodes() == roadmap.n_nodes
+    assert graph.number_of_edges() == roadmap.n_edges
+    assert networkx.is_connected(graph)
+    a, b = roadmap.edges[5]
+    assert graph.edges[a, b]["length"] == roadmap.lengths[5]
+    assert graph.edges[a, b]["id"] == 5
+    assert np.array_equal(graph.nodes[7]["q"], roadmap.nodes[7])
+
+
+def test_every_edge_stands_in_the_lists_of_both_its_nodes(small_map):
+    roadmap = small_map.roadmap
+    for edge, (a, b) in enumerate(roadmap.edges):
+        for here, there in ((a, b), (b, a)):
+            own = slice(roadmap.adj_ptr[here], roadmap.adj_ptr[here + 1])
+            k = np.flatnonzero(roadmap.adj_edge[own] == edge)
+            assert len(k) == 1
+            assert roadmap.adj_node[own][k[0]] == there
+
+
+def test_landmarks_never_exceed_the_true_distance(small_map):
+    roadmap = small_map.roadmap
+    true = dijkstra(roadmap.to_sparse())
+    for column in roadmap.landmarks.T:
+        bound = np.abs(column[:, None] - column[None, :])
+        assert (bound <= true + 1e-9).all()
+
+
+@pytest.mark.parametrize("sampling", SAMPLERS)
+def test_every_sampler_stays_within_limits_and_repeats_itself(small_map, sampling):
+    robot = small_map.robot
+    first = next(draw(robot, sampling, 4, 500, None))
+    again = next(draw(robot, sampling, 4, 500, None))
+    assert np.array_equal(first, again)
+    assert ((first >= robot.lower) & (first <= robot.upper)).all()
+
+
+def test_a_region_draws_the_tool_into_it(small_map):
+    from roadmap import tool_pose
+
+    robot = small_map.robot
+    region = np.array([[0.0, -1.0, 0.0], [1.0, 1.0, 2.0]])
+    q = next(draw(robot, "uniform", 1, 500, region))
+    inside = np.mean([tool_pose(robot, row)[0, 3] >= 0 for row in q])
+    assert inside > 0.8
+
+
+def test_an_unknown_sampler_lists_the_known_ones(small_map):
+    with pytest.raises(BadInput, match="halton"):
+        next(draw(small_map.robot, "sobol", 1, 10, None))
+
+
+def test_components_are_reported_and_only_the_largest_is_kept(small_map):
+    def halves(q, dq):  # nothing crosses q[0] = 0.3
+        return np.sign(q[:, 0] - 0.3) == np.sign(q[:, 0] + dq[:, 0] - 0.3)
+
+    settings = RoadmapSettings(nodes=120, neighbors=5, seed=2)
+    roadmap, report = build_roadmap(small_map.robot, settings, halves)
+    assert len(report.components) >= 2
+    assert sum(report.components) == 120
+    assert roadmap.n_nodes == report.components[0]
+    side = np.sign(roadmap.nodes[:, 0] - 0.3)
+    assert (side == side[0]).all()
+
+
+def test_a_place_with_no_valid_configuration_is_refused(small_map):
+    settings = RoadmapSettings(nodes=50, neighbors=4)
+    with pytest.raises(BuildRefused, match="only 0 of"):
+        build_roadmap(small_map.robot, settings, lambda q, dq: np.zeros(len(q), bool))
+
+
+def test_weights_of_the_wrong_number_are_refused(small_map):
+    settings = RoadmapSettings(nodes=50, neighbors=4, weights=(1.0, 2.0))
+    with pytest.raises(BuildRefused, match="2 joint weights"):
+        build_roadmap(small_map.robot, settings, everything_free)
