@@ -117,7 +117,7 @@ class Reasons:
     ) -> Blockers:
         """List the blocked edges at the nodes next to q, and the cells in their way."""
         planner = self.planner
-        m, roadmap = planner.memory, planner.cell_map.roadmap
+        roadmap = planner.cell_map.roadmap
         planner.attacher._measure(q)
         near = np.argsort(planner.attacher.near, kind="stable")[:8]
         edges = [
@@ -134,7 +134,6 @@ class Reasons:
                 break
         table = np.array(sorted(cells)[:_MOST_LISTED], np.int64).reshape(-1, 3)
         points = np.array([point] if point >= 0 else [], np.int64)
-        del m
         return Blockers(np.array(blocked, np.int64), table, points, link, goal)
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:

@@ -28,7 +28,6 @@ from odm.surfaces import rounded_covering
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
-
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 _WORTH = 1.1  # times the straight length: a rest shorter than that stays
 

@@ -59,7 +59,7 @@ def test_paths_keep_the_clearance_from_the_exact_arm(
         q = draw_valid(planner, rng)
         planner.set_goals([draw_valid(planner, rng)])
         arm = draw_arm(rng)
-        shapes = [capsule_of(row) for row in arm]
+        shapes = obstacles_of([capsule_of(row) for row in arm])
         points = odm.sample_capsules(arm, 0.03)
         if not (small_map.grid.locate(points) >= 0).all():
             continue
@@ -67,8 +67,8 @@ def test_paths_keep_the_clearance_from_the_exact_arm(
         for a, b in zip(answer.path, answer.path[1:], strict=False):
             paths += 1
             for t in np.linspace(0, 1, 12):
-                gap = exact.distance_of(moving, a + t * (b - a), obstacles_of(shapes)).distance
-                assert gap >= small_map.safety.m - 1e-9
+                nearest = exact.distance_of(moving, a + t * (b - a), shapes)
+                assert nearest.distance >= small_map.safety.m - 1e-9
     assert paths > 15
 
 
