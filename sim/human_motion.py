@@ -59,7 +59,7 @@ def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     limit = person.max_speed or 1.0
     script = Round(person, (0.60, 0.0, 0.40), 0.3 * limit)
     for _ in range(6):
-        place = (rng.uniform(0.5, 0.65), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
+        place = (rng.uniform(0.45, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
         script.move(place, rng.uniform(3.0, 6.0))
     script.close(2.0)
     direction = rng.normal(size=3)
