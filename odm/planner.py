@@ -46,7 +46,7 @@ class PlannerSettings:
     """
 
     attachments: int = 18
-    start_attachments: int = 10
+    start_attachments: int = 8
     close_tests: int = 3
     margin: float = 0.15
     max_age_s: float = 0.1
@@ -94,6 +94,7 @@ class ReactivePlanner:
         self.points = np.zeros((0, 3))
         self.last: Answer | None = None
         self._q = self.memory.own.q
+        self._here = b""
         self._moving = False
         self._new_goals = False
         self._nowhere = np.empty((0, self.robot.dof))
@@ -155,7 +156,8 @@ class ReactivePlanner:
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
-            stamp, now: Time of the points and present time [s], one clock.
+            stamp: Time of the points [s].
+            now: Present time [s], by the same clock.
             covering_radius: Declared for raw points [m]; None means that the points
                 come from closed shapes sampled within the map's rho. The close test
                 uses the declared one, so dense points cost less free space.
@@ -174,7 +176,8 @@ class ReactivePlanner:
         q = check_configuration(self.robot, q, dq)
         memory = self.memory
         if len(points) > len(memory.cloud.where):
-            memory.replace_cloud(self.cell_map.grid.new_cloud(2 * len(points)))
+            room, grid = 2 * len(points), self.cell_map.grid
+            memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
         self.points = points
@@ -208,12 +211,13 @@ class ReactivePlanner:
         self.keep = m + float(np.max(needed))
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
-        standing = self.attacher.quick or self._new_goals
-        standing = standing and np.array_equal(q, self._q)
+        here = q.tobytes()  # compared much faster than arrays
+        same, self._here = here == self._here, here
+        standing = same and (self.attacher.quick or self._new_goals)
         if standing and not self.attacher.is_fresh(q):
             self.attacher.attach_start(q)  # look around before it leaves
         self._new_goals = False
-        moved = not np.array_equal(q, self._q) if self._moving else False
+        moved = self._moving and not same
         code = self._step(points, q)
         lost = code == step.NOT_ATTACHED
         # on the way, but its segment is blocked at both ends: look around

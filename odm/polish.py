@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels import close, frame
+from odm._kernels import close, ways
 from odm._kernels.types import N_LOOK, N_SEGMENT, NO_WAY
 from odm.answer import HOLDING
 
@@ -54,7 +54,7 @@ class Polisher:
         q_a = np.ascontiguousarray(planner._q if from_start else way.q[i])
         a = int(m.goals.count[1] if from_start else way.vertex[i])
         b = int(way.vertex[j])
-        known = frame.find_shortcut(m.short, a, b)
+        known = ways.find_shortcut(m.short, a, b)
         if known == NO_WAY or known >= 0 or not self._shorter(q_a, i, j):
             return 0, 0
         dq = planner._difference(q_a, way.q[j])
@@ -66,7 +66,7 @@ class Polisher:
         item = -1
         if planner.static.motion_free(q_a, dq):
             item = planner.attacher.sweep(q_a[None], dq[None])
-        frame.add_shortcut(m.short, a, b, item if item >= 0 else NO_WAY)
+        ways.add_shortcut(m.short, a, b, item if item >= 0 else NO_WAY)
         return 1, int(item >= 0)
 
     def _shorter(self, q_a: np.ndarray, i: int, j: int) -> bool:

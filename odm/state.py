@@ -13,6 +13,7 @@ WAY_LENGTH = 64
 POOL_ITEMS = 8192
 POOL_ENTRIES = 1_000_000
 SHORTCUTS = 8192  # a power of two
+PAST_WAYS = 8  # remembered to bound a long search
 
 
 class Memory:
@@ -21,7 +22,7 @@ class Memory:
     Attributes:
         table: What the compiled frame takes.
         arm, cloud, work, graph, pool, goals, search, direct, short, fresh, along, way,
-        spare, own: The groups; see `_kernels/types.py`.
+        spare, own, pick, past: The groups; see `_kernels/types.py`.
     """
 
     def __init__(self, groups: dict[str, tuple]) -> None:
@@ -40,6 +41,8 @@ class Memory:
         self.way: kinds.Way = groups["way"]
         self.spare: kinds.Way = groups["spare"]
         self.own: kinds.Own = groups["own"]
+        self.pick: kinds.Cloud = groups["pick"]
+        self.past: kinds.Past = groups["past"]
         self._write_table()
 
     def _write_table(self) -> None:
@@ -57,15 +60,15 @@ class Memory:
             self.table[k, 0] = array.ctypes.data
             self.table[k, 1 : 1 + array.ndim] = array.shape
 
-    def replace_cloud(self, cloud: kinds.Cloud) -> None:
-        """Take a larger cloud; the old one is not pointed at any more."""
-        self.cloud = cloud
+    def replace_clouds(self, cloud: kinds.Cloud, pick: kinds.Cloud) -> None:
+        """Take larger clouds; the old ones are not pointed at any more."""
+        self.cloud, self.pick = cloud, pick
         self._write_table()
 
 
 _ORDER = (
-    "arm", "cloud", "work", "graph", "pool", "goals", "search", "direct", "short", "fresh",
-    "along", "way", "spare", "own",
+    "arm", "cloud", "work", "graph", "pool", "goals", "search", "direct", "short",
+    "fresh", "along", "way", "spare", "own", "pick", "past",
 )
 
 
@@ -81,7 +84,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     graph = kinds.Graph(
         roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
         roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
-        np.zeros(n + m, np.bool_), region, sign, direct.hits,
+        np.zeros(n + m, np.bool_), region, sign, direct.bits,
     )
     pool = kinds.Pool(
         np.zeros(POOL_ITEMS, np.int64), np.zeros(POOL_ITEMS, np.int64),
@@ -117,6 +120,8 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "way": new_way(dof),
             "spare": new_way(dof),
             "own": own,
+            "pick": cell_map.grid.new_cloud(max_points),
+            "past": _past(),
         }
     )
 
@@ -132,11 +137,12 @@ def regions(cell_map: CellMap) -> np.ndarray:
 
 def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
     n_blocks = len(cells.t_ptr) - 1
-    room = n_items + n_items % 2  # read two by two
+    longest = int(np.diff(cells.t_ptr).max(initial=0))
     return kinds.Direct(
         cells.t_ptr, cells.t_item.view(np.int32), cells.t_mask,
-        np.zeros(n_blocks, np.uint64), np.zeros(room, np.int32),
-        np.zeros(n_blocks + 1, np.int32),
+        np.zeros(n_blocks, np.uint64), np.zeros(n_items, np.int32),
+        np.zeros(n_blocks + 1, np.int32), np.zeros(n_items // 64 + 1, np.uint64),
+        np.zeros(longest + 1, np.int32), np.full(1, -100, np.int64),
     )
 
 
@@ -155,6 +161,15 @@ def new_way(dof: int) -> kinds.Way:
     return kinds.Way(
         np.zeros(WAY_LENGTH, np.int64), np.zeros(WAY_LENGTH, np.int64),
         np.zeros((WAY_LENGTH, dof)), np.zeros(2, np.int64),
+    )
+
+
+def _past() -> kinds.Past:
+    k = PAST_WAYS
+    return kinds.Past(
+        np.full(k, -1, np.int64), np.zeros((k, WAY_LENGTH), np.int32),
+        np.zeros((k, WAY_LENGTH), np.int32), np.zeros((k, WAY_LENGTH)),
+        np.zeros(k + 1, np.int64),
     )
 
 
@@ -183,7 +198,7 @@ def _search(n: int, m: int) -> kinds.Search:
     room = 2 * m + MAX_ATTACHMENTS + MAX_GOALS * (MAX_ATTACHMENTS + 1)
     return kinds.Search(
         np.full(n + m, -1, np.int64), np.zeros(n + MAX_GOALS, np.int64),
-        np.zeros(n + MAX_GOALS, np.int64), np.zeros(n, np.int64),
+        np.zeros(n, np.int64),
         np.zeros(n, np.int64), np.zeros(room, np.int32), np.zeros(room, np.int32),
         np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
         np.zeros(room, np.int32), np.zeros(4, np.uint64), np.zeros(8, np.int64),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from odm._kernels.frame import displacement
+from odm._kernels.close import displacement
 from odm._kernels.search import pop, push
 from odm._kernels.sweep import sweep_motion
 

@@ -2,8 +2,9 @@
 
 A motion q + t dq is split by dichotomy. An interval is free when at its middle every
 sphere is farther from every point than its radius plus the way it can make in half
-the interval. Where that still fails at the bottom level, the sphere's chord decides,
-thickened by the bound on the sag (|p''| dt^2 / 8).
+the interval. Where that fails, the sphere's chord, thickened by the bound on the sag
+(|p''| dt^2 / 8), may free it as soon as the sag is small, and decides at the bottom
+level.
 """
 
 import math
@@ -15,6 +16,7 @@ from odm._kernels.types import N_OCCUPIED
 from roadmap._kernels.kinematics import body_frames, motion_bounds
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
+EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
 ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
 
 
@@ -63,6 +65,10 @@ def prepare_motion(arm, radii, dq, tolerance, work):
             bottom += 1
         while bottom < MAX_LEVEL and bend > 8.0 * FINE_SAG * (1 << 2 * bottom):
             bottom += 1
+        early = 0
+        while early < bottom and bend > 8.0 * EARLY_SAG * (1 << 2 * early):
+            early += 1
+        work.early[b] = early
         work.body_speed[b] = fastest
         work.body_radius[b] = widest
         work.bottom[b] = bottom
@@ -73,6 +79,16 @@ def set_point(q, dq, t, point):
     """Write q + t dq to `point`."""
     for j in range(q.shape[0]):
         point[j] = q[j] + t * dq[j]
+
+
+@njit(cache=True, nogil=True)
+def displacement(q_from, q_to, continuous, dq):
+    """Write q_to - q_from to `dq`, continuous joints the short way."""
+    for j in range(dq.shape[0]):
+        d = q_to[j] - q_from[j]
+        if continuous[j]:
+            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+        dq[j] = d
 
 
 @njit(cache=True, nogil=True)
@@ -200,7 +216,7 @@ def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
                 return False
             mask[b] = state == 1
             if state == 1:
-                if level >= work.bottom[b]:
+                if level >= work.early[b]:
                     chords = True
                 else:
                     open_ = True
@@ -209,13 +225,17 @@ def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
             body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[1])
             set_point(q, dq, (index + 1) * dt, work.point)
             body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[2])
+            work.found[3] += 2
             for b in range(1, n_bodies):
-                if mask[b] and level >= work.bottom[b]:
+                if mask[b] and level >= work.early[b]:
                     f, g = work.frames[1, b], work.frames[2, b]
-                    if not body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
+                    if body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
+                        mask[b] = False
+                    elif level < work.bottom[b]:
+                        open_ = True
+                    else:
                         work.value[0] = t
                         return False
-                    mask[b] = False
         if not open_:
             top -= 1
             continue

@@ -1,10 +1,11 @@
 """The direct map: which items (nodes, then edges) the occupied cells invalidate."""
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 
-from odm._kernels.state import cloud_of, direct_of, graph_of
-from odm._kernels.types import N_OCCUPIED
+from odm._kernels.state import cloud_of, direct_of, graph_of, own_of
+from odm._kernels.types import N_FRAME, N_OCCUPIED
 
 
 @njit(cache=True, nogil=True)
@@ -29,8 +30,9 @@ def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
 
 
 @njit(cache=True, nogil=True)
-def update_hits(direct, graph, cloud):
-    """Bring direct.hits up to the frame's words; only changed blocks are read."""
+def update_hits(direct, graph, cloud, frame):
+    """Bring the counts up to the frame's words; only changed blocks are read."""
+    direct.frame[0] = frame
     listed = direct.listed
     last = listed.shape[0] - 1
     kept = 0
@@ -54,50 +56,66 @@ def update_hits(direct, graph, cloud):
 def change_block(direct, graph, b, word):
     """Count the items of block b for `word` instead of what was seen there."""
     n_nodes = graph.adj_ptr.shape[0] - 1
-    hits = direct.hits
     old = direct.seen[b]
-    changed = old ^ word
+    # first collect, without a branch to guess wrong; most items do not turn
+    count = 0
     for k in range(direct.ptr[b], direct.ptr[b + 1]):
         mask = direct.mask[k]
-        if mask & changed == 0:
-            continue
-        step = (1 if mask & word != 0 else 0) - (1 if mask & old != 0 else 0)
-        if step == 0:
-            continue
+        direct.turned[count] = k
+        count += np.int64((mask & old != 0) != (mask & word != 0))
+    for i in range(count):
+        k = direct.turned[i]
         item = direct.item[k]
-        before = hits[item]
-        hits[item] = before + step
-        if item < n_nodes and (before == 0 or before + step == 0):
+        step = 1 if direct.mask[k] & word != 0 else -1
+        if count_item(direct, item, step) and item < n_nodes:
             # a node that is blocked, or freed, takes its edges along
             for j in range(graph.adj_ptr[item], graph.adj_ptr[item + 1]):
-                hits[n_nodes + graph.adj_edge[j]] += step
+                count_item(direct, n_nodes + graph.adj_edge[j], step)
     direct.seen[b] = word
+
+
+@njit(cache=True, nogil=True)
+def count_item(direct, item, step):
+    """Change an item's count by `step`; return True if it was or becomes 0."""
+    before = direct.hits[item]
+    direct.hits[item] = before + step
+    if before != 0 and before + step != 0:
+        return False
+    direct.bits[item >> 6] ^= np.uint64(1) << np.uint64(item & 63)
+    return True
 
 
 @njit(cache=True, nogil=True)
 def refresh(state):
     """Bring the counts up to the frame whose points were taken."""
-    update_hits(direct_of(state), graph_of(state), cloud_of(state))
+    frame = own_of(state).numbers[N_FRAME]
+    update_hits(direct_of(state), graph_of(state), cloud_of(state), frame)
+
+
+@intrinsic
+def trailing_zeros(typingctx, word):  # noqa: ANN001, ANN201
+    """Return the number of the lowest bit that is set in a uint64."""
+
+    def codegen(context, builder, _signature, args):  # noqa: ANN001, ANN202
+        return builder.cttz(args[0], context.get_constant(types.boolean, True))
+
+    return types.uint64(types.uint64), codegen
 
 
 @njit(cache=True, nogil=True)
-def list_hits(pairs, first, n, out):
-    """List which of the counts first..first + n - 1 are not 0; return their number.
-
-    `pairs` views the counts two by two, so that free stretches pass quickly.
-    """
+def list_bits(bits, first, n, out):
+    """List which of the bits first..first + n - 1 are set; return their number."""
     count = 0
-    k = first
-    while k < first + n:
-        if k % 2 == 0 and k + 1 < first + n:
-            word = pairs[k >> 1]
-            if word == 0:
-                k += 2
-                continue
-        word = pairs[k >> 1]
-        half = (word >> np.uint64(32)) if k % 2 else (word & np.uint64(0xFFFFFFFF))
-        if half != 0:
-            out[count] = k - first
+    last = first + n
+    for k in range(first >> 6, (last + 63) >> 6):
+        word = bits[k]
+        if k == first >> 6:
+            word &= ~np.uint64(0) << np.uint64(first & 63)
+        if last - 64 * k < 64:
+            word &= (np.uint64(1) << np.uint64(last - 64 * k)) - np.uint64(1)
+        base = 64 * k - first
+        while word != 0:
+            out[count] = base + np.int64(trailing_zeros(word))
             count += 1
-        k += 1
+            word &= word - np.uint64(1)
     return count

@@ -42,7 +42,7 @@ def mark_points(points, cloud):
                 cloud.slot[b] = n_occupied
                 n_occupied += 1
             words[b] = word | (np.uint64(1) << np.uint64(bit))
-            where[i] = b
+            where[i] = (b << 6) | bit
         else:
             where[i] = -1
             if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
@@ -65,7 +65,7 @@ def sort_points(points, cloud):
         start[k] = 0
     for i in range(points.shape[0]):
         if cloud.where[i] >= 0:
-            start[slot[cloud.where[i]] + 1] += 1
+            start[slot[cloud.where[i] >> 6] + 1] += 1
     for k in range(n_occupied):
         start[k + 1] += start[k]
         for a in range(3):
@@ -74,7 +74,7 @@ def sort_points(points, cloud):
     for i in range(points.shape[0]):
         if cloud.where[i] < 0:
             continue
-        k = slot[cloud.where[i]]
+        k = slot[cloud.where[i] >> 6]
         at = start[k]
         start[k] = at + 1
         cloud.order[at] = i
@@ -87,6 +87,17 @@ def sort_points(points, cloud):
         start[k] = start[k - 1]
     start[0] = 0
     cloud.counts[IS_SORTED] = 1
+
+
+@njit(cache=True, nogil=True)
+def list_hit(words, block, mask, begin, end):
+    """Return True if the cells of a list [begin:end] share one with `words`."""
+    for k in range(begin, end):
+        # few blocks are occupied: most masks need not be fetched
+        word = words[block[k]]
+        if word != 0 and word & mask[k] != 0:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -9,21 +9,32 @@ goal (or a start) that is walled in is known when the smaller side is exhausted.
 
 import math
 
+import numpy as np
 from numba import njit
 
+from odm._kernels.bound import free_bound, remember_way
 from odm._kernels.direct import update_hits
+from odm._kernels.occupancy import list_hit
 from odm._kernels.signature import apart
 from odm._kernels.types import (
     EDGE_BASE,
-    IS_GOAL,
     N_COUNTED,
     N_EDGE_TESTS,
     N_FLOODED,
     N_POPPED,
 )
 
+LOOK_BACK = 10  # vertices closed before ways of the past are looked at
 PATIENCE = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 500  # lists looked at before the direct map settles all items at once
+MANY_TESTS = 600  # lists looked at before the direct map settles all items at once
+FRESH = 2  # frames in which its counts change little
+FRESH_TESTS = 150  # lists looked at before then
+
+
+@njit(cache=True, nogil=True)
+def is_taken(graph, item):
+    """Return True if the direct map, brought up to the frame, counts an item."""
+    return (graph.taken[item >> 6] >> np.uint64(item & 63)) & np.uint64(1) != 0
 
 
 @njit(cache=True, nogil=True)
@@ -34,16 +45,13 @@ def item_free(graph, words, search, frame, item):
         return known & 1 == 0
     hit = 1 if graph.closed[item] else 0
     if search.stats[N_COUNTED] != 0:
-        hit |= 1 if graph.hits[item] != 0 else 0
+        hit |= 1 if is_taken(graph, item) else 0
     elif hit == 0:
         search.stats[N_EDGE_TESTS] += 1
         if not apart(graph.sign, item, search.sign):
-            for k in range(graph.ptr[item], graph.ptr[item + 1]):
-                # few blocks are occupied: most masks need not be fetched
-                word = words[graph.block[k]]
-                if word != 0 and word & graph.mask[k] != 0:
-                    hit = 1
-                    break
+            begin, end = graph.ptr[item], graph.ptr[item + 1]
+            if list_hit(words, graph.block, graph.mask, begin, end):
+                hit = 1
     search.memo[item] = 2 * frame + hit
     return hit == 0
 
@@ -53,11 +61,9 @@ def pool_free(pool, words, frame_sign, item):
     """Return True if no occupied cell is in the list of a pool item."""
     if apart(pool.sign, item, frame_sign):
         return True
-    for k in range(pool.begin[item], pool.end[item]):
-        word = words[pool.block[k]]
-        if word != 0 and word & pool.mask[k] != 0:
-            return False
-    return True
+    return not list_hit(
+        words, pool.block, pool.mask, pool.begin[item], pool.end[item]
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +120,7 @@ def pop(search, size):
 
 
 @njit(cache=True, nogil=True)
-def flood_step(graph, words, search, frame, run, head, tail):
+def flood_step(graph, words, search, frame, run, head, tail, counted):
     """Take one node off the goal side's queue; return the new tail, -1 if it met."""
     n = graph.adj_ptr.shape[0] - 1
     u = search.queue[head]
@@ -123,9 +129,13 @@ def flood_step(graph, words, search, frame, run, head, tail):
         w = graph.adj_node[k]
         if search.flood[w] == run:
             continue
-        if not item_free(graph, words, search, frame, w):
+        if counted:
+            item = n + graph.adj_edge[k]
+            if is_taken(graph, item) or graph.closed[item]:
+                continue
+        elif not item_free(graph, words, search, frame, w):
             continue
-        if not item_free(graph, words, search, frame, n + graph.adj_edge[k]):
+        elif not item_free(graph, words, search, frame, n + graph.adj_edge[k]):
             continue
         if search.done[w] == run:
             return -1
@@ -136,7 +146,7 @@ def flood_step(graph, words, search, frame, run, head, tail):
 
 
 @njit(cache=True, nogil=True)
-def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
+def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, run):
     """Search from the start's free attachments to goal `only` (-1: any, with costs).
 
     starts.memo and goals.memo hold the frame's verdict of each attachment: 4 * frame
@@ -172,14 +182,18 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
             push(search, size, length, entries)
             entries += 1
             size += 1
+    many = MANY_TESTS if frame - direct.frame[0] > FRESH else FRESH_TESTS
+    counted = search.stats[N_COUNTED] != 0
     popped = 0
+    bound = math.inf  # no longer way is of interest
     head = 0
     tail = -1  # -1: the flood has not begun, -2: it is over
     while size > 0:
-        if search.stats[N_EDGE_TESTS] > MANY_TESTS and search.stats[N_COUNTED] == 0:
+        if search.stats[N_EDGE_TESTS] > many and search.stats[N_COUNTED] == 0:
             # a long search pays for settling all items at once
-            update_hits(direct, graph, cloud)
+            update_hits(direct, graph, cloud, frame)
             search.stats[N_COUNTED] = 1
+            counted = True
         entry = pop(search, size)
         size -= 1
         v = search.e_node[entry]
@@ -194,11 +208,14 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
             if not item_free(graph, words, search, frame, n + EDGE_BASE - ref):
                 continue
         search.done[v] = run
-        search.came[v] = entry
         popped += 1
         if v >= n:
             search.stats[N_POPPED] += popped
+            if popped > LOOK_BACK and only >= 0:
+                remember_way(past, search, goals, entry, only)
             return entry
+        if popped == LOOK_BACK and only >= 0:
+            bound = free_bound(past, graph, words, starts, goals, only, search, free)
         g_v = search.e_g[entry]
         for g in range(low, high):
             a = goals.at[g, v]
@@ -217,15 +234,18 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
             w = graph.adj_node[k]
             if search.done[w] == run:
                 continue
-            blocked = 2 * frame + 1
-            if search.memo[w] == blocked:
-                continue
-            if search.memo[n + graph.adj_edge[k]] == blocked:
+            if counted:
+                # an edge's count has its end nodes in it
+                if is_taken(graph, n + graph.adj_edge[k]):
+                    continue
+            elif search.memo[w] == 2 * frame + 1:
                 continue
             hw = h[w]
             if hw == math.inf:
                 continue
             length = g_v + graph.adj_length[k]
+            if length + hw > bound:
+                continue
             search.e_node[entries] = w
             search.e_ref[entries] = EDGE_BASE - graph.adj_edge[k]
             search.e_from[entries] = entry
@@ -233,7 +253,7 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
             push(search, size, length + hw, entries)
             entries += 1
             size += 1
-        if popped < PATIENCE or tail == -2:
+        if popped < PATIENCE or tail == -2 or bound < math.inf:
             continue
         if tail == -1:
             tail = 0
@@ -251,11 +271,13 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, frame, run):
                         tail += 1
                 if tail == -2:
                     break
-        for _ in range(2):
+        for _ in range(8 if counted else 2):
             if tail < 0:
                 break
             if head < tail:
-                tail = flood_step(graph, words, search, frame, run, head, tail)
+                tail = flood_step(
+                    graph, words, search, frame, run, head, tail, counted
+                )
                 head += 1
                 if tail == -1:
                     tail = -2

@@ -20,6 +20,7 @@ from odm._kernels.types import (
     Goals,
     Graph,
     Own,
+    Past,
     Pool,
     Search,
     Shortcuts,
@@ -31,20 +32,22 @@ from odm._kernels.types import (
 N_TOLERANCE, N_H, N_TRACK = 0, 1, 2  # entries of Own.terms
 # first row of each group
 ARM = 0
-CLOUD = 7
-WORK = 18
-GRAPH = 31
-POOL = 44
-GOALS = 50
-SEARCH = 66
-DIRECT = 79
-SHORT = 85
-FRESH = 91
-ALONG = 97
-WAY = 103
-SPARE = 107
-OWN = 111
-ROWS = 126
+CLOUD = ARM + 7
+WORK = CLOUD + 11
+GRAPH = WORK + 14
+POOL = GRAPH + 13
+GOALS = POOL + 6
+SEARCH = GOALS + 16
+DIRECT = SEARCH + 12
+SHORT = DIRECT + 9
+FRESH = SHORT + 6
+ALONG = FRESH + 6
+WAY = ALONG + 6
+SPARE = WAY + 4
+OWN = SPARE + 4
+PICK = OWN + 15
+PAST = PICK + 11
+ROWS = PAST + 5
 
 
 @intrinsic
@@ -158,8 +161,13 @@ def arm_of(t):
 
 @njit(cache=True, nogil=True)
 def cloud_of(t):
-    """Return the group `Cloud`."""
-    at = CLOUD
+    """Return the frame's points."""
+    return cloud_at(t, CLOUD)
+
+
+@njit(cache=True, nogil=True)
+def cloud_at(t, at):
+    """Return the group `Cloud` that begins at row `at`."""
     return Cloud(
         f8_1(t, at + 0),
         f8_1(t, OWN + 1)[N_H],
@@ -189,11 +197,12 @@ def work_of(t):
         f8_1(t, at + 5),
         f8_1(t, at + 6),
         i8_1(t, at + 7),
-        i8_2(t, at + 8),
-        b1_2(t, at + 9),
-        f8_2(t, at + 10),
-        i8_1(t, at + 11),
-        f8_1(t, at + 12),
+        i8_1(t, at + 8),
+        i8_2(t, at + 9),
+        b1_2(t, at + 10),
+        f8_2(t, at + 11),
+        i8_1(t, at + 12),
+        f8_1(t, at + 13),
     )
 
 
@@ -214,7 +223,7 @@ def graph_of(t):
         b1_1(t, at + 9),
         i4_1(t, at + 10),
         u8_1(t, at + 11),
-        i4_1(t, at + 12),
+        u8_1(t, at + 12),
     )
 
 
@@ -265,15 +274,14 @@ def search_of(t):
         i8_1(t, at + 1),
         i8_1(t, at + 2),
         i8_1(t, at + 3),
-        i8_1(t, at + 4),
+        i4_1(t, at + 4),
         i4_1(t, at + 5),
         i4_1(t, at + 6),
-        i4_1(t, at + 7),
+        f8_1(t, at + 7),
         f8_1(t, at + 8),
-        f8_1(t, at + 9),
-        i4_1(t, at + 10),
-        u8_1(t, at + 11),
-        i8_1(t, at + 12),
+        i4_1(t, at + 9),
+        u8_1(t, at + 10),
+        i8_1(t, at + 11),
     )
 
 
@@ -288,6 +296,22 @@ def direct_of(t):
         u8_1(t, at + 3),
         i4_1(t, at + 4),
         i4_1(t, at + 5),
+        u8_1(t, at + 6),
+        i4_1(t, at + 7),
+        i8_1(t, at + 8),
+    )
+
+
+@njit(cache=True, nogil=True)
+def past_of(t):
+    """Return the group `Past`."""
+    at = PAST
+    return Past(
+        i8_1(t, at + 0),
+        i4_2(t, at + 1),
+        i4_2(t, at + 2),
+        f8_2(t, at + 3),
+        i8_1(t, at + 4),
     )
 
 

@@ -4,13 +4,9 @@ import math
 
 from numba import njit
 
-from odm._kernels.frame import (
-    displacement,
-    locate_on_way,
-    plan,
-    rest_free,
-    way_length,
-)
+from odm._kernels.close import displacement
+from odm._kernels.frame import plan
+from odm._kernels.judge import rest_free
 from odm._kernels.state import (
     ALONG,
     FRESH,
@@ -30,6 +26,7 @@ from odm._kernels.types import (
     N_SEGMENT,
     NO_WAY,
 )
+from odm._kernels.ways import locate_on_way, way_length
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5

@@ -30,7 +30,7 @@ class Cloud(NamedTuple):
     box: np.ndarray  # (n_blocks, 6) bounds of its points, lower and upper
     xyz: np.ndarray  # (capacity, 3) points by block
     order: np.ndarray  # (capacity,) index each had in the input
-    where: np.ndarray  # (capacity,) block of each input point, -1 outside
+    where: np.ndarray  # (capacity,) block << 6 | bit of each input point, -1 outside
     counts: np.ndarray  # (5,) occupied blocks, points inside, outside, bad, sorted?
 
 
@@ -48,6 +48,7 @@ class Work(NamedTuple):
     body_speed: np.ndarray  # (n_bodies,)
     body_radius: np.ndarray  # (n_bodies,)
     bottom: np.ndarray  # (n_bodies,) level at which the chord test decides
+    early: np.ndarray  # (n_bodies,) level from which it may free a body
     stack: np.ndarray  # (64, 2) level, index
     masks: np.ndarray  # (64, n_bodies) bodies still open
     anchor: np.ndarray  # (n, 3) centres at the start of an escape
@@ -66,6 +67,7 @@ def make_work(n_spheres: int, n_bodies: int, dof: int) -> Work:
         body_speed=np.zeros(n_bodies),
         body_radius=np.zeros(n_bodies),
         bottom=np.zeros(n_bodies, np.int64),
+        early=np.zeros(n_bodies, np.int64),
         stack=np.zeros((64, 2), np.int64),
         masks=np.zeros((64, n_bodies), np.bool_),
         anchor=np.zeros((n_spheres, 3)),
@@ -89,7 +91,7 @@ class Graph(NamedTuple):
     closed: np.ndarray  # (n + m,) True: blocked by scenery for good
     region: np.ndarray  # (n_blocks,) bit of a block in signatures, 0 to 255
     sign: np.ndarray  # (4 (n + m),) signature of an item: regions of its blocks
-    hits: np.ndarray  # (n + m,) the counts of Direct, once a frame made use of them
+    taken: np.ndarray  # the bits of Direct, once a frame made use of them
 
 
 class Pool(NamedTuple):
@@ -112,6 +114,9 @@ class Direct(NamedTuple):
     seen: np.ndarray  # (n_blocks,) words that the counts stand for
     hits: np.ndarray  # (n + m,) occupied blocks of an item; an edge's end nodes too
     listed: np.ndarray  # (n_blocks + 1,) blocks with seen cells, their number last
+    bits: np.ndarray  # (words,) one bit for each item: its count is not 0
+    turned: np.ndarray  # (longest list + 1,) scratch
+    frame: np.ndarray  # (1,) frame that the counts stand for
 
 
 class Starts(NamedTuple):
@@ -151,7 +156,6 @@ class Search(NamedTuple):
 
     memo: np.ndarray  # (n + m,) 2 * frame + hit of a roadmap item
     done: np.ndarray  # (n + g,) run in which a vertex was closed
-    came: np.ndarray  # (n + g,) heap entry it was closed by
     flood: np.ndarray  # (n,) run in which the goal's side reached a node
     queue: np.ndarray  # (n,)
     e_node: np.ndarray  # (entries,)
@@ -162,6 +166,16 @@ class Search(NamedTuple):
     heap_e: np.ndarray  # (entries,)
     sign: np.ndarray  # (4,) signature of the frame's occupied blocks
     stats: np.ndarray  # (8,) see N_* below
+
+
+class Past(NamedTuple):
+    """Ways that long searches found lately; see bound.py."""
+
+    vertex: np.ndarray  # (k,) number of the goal, -1 none
+    node: np.ndarray  # (k, 64) nodes from the goal's side
+    via: np.ndarray  # (k, 64) attachment of the goal, then edge to the node before
+    length: np.ndarray  # (k, 64) length of that
+    count: np.ndarray  # (k + 1,) nodes of each, next to be replaced last
 
 
 class Way(NamedTuple):

@@ -37,8 +37,10 @@ def test_marking_then_clearing_restores_everything(small_map, planner, rng):
     planner.step(np.zeros((0, 3)), q=q)
     assert len(planner.invalid_edges()) == len(planner.invalid_nodes()) == 0
     assert not planner.memory.cloud.words.any()
-    assert not planner.direct.hits.any()
-    assert not planner.direct.seen.any()
+    counted = planner.memory.direct
+    assert not counted.hits.any()
+    assert not counted.seen.any()
+    assert not counted.bits.any()
 
 
 def test_one_more_point_never_frees_an_edge(small_map, planner, rng):

@@ -1,0 +1,248 @@
+"""Which motions are free in this frame: by their cells, then by the close test."""
+
+import numpy as np
+from numba import njit
+
+from odm._kernels.close import displacement, motion_clear, set_point
+from odm._kernels.occupancy import sort_points
+from odm._kernels.pick import forget_cells, pick_cells, pick_points
+from odm._kernels.search import edge_free, item_free, pool_free
+from odm._kernels.state import (
+    N_TOLERANCE,
+    PICK,
+    arm_of,
+    cloud_at,
+    cloud_of,
+    goals_of,
+    graph_of,
+    own_of,
+    pool_of,
+    search_of,
+    work_of,
+)
+from odm._kernels.types import (
+    EDGE_BASE,
+    IS_GOAL,
+    IS_SORTED,
+    N_CLOSE,
+    NO_ITEM,
+    NO_WAY,
+)
+
+FREE, BLOCKED = 1, 2
+
+
+@njit(cache=True, nogil=True)
+def near_free(state, cloud, q, dq):
+    """Run the close test of a motion against the points of a cloud."""
+    arm = arm_of(state)
+    own = own_of(state)
+    search_of(state).stats[N_CLOSE] += 1
+    return motion_clear(
+        arm, own.radii, q, dq, own.terms[N_TOLERANCE], cloud, False, work_of(state)
+    )
+
+
+@njit(cache=True, nogil=True)
+def close_free(state, points, q, dq):
+    """Run the close test of a motion against all of the frame's points."""
+    cloud = cloud_of(state)
+    if cloud.counts[IS_SORTED] == 0:
+        sort_points(points, cloud)
+    return near_free(state, cloud, q, dq)
+
+
+@njit(cache=True, nogil=True)
+def pick_ref(state, points, ref):
+    """Return the points inside the cells of a way's item: all that can be in its way.
+
+    An edge's cells are those of its list and of its two nodes. Without an item, all
+    points are returned.
+    """
+    cloud = cloud_of(state)
+    if ref < 0 and ref > EDGE_BASE:
+        if cloud.counts[IS_SORTED] == 0:
+            sort_points(points, cloud)
+        return cloud
+    pick = cloud_at(state, PICK)
+    forget_cells(pick)
+    if ref >= 0:
+        pool = pool_of(state)
+        begin, end = pool.begin[ref], pool.end[ref]
+        pick_cells(pick, cloud.words, pool.block, pool.mask, begin, end)
+    else:
+        graph = graph_of(state)
+        edge = EDGE_BASE - ref
+        n = graph.adj_ptr.shape[0] - 1
+        a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
+        for item in (n + edge, a, b):
+            begin, end = graph.ptr[item], graph.ptr[item + 1]
+            pick_cells(pick, cloud.words, graph.block, graph.mask, begin, end)
+    pick_points(pick, cloud, points)
+    return pick
+
+
+@njit(cache=True, nogil=True)
+def part_free(state, points, ref, q, dq):
+    """Run the close test of a motion that is a part of item `ref`."""
+    return near_free(state, pick_ref(state, points, ref), q, dq)
+
+
+@njit(cache=True, nogil=True)
+def ref_free(state, ref, frame):
+    """Return True if the cells of a way's segment are free; no item is never free."""
+    cloud = cloud_of(state)
+    graph = graph_of(state)
+    pool = pool_of(state)
+    search = search_of(state)
+    if ref <= EDGE_BASE:
+        return edge_free(
+            graph, cloud.words, search, frame, EDGE_BASE - ref
+        )
+    if ref >= 0:
+        return pool_free(pool, cloud.words, search.sign, ref)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def rest_free(state, points, way, segment, q, frame):
+    """Test what is left of a way from q on its `segment`; return the bad one or -1."""
+    own = own_of(state)
+    for k in range(segment, way.count[0] - 1):
+        ref = way.ref[k]
+        if ref_free(state, ref, frame):
+            continue
+        begin = q if k == segment else way.q[k]
+        for j in range(q.shape[0]):
+            own.dq[j] = way.q[k + 1, j] - begin[j]
+        if not part_free(state, points, ref, begin, own.dq):
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def judge_starts(state, starts, words, frame):
+    """Write this frame's verdict by cells of each start motion; True if any is free."""
+    any_ = False
+    for k in range(starts.count[0]):
+        if starts.memo[k] >> 2 == frame:
+            any_ = any_ or starts.memo[k] & 3 == FREE
+            continue
+        ref = starts.ref[k]
+        free = starts.static[k] == 1 and ref != NO_ITEM and ref_free(state, ref, frame)
+        starts.memo[k] = 4 * frame + (FREE if free else BLOCKED)
+        any_ = any_ or free
+    return any_
+
+
+@njit(cache=True, nogil=True)
+def close_starts(state, points, starts, q, frame, budget):
+    """Give blocked start motions a close test, in order, until `budget` were free."""
+    cloud = cloud_of(state)
+    graph = graph_of(state)
+    search = search_of(state)
+    own = own_of(state)
+    found = 0
+    tried = 0
+    for k in range(starts.count[0]):
+        if found >= budget or tried >= 2 * budget:
+            break
+        if starts.memo[k] == 4 * frame + FREE or starts.static[k] != 1:
+            continue
+        v = starts.node[k]
+        if not item_free(graph, cloud.words, search, frame, v):
+            continue
+        displacement(q, graph.nodes[v], own.continuous, own.dq)
+        tried += 1
+        if part_free(state, points, starts.ref[k], q, own.dq):
+            starts.memo[k] = 4 * frame + FREE
+            found += 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def judge_goal(state, points, g, frame):
+    """Write the verdict of a goal's attachments; True if the goal can be entered."""
+    cloud = cloud_of(state)
+    graph = graph_of(state)
+    pool = pool_of(state)
+    goals = goals_of(state)
+    search = search_of(state)
+    any_ = False
+    for a in range(goals.number[g]):
+        ref = goals.ref[g, a]
+        free = ref == IS_GOAL or pool_free(pool, cloud.words, search.sign, ref)
+        v = goals.node[g, a]
+        if free and not any_:
+            any_ = item_free(graph, cloud.words, search, frame, v)
+        goals.memo[g, a] = 4 * frame + (FREE if free else BLOCKED)
+    return any_
+
+
+@njit(cache=True, nogil=True)
+def close_goal(state, points, g, frame, budget):
+    """Give blocked goal motions a close test, until `budget` were free."""
+    cloud = cloud_of(state)
+    graph = graph_of(state)
+    goals = goals_of(state)
+    search = search_of(state)
+    own = own_of(state)
+    found = 0
+    tried = 0
+    for a in range(goals.number[g]):
+        if found >= budget or tried >= 2 * budget:
+            break
+        if goals.memo[g, a] == 4 * frame + FREE:
+            continue
+        v = goals.node[g, a]
+        if not item_free(graph, cloud.words, search, frame, v):
+            continue
+        displacement(graph.nodes[v], goals.q[g], own.continuous, own.dq)
+        tried += 1
+        if part_free(state, points, goals.ref[g, a], graph.nodes[v], own.dq):
+            goals.memo[g, a] = 4 * frame + FREE
+            found += 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def stands_free(state, points, q):
+    """Return True if a configuration itself keeps its distance from the points."""
+    own = own_of(state)
+    for j in range(q.shape[0]):
+        own.still[j] = 0.0
+    return close_free(state, points, q, own.still)
+
+
+@njit(cache=True, nogil=True)
+def judge_direct(state, points, q, g, frame):
+    """Test the straight motion to goal g: cells, where it stuck before, closely."""
+    search = search_of(state)
+    cloud = cloud_of(state)
+    work = work_of(state)
+    pool = pool_of(state)
+    goals = goals_of(state)
+    own = own_of(state)
+    ref = goals.direct_ref[g]
+    goals.direct_memo[g] = 4 * frame + BLOCKED
+    if ref == NO_WAY:
+        return False
+    if ref >= 0 and pool_free(pool, cloud.words, search.sign, ref):
+        goals.direct_memo[g] = 4 * frame + FREE
+        return True
+    displacement(q, goals.q[g], own.continuous, own.dq)
+    near = pick_ref(state, points, ref)
+    # the motion is most likely blocked where it was in the last frame
+    stuck = goals.direct_stuck[g]
+    if stuck >= 0.0:
+        set_point(q, own.dq, stuck, own.spot)
+        for j in range(q.shape[0]):
+            own.still[j] = 0.0
+        if not near_free(state, near, own.spot, own.still):
+            return False
+    if not near_free(state, near, q, own.dq):
+        goals.direct_stuck[g] = work.value[0]
+        return False
+    goals.direct_stuck[g] = -1.0
+    goals.direct_memo[g] = 4 * frame + FREE
+    return True

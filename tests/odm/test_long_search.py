@@ -1,0 +1,94 @@
+"""Searches long enough to look at past ways and to settle all items at once."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import dijkstra
+from small import small_recipe
+
+import odm
+from odm._kernels.search import LOOK_BACK, MANY_TESTS
+from odm._kernels.types import N_COUNTED, N_EDGE_TESTS, N_POPPED
+from odm.planner import PlannerSettings
+from roadmap.kinematics import tool_pose
+
+NO_WAY = -4
+SETTINGS = PlannerSettings(start_attachments=1, close_tests=0)
+
+
+@pytest.fixture(scope="module")
+def wide_map():
+    """4000 nodes for three joints: a search round an obstacle closes hundreds."""
+    recipe = small_recipe()
+    return odm.build_map(
+        replace(recipe, roadmap=replace(recipe.roadmap, nodes=4000, neighbors=8))
+    )
+
+
+def standing_at_nodes(wide_map, a, b):
+    """Return a planner that stands at node a and wants to node b, not straight."""
+    planner = odm.ReactivePlanner(wide_map, True, SETTINGS)
+    planner.set_goals([wide_map.roadmap.nodes[b]])
+    planner.attacher.attach_start(wide_map.roadmap.nodes[a])
+    planner.memory.goals.fresh_ref[:] = NO_WAY
+    return planner
+
+
+def bar(shift):
+    """Return a bar through the arm's plane of work, over its base (1, 7)."""
+    return np.array([[shift, -0.3, 0.72, shift, 0.3, 0.72, 0.05]])
+
+
+def ends(wide_map, rng, count):
+    """Return pairs of nodes with the tool on both sides of the bar."""
+    robot, nodes = wide_map.robot, wide_map.roadmap.nodes
+    tools = np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
+    left, right = np.flatnonzero(tools[:, 0] < -0.4), np.flatnonzero(tools[:, 0] > 0.4)
+    return [(rng.choice(left), rng.choice(right)) for _ in range(count)]
+
+
+def test_long_searches_find_what_dijkstra_finds_and_forget_nothing(wide_map, rng):
+    closed, settled, bounded = 0, 0, 0
+    for a, b in ends(wide_map, rng, 6):
+        planner = standing_at_nodes(wide_map, a, b)
+        for k in range(20):
+            points = odm.sample_capsules(bar(0.01 * k - 0.1), 0.03)
+            answer = planner.step(points, q=wide_map.roadmap.nodes[a])
+            stats = planner.memory.search.stats.copy()
+            # one that has never searched before finds the same, byte by byte
+            fresh = standing_at_nodes(wide_map, a, b)
+            other = fresh.step(points, q=wide_map.roadmap.nodes[a])
+            assert answer.path.tobytes() == other.path.tobytes()
+            want = np.inf
+            if not np.isin([a, b], fresh.invalid_nodes()).any():
+                free = np.ones(wide_map.roadmap.n_edges, bool)
+                free[fresh.invalid_edges()] = False
+                graph = wide_map.roadmap.to_sparse(free)
+                want = dijkstra(graph, indices=a)[b]
+            found = np.inf
+            if len(answer.path):
+                legs = np.diff(answer.path, axis=0)
+                found = np.linalg.norm(legs, axis=1).sum()
+            assert np.isclose(found, want, atol=1e-9)
+            closed = max(closed, int(stats[N_POPPED]))
+            settled += int(stats[N_COUNTED])
+            bounded += int(stats[N_POPPED] > LOOK_BACK and k > 0)
+    assert closed > 5 * LOOK_BACK
+    assert bounded > 20
+    assert settled > 0
+
+
+def test_settling_all_items_at_once_changes_no_answer(wide_map, rng):
+    settled = 0
+    for a, b in ends(wide_map, rng, 6):
+        slow, quick = (standing_at_nodes(wide_map, a, b) for _ in range(2))
+        for k in range(10):
+            points = odm.sample_capsules(bar(0.02 * k - 0.1), 0.03)
+            q = wide_map.roadmap.nodes[a]
+            quick.direct.edges()  # keeps the direct map fresh: it is taken up early
+            paths = [planner.step(points, q=q).path for planner in (slow, quick)]
+            assert paths[0].tobytes() == paths[1].tobytes()
+            stats = quick.memory.search.stats
+            settled += int(stats[N_COUNTED] and stats[N_EDGE_TESTS] < MANY_TESTS)
+    assert settled > 5
