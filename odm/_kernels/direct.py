@@ -33,6 +33,9 @@ def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
 def update_hits(direct, graph, cloud, frame):
     """Bring the counts up to the frame's words; only changed blocks are read."""
     direct.frame[0] = frame
+    if direct.listed[direct.listed.shape[0] - 1] == 0:
+        count_afresh(direct, graph, cloud)
+        return
     listed = direct.listed
     last = listed.shape[0] - 1
     kept = 0
@@ -50,6 +53,32 @@ def update_hits(direct, graph, cloud, frame):
             listed[kept] = b
             kept += 1
     listed[last] = kept
+
+
+@njit(cache=True, nogil=True)
+def count_afresh(direct, graph, cloud):
+    """Count all items for the frame; nothing is counted yet."""
+    n_nodes = graph.adj_ptr.shape[0] - 1
+    hits, item, mask = direct.hits, direct.item, direct.mask
+    n_occupied = cloud.counts[N_OCCUPIED]
+    for i in range(n_occupied):
+        b = cloud.occupied[i]
+        word = cloud.words[b]
+        # half of the items are hit: adding 0 costs less than a wrong guess
+        for k in range(direct.ptr[b], direct.ptr[b + 1]):
+            hits[item[k]] += np.int32(mask[k] & word != 0)
+        direct.seen[b] = word
+        direct.listed[i] = b
+    direct.listed[direct.listed.shape[0] - 1] = n_occupied
+    for v in range(n_nodes):
+        if hits[v] != 0:
+            for j in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+                hits[n_nodes + graph.adj_edge[j]] += 1
+    for k in range(direct.bits.shape[0]):
+        word = np.uint64(0)
+        for i in range(64 * k, min(64 * k + 64, hits.shape[0])):
+            word |= np.uint64(hits[i] != 0) << np.uint64(i & 63)
+        direct.bits[k] = word
 
 
 @njit(cache=True, nogil=True)
