@@ -1,0 +1,169 @@
+"""The way of a motion: straight pieces of joint space, and blends for its corners.
+
+A blend of half-length d replaces the corner between unit directions u and w by
+
+    q'(x) = u + (w - u) (3 x^2 - 2 x^3),  x = s / (2 d) in [0, 1],
+
+which starts d before the corner and ends d behind it. Direction and curvature are
+continuous, and joint j is nowhere farther than 3/16 d |w_j - u_j| from the corner path.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from roadmap.robot import Robot
+
+STRAY = 3.0 / 16.0  # farthest from the corner path, in d |w - u|
+# Shares of the joints' limits in a blend: what following the curve takes at constant
+# speed, and what is left for speeding up and slowing down on it.
+TURN_A, ALONG_A = 0.6, 0.4  # of the acceleration
+TURN_J, MIXED_J, ALONG_J = 0.4, 0.3, 0.3  # of the jerk
+SHORTEST = 1e-9  # [rad or m] shorter pieces are dropped
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of the way over the arc lengths begin..end.
+
+    Attributes:
+        begin, end: Arc length of its ends [rad or m of joint space].
+        origin: (dof,) configuration at arc length `anchor`.
+        anchor: Arc length at which the curve starts; `begin` unless it was cut.
+        u, w: (dof,) unit directions at the start and the end of the curve.
+        d: Half-length of a blend; 0 for a straight piece, whose w is u.
+    """
+
+    begin: float
+    end: float
+    origin: np.ndarray
+    anchor: float
+    u: np.ndarray
+    w: np.ndarray
+    d: float
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q, dq/ds and d2q/ds2 at arc length `s`."""
+        along = s - self.anchor
+        if self.d == 0.0:
+            return self.origin + along * self.u, self.u, np.zeros_like(self.u)
+        x = along / (2.0 * self.d)
+        turn = self.w - self.u
+        q = self.origin + along * self.u + 2.0 * self.d * x**3 * (1.0 - 0.5 * x) * turn
+        return (
+            q,
+            self.u + x * x * (3.0 - 2.0 * x) * turn,
+            6.0 * x * (1.0 - x) / (2.0 * self.d) * turn,
+        )
+
+    def corner(self) -> np.ndarray:
+        """Return the (dof,) corner that a blend rounds."""
+        return self.origin + self.d * self.u
+
+    def cut(self, begin: float, end: float) -> "Piece":
+        """Return the part of it between two arc lengths."""
+        return replace(self, begin=max(self.begin, begin), end=min(self.end, end))
+
+    @property
+    def length(self) -> float:
+        """Arc length."""
+        return self.end - self.begin
+
+
+@lru_cache(maxsize=8)
+def joint_sway(robot: Robot) -> np.ndarray:
+    """Return (dof,) how far a joint moves any centre of the cover, per rad or m."""
+    sway = np.zeros(robot.dof)
+    for joint in range(robot.dof):
+        bodies = robot.tree_i[:, 1] == joint
+        factor = np.abs(robot.tree_f[bodies, 15])
+        reach = robot.sphere_reach[:, bodies] * factor
+        sway[joint] = reach.sum(axis=1).max(initial=0.0)
+    sway.setflags(write=False)
+    return sway
+
+
+def lay_way(
+    path: np.ndarray,
+    sway: np.ndarray,
+    blend: float,
+    before: tuple[Piece, ...] = (),
+    at: float = 0.0,
+    room_before: float = 0.0,
+) -> tuple[tuple[Piece, ...], float]:
+    """Return the pieces of a corner path, and how far they stray from it [m].
+
+    Args:
+        path: (k, dof) corners; with `before`, the first one is where that ends.
+        sway: (dof,) from `joint_sway`.
+        blend: No centre of the cover strays farther than this [m]; 0: no blends.
+        before: A way that leads to the path; its last piece is blended with the
+            first leg of the path where it is straight.
+        at: Arc length at which the way starts.
+        room_before: What the first blend may take of the end of `before`.
+    """
+    pieces = list(before)
+    if pieces:
+        at = pieces[-1].end
+    legs = np.diff(path, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    stray = 0.0
+    for k in np.flatnonzero(lengths > SHORTEST):
+        u = legs[k] / lengths[k]
+        straight = Piece(at, at + lengths[k], path[k], at, u, u, 0.0)
+        at = straight.end
+        if pieces and pieces[-1].d == 0.0 and blend > 0.0:
+            # each corner may take half of the legs that meet in it
+            room = 0.5 * min(pieces[-1].length, lengths[k])
+            if len(pieces) == len(before):
+                room = min(room_before, pieces[-1].length, 0.5 * lengths[k])
+            far = STRAY * float(sway @ np.abs(u - pieces[-1].u))
+            d = room if far * room <= blend else blend / far
+            if far > 0.0 and d > 10.0 * SHORTEST and u @ pieces[-1].u > -0.999:
+                pieces[-1:], straight = _rounded(pieces[-1], straight, d)
+                stray = max(stray, far * d)
+        pieces.append(straight)
+    return tuple(p for p in pieces if p.length > SHORTEST), stray
+
+
+def _rounded(a: Piece, b: Piece, d: float) -> tuple[list[Piece], Piece]:
+    """Return ([rest of a, the blend], rest of b) with the corner rounded."""
+    begin = a.end - d
+    origin = a.at(begin)[0]
+    blend = Piece(begin, a.end + d, origin, begin, a.u, b.u, d)
+    rest = replace(b, begin=b.begin + d)
+    return [replace(a, end=begin), blend], rest
+
+
+def scalar_limits(
+    pieces: tuple[Piece, ...], robot: Robot
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arc length's limits by piece (n,): speed, acceleration and jerk.
+
+    Within them every joint keeps its own limits on every piece:
+    ddq = q'' v^2 + q' a and dddq = q''' v^3 + 3 q'' v a + q' j.
+    """
+    steepest = np.array([np.maximum(np.abs(p.u), np.abs(p.w)) for p in pieces])
+    turn = np.array([np.abs(p.w - p.u) for p in pieces])
+    d = np.array([p.d for p in pieces])
+    blends = d > 0.0
+    share_a = np.where(blends, ALONG_A, 1.0)
+    share_j = np.where(blends, ALONG_J, 1.0)
+    with np.errstate(divide="ignore"):
+        v = (robot.max_velocity / steepest).min(axis=1)
+        a = share_a * (robot.max_acceleration / steepest).min(axis=1)
+        j = share_j * (robot.max_jerk / steepest).min(axis=1)
+        if blends.any():
+            second = 1.5 / (2.0 * d[blends, None]) * turn[blends]  # largest |q''|
+            third = 6.0 / (2.0 * d[blends, None]) ** 2 * turn[blends]  # and |q'''|
+            slowest = np.minimum.reduce(
+                [
+                    np.sqrt(TURN_A * robot.max_acceleration / second),
+                    np.cbrt(TURN_J * robot.max_jerk / third),
+                ]
+            ).min(axis=1)
+            v[blends] = np.minimum(v[blends], slowest)
+            mixed = MIXED_J * robot.max_jerk / (3.0 * second * v[blends, None])
+            a[blends] = np.minimum(a[blends], mixed.min(axis=1))
+    return v, a, j

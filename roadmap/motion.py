@@ -1,0 +1,424 @@
+"""Motions: a path timed within velocity, acceleration and jerk limits.
+
+A motion never changes. Any thread may ask any motion at any time: a control thread
+calls `motion.at(t)` at its own rate while a planner thread makes the next motion from
+it (`stop`, `rescaled`, `join`) and hands it over by replacing one reference.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.blend import Piece, joint_sway, lay_way, scalar_limits
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference
+from roadmap.robot import Robot
+from roadmap.timing import (
+    NoProfile,
+    Phase,
+    Profiles,
+    State,
+    after,
+    fill,
+    junction_speeds,
+)
+
+BLEND = 0.005  # [m] default bound on what the blending of corners gives away
+_SAME = 1e-9
+_SETTLE = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # shares of a speed that are tried
+
+
+class SetPoint(NamedTuple):
+    """Where a motion is at a moment: (dof,) each, rad or m, by seconds."""
+
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+
+
+class Commit(NamedTuple):
+    """A place ahead on a motion at which another path may begin.
+
+    Attributes:
+        q: (dof,) configuration.
+        s: Its arc length on the motion's way.
+    """
+
+    q: np.ndarray
+    s: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """Pieces with the limits of the arc length on them."""
+
+    robot: Robot
+    pieces: tuple[Piece, ...]
+    fastest: np.ndarray  # (n,) speed
+    a: np.ndarray  # (n,) acceleration
+    j: np.ndarray  # (n,) jerk
+    stray: float
+    home: np.ndarray  # (dof,) where a way without pieces stands
+
+    @classmethod
+    def of(
+        cls, robot: Robot, pieces: tuple[Piece, ...], stray: float, home: np.ndarray
+    ) -> "_Way":
+        if not pieces:
+            none = np.zeros(0)
+            return cls(robot, (), none, none, none, 0.0, home)
+        return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
+
+    def index(self, s: float) -> int:
+        """Return the piece that holds arc length `s`."""
+        begins = [p.begin for p in self.pieces]
+        return max(0, bisect_right(begins, s) - 1)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        if not self.pieces:
+            none = np.zeros_like(self.home)
+            return self.home, none, none
+        return self.pieces[self.index(s)].at(s)
+
+    def stops(self) -> np.ndarray:
+        """Return which ends of the pieces (n + 1,) must be passed at rest."""
+        corners = [
+            bool(np.abs(a.w - b.u).max() > _SAME)
+            for a, b in zip(self.pieces, self.pieces[1:], strict=False)
+        ]
+        return np.array([False, *corners, True])
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A timed path; see `time_path`.
+
+    Attributes:
+        duration: Time to its end [s].
+        speed_scale: Share of the velocity limits it uses where nothing else rules.
+        deviation: No centre of the cover strays farther from the corner path [m].
+    """
+
+    duration: float
+    speed_scale: float
+    _way: _Way
+    _phases: tuple[Phase, ...]
+    _end: float
+
+    @property
+    def deviation(self) -> float:
+        """No centre of the cover strays farther from the corner path [m]."""
+        return self._way.stray
+
+    @property
+    def q_end(self) -> np.ndarray:
+        """(dof,) where it ends, at rest [rad or m]."""
+        return self._way.at(self._end)[0].copy()
+
+    def at(self, t: float) -> SetPoint:
+        """Return the set-point `t` seconds after the start.
+
+        Beyond the end the robot stands at the end. Any thread may call this.
+
+        Raises:
+            BadInput: `t` is negative or not a number.
+        """
+        s, v, a = self._state(t)
+        q, first, second = self._way.at(s)
+        return SetPoint(q.copy(), v * first, (v * v) * second + a * first)
+
+    def sample(self, times: np.ndarray) -> SetPoint:
+        """Return the set-points at (n,) times as three (n, dof) arrays."""
+        points = [self.at(t) for t in np.asarray(times, float)]
+        return SetPoint(*(np.array(rows) for rows in zip(*points, strict=True)))
+
+    def path_from(self, t: float = 0.0) -> np.ndarray:
+        """Return corners (k, dof) of what is left from time `t` on.
+
+        A blend stands there as two chords, which stray less than it does itself.
+        """
+        s = self._state(t).s
+        corners = [self._way.at(s)[0]]
+        for piece in self._way.pieces:
+            if piece.end <= s + _SAME:
+                continue
+            if piece.begin >= self._end:
+                break
+            end = min(piece.end, self._end)
+            if piece.d > 0.0:
+                corners.append(piece.at(0.5 * (max(s, piece.begin) + end))[0])
+            corners.append(piece.at(end)[0])
+        return np.array(corners)
+
+    def speed(self, t: float) -> float:
+        """Return the speed of the arc length at time `t` [rad or m per second]."""
+        return self._state(t).v
+
+    def stop(self, t: float) -> "Motion":
+        """Return the quickest stop along the same path, from time `t` on.
+
+        Where it cannot stop before the next blend, it goes on as planned to there.
+
+        Raises:
+            BadInput: `t` is negative or not a number.
+        """
+        state, way = self._state(t), self._way
+        profiles = Profiles(state)
+        while profiles.state.v > 0.0 or profiles.state.a != 0.0:
+            k = way.index(profiles.state.s)
+            here = (profiles.t, profiles.state, len(profiles.phases))
+            profiles.to_speed(0.0, way.a[k], way.j[k])
+            if profiles.state.s <= way.pieces[k].end + _SAME:
+                break
+            profiles.t, profiles.state = here[:2]
+            del profiles.phases[here[2] :]
+            self._repeat(profiles, t + profiles.t, way.pieces[k].end)
+        return self._with(way, profiles, self.speed_scale)
+
+    def rescaled(self, t: float, speed_scale: float) -> "Motion":
+        """Return the rest from time `t` on at another share of the velocity limits.
+
+        Position, velocity and acceleration go on without a step.
+
+        Raises:
+            BadInput: The share lies outside (0, 1], or `t` is no time.
+        """
+        _check_scale(speed_scale)
+        return self._go_on(t, self._way, speed_scale)
+
+    def commit(self, t: float, ahead: float = 0.0) -> Commit:
+        """Return the earliest place at which another path may begin.
+
+        It is where the robot stands if it begins to stop `ahead` seconds after `t`.
+        """
+        begin = min(t + ahead, self.duration)
+        s = max(self.stop(begin)._end, self._state(t).s)
+        s = min(s, self._end)
+        return Commit(self._way.at(s)[0].copy(), s)
+
+    def join(
+        self,
+        t: float,
+        commit: Commit,
+        path: np.ndarray,
+        *,
+        blend: float = BLEND,
+        speed_scale: float | None = None,
+    ) -> "Motion":
+        """Return the motion that goes on to a commit point and then along `path`.
+
+        The corner at the commit point is rounded where the robot can be slow enough
+        in time; otherwise it stops there and goes on from rest.
+
+        Args:
+            t: Present time of this motion [s].
+            commit: From `self.commit`, asked no earlier than at `t`.
+            path: (k, dof) corners; the first is the commit point.
+            blend: As in `time_path`.
+            speed_scale: Share of the velocity limits; None keeps the present one.
+
+        Raises:
+            BadInput: The path does not begin at the commit point.
+        """
+        robot = self._way.robot
+        path = _unwound(robot, path)
+        path = path + (commit.q - difference(robot, commit.q, path[0]) - path[0])
+        off = np.abs(path[0] - commit.q).max()
+        if off > 1e-6:
+            raise BadInput(
+                f"the path begins {off:g} rad or m beside the commit point; "
+                "plan it from there"
+            )
+        path[0] = commit.q
+        state = self._state(t)
+        scale = self.speed_scale if speed_scale is None else speed_scale
+        _check_scale(scale)
+        before = self._rest(self._way, state.s, commit.s)
+        sway = joint_sway(robot)
+        for rounded in (True, False):
+            head = before.pieces
+            if not rounded or not head:
+                tail, stray = lay_way(path, sway, blend, at=commit.s)
+                pieces = head + tail
+            else:
+                room = commit.s - self._settled(state)
+                pieces, stray = lay_way(path, sway, blend, head, room_before=room)
+            stray = max(stray, before.stray)
+            way = _Way.of(robot, pieces, stray, commit.q)
+            try:
+                return self._go_on(t, way, scale, commit.s)
+            except NoProfile:
+                continue
+        # no way on without a stop: to the commit point, then from rest
+        halt = self.stop(t)
+        if abs(halt._end - commit.s) > 1e-6:
+            halt = self._go_on(t, before, scale, commit.s)
+        tail, stray = lay_way(path, sway, blend, at=commit.s)
+        way = _Way.of(robot, before.pieces + tail, max(stray, before.stray), commit.q)
+        ahead = self._timed(
+            _Way.of(robot, tail, stray, commit.q), State(commit.s, 0.0, 0.0), scale
+        )
+        later = tuple(p._replace(t=p.t + halt.duration) for p in ahead._phases)
+        return Motion(
+            halt.duration + ahead.duration, scale, way, halt._phases + later, ahead._end
+        )
+
+    # --- inside ----------------------------------------------------------------
+
+    def _state(self, t: float) -> State:
+        if not t >= 0.0:
+            raise BadInput(f"a motion has no set-point at {t} s; ask from 0 s on")
+        if t >= self.duration or not self._phases:
+            return State(self._end, 0.0, 0.0)
+        k = bisect_right(self._phases, t, key=_begins) - 1
+        phase = self._phases[max(k, 0)]
+        s, v, a = after(phase, t - phase.t)
+        return State(min(s, self._end), max(v, 0.0), a)
+
+    @staticmethod
+    def _rest(way: _Way, begin: float, end: float) -> _Way:
+        """Return the part of a way between two arc lengths; its limits stay."""
+        kept = [
+            k
+            for k, p in enumerate(way.pieces)
+            if p.end > begin + _SAME and p.begin < end - _SAME
+        ]
+        pieces = tuple(way.pieces[k].cut(begin, end) for k in kept)
+        limits = (array[kept] for array in (way.fastest, way.a, way.j))
+        return _Way(way.robot, pieces, *limits, way.stray, way.at(end)[0])
+
+    @classmethod
+    def _with(cls, way: _Way, profiles: Profiles, scale: float) -> "Motion":
+        return cls(
+            profiles.t, scale, way, tuple(profiles.phases), float(profiles.state.s)
+        )
+
+    def _settled(self, state: State) -> float:
+        """Return the arc length at which the acceleration of a state has ended."""
+        k = self._way.index(state.s)
+        profiles = Profiles(state)
+        natural = state.v + state.a * abs(state.a) / (2.0 * self._way.j[k])
+        profiles.to_speed(max(natural, 0.0), self._way.a[k], self._way.j[k])
+        return profiles.state.s
+
+    def _repeat(self, profiles: Profiles, t: float, s_end: float) -> None:
+        """Add what this motion does from time `t` until arc length `s_end`."""
+        phases = self._phases
+        if not any(abs(p.s - s_end) < _SAME and p.a == 0.0 for p in phases):
+            raise NoProfile(f"no piece of the motion ends at arc length {s_end}")
+        k = max(0, bisect_right(phases, t, key=_begins) - 1)
+        while phases[k].s < s_end - _SAME:
+            phase = phases[k]
+            end = phases[k + 1].t
+            state = after(phase, t - phase.t)
+            profiles.phases.append(Phase(profiles.t, *state, phase.j))
+            profiles.t += end - t
+            t, k = end, k + 1
+        profiles.state = State(*phases[k][1:4])
+
+    def _go_on(
+        self, t: float, way: _Way, scale: float, until: float = math.inf
+    ) -> "Motion":
+        """Time a way from the state at `t`, or from a later end of a piece.
+
+        The way is the present one up to arc length `until`.
+        """
+        state = self._state(t)
+        head = Profiles(state)
+        while True:
+            try:
+                rest = self._timed(way, head.state, scale)
+                break
+            except NoProfile:
+                end = way.pieces[way.index(head.state.s)].end
+                if end > until + _SAME:
+                    raise
+                self._repeat(head, t + head.t, end)
+        later = tuple(p._replace(t=p.t + head.t) for p in rest._phases)
+        return Motion(
+            head.t + rest.duration, scale, way, tuple(head.phases) + later, rest._end
+        )
+
+    @classmethod
+    def _timed(cls, way: _Way, state: State, scale: float) -> "Motion":
+        """Time a way from a state on it; raises NoProfile."""
+        if not way.pieces:
+            return cls._with(way, Profiles(State(state.s, 0.0, 0.0)), scale)
+        limits = scale * way.fastest
+        ends = np.array([p.end for p in way.pieces])
+        stops = way.stops()
+        k = way.index(state.s)
+        natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
+        wanted = max(0.0, min(natural, limits[k]))
+        for share in _SETTLE:
+            profiles = Profiles(state)
+            v = share * wanted
+            if state.a != 0.0 or abs(v - state.v) > _SAME:
+                profiles.to_speed(v, way.a[k], way.j[k])
+            s = profiles.state.s
+            if s > ends[k] + _SAME:
+                continue
+            lengths = np.diff(ends[k:], prepend=s)
+            rest = (limits[k:], stops[k:], way.a[k:], way.j[k:])
+            speeds = junction_speeds(lengths, *rest)
+            if v > speeds[0] + _SAME:
+                continue
+            fill(profiles, ends[k:], limits[k:], speeds, way.a[k:], way.j[k:])
+            return cls._with(way, profiles, scale)
+        raise NoProfile(f"the state {state} leaves no time to slow down")
+
+
+def time_path(
+    robot: Robot, path: np.ndarray, *, blend: float = BLEND, speed_scale: float = 1.0
+) -> Motion:
+    """Time a path within the robot's velocity, acceleration and jerk limits.
+
+    The robot starts and ends at rest. Corners are rounded (`roadmap.blend`); where
+    they are not (blend 0, or a turn back) it stops in them.
+
+    Args:
+        robot: Its limits hold for every joint at every time.
+        path: (k, dof) corners [rad or m], k >= 1; continuous joints go the short way.
+        blend: No centre of the sphere cover strays farther from the corner path [m]:
+            a share of the clearance m.
+        speed_scale: Share of the velocity limits to use, in (0, 1].
+
+    Returns:
+        The motion.
+
+    Raises:
+        BadInput: Wrong shape, not finite, no corner, or a value out of its range.
+    """
+    _check_scale(speed_scale)
+    if not 0.0 <= blend < math.inf:
+        raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
+    path = _unwound(robot, path)
+    pieces, stray = lay_way(path, joint_sway(robot), blend)
+    way = _Way.of(robot, pieces, stray, frozen(path[0], np.float64))
+    return Motion._timed(way, State(0.0, 0.0, 0.0), speed_scale)
+
+
+def _unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Return the path (k, dof) checked, continuous joints going the short way."""
+    path = np.array(path, float)
+    if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
+        raise BadInput(
+            f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
+        )
+    if not np.isfinite(path).all():
+        raise BadInput("a corner of the path is not finite; give real numbers")
+    path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
+    return path
+
+
+def _check_scale(speed_scale: float) -> None:
+    if not 0.0 < speed_scale <= 1.0:
+        raise BadInput(f"a speed scale of {speed_scale} is no share; give (0, 1]")
+
+
+def _begins(phase: Phase) -> float:
+    return phase.t

@@ -1,0 +1,175 @@
+"""Time along a way: jerk-limited speed of the arc length, by ruckig.
+
+The speed at the ends of the pieces comes from a pass backward and a pass forward;
+acceleration is zero there. Between them ruckig (Berscheid, Kroeger 2021) finds the
+quickest profile. All profiles are kept as constant-jerk phases.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+
+from roadmap.errors import PlanningError
+
+_SLACK = 1.0 - 1e-9
+
+
+class Phase(NamedTuple):
+    """Constant jerk from time t on, at arc length s, speed v and acceleration a."""
+
+    t: float
+    s: float
+    v: float
+    a: float
+    j: float
+
+
+class State(NamedTuple):
+    """Arc length, speed and acceleration."""
+
+    s: float
+    v: float
+    a: float
+
+
+class NoProfile(PlanningError):
+    """No profile keeps the limits from this state."""
+
+
+class Profiles:
+    """Collects phases one after the other, from a state on.
+
+    Args:
+        state: Where it begins.
+    """
+
+    def __init__(self, state: State) -> None:
+        """Begin at time 0."""
+        self.phases: list[Phase] = []
+        self.t, self.state = 0.0, state
+        self._otg, self._input = Ruckig(1), InputParameter(1)
+
+    def to_speed(self, v: float, a: float, j: float) -> None:
+        """Add the quickest change to speed `v` and no acceleration within a and j."""
+        begin = self.state
+        self._input.max_acceleration, self._input.max_jerk = [a], [j]
+        self._input.control_interface = ControlInterface.Velocity
+        self._input.max_velocity = [math.inf]
+        self._begin(begin)
+        self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
+        self._run(None, v)
+
+    def to_place(self, s: float, v: float, fastest: float, a: float, j: float) -> None:
+        """Add the quickest profile to arc length `s` with speed `v`."""
+        begin = self.state
+        self._input.max_acceleration, self._input.max_jerk = [a], [j]
+        self._input.control_interface = ControlInterface.Position
+        self._input.max_velocity = [max(fastest, begin.v, v)]
+        self._begin(begin)
+        self._input.target_position = [s - begin.s]
+        self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
+        self._run(s, v)
+
+    def _begin(self, begin: State) -> None:
+        # relative to the present place, which keeps all digits
+        self._input.current_position = [0.0]
+        self._input.current_velocity = [begin.v]
+        self._input.current_acceleration = [begin.a]
+
+    def _run(self, s_end: float | None, v_end: float) -> None:
+        trajectory = Trajectory(1)
+        result = self._otg.calculate(self._input, trajectory)
+        if result not in (Result.Working, Result.Finished):
+            raise NoProfile(f"ruckig finds no profile from {self.state}: {result}")
+        profile = trajectory.profiles[0][0]
+        t, (s, v, a) = self.t, self.state
+        steps = [*zip(profile.brake.t, profile.brake.j, strict=True)]
+        steps += zip(profile.t, profile.j, strict=True)
+        left = trajectory.duration
+        for dt, j in steps:
+            if dt <= 0.0:
+                continue
+            self.phases.append(Phase(t, s, v, a, j))
+            s, v, a = after(self.phases[-1], dt)
+            t, left = t + dt, left - dt
+        if abs(left) > 1e-6:
+            raise NoProfile(f"a profile of {trajectory.duration} s has another length")
+        self.t = t
+        self.state = State(s if s_end is None else s_end, v_end, 0.0)
+
+
+def after(phase: Phase, dt: float) -> State:
+    """Return the state `dt` seconds into a phase."""
+    _, s, v, a, j = phase
+    return State(
+        s + dt * (v + dt * (0.5 * a + dt * j / 6.0)),
+        v + dt * (a + 0.5 * dt * j),
+        a + dt * j,
+    )
+
+
+def way_to_change(v_a: float, v_b: float, a: float, j: float) -> float:
+    """Return the arc length that the quickest change of speed takes, rest to rest."""
+    dv = abs(v_b - v_a)
+    t = 2.0 * math.sqrt(dv / j) if dv * j <= a * a else dv / a + a / j
+    return 0.5 * (v_a + v_b) * t
+
+
+def reachable(v: float, length: float, limit: float, a: float, j: float) -> float:
+    """Return the highest speed up to `limit` that can be had within a length from v."""
+    if v >= limit or way_to_change(v, limit, a, j) <= _SLACK * length:
+        return max(v, limit) if v < limit else v
+    low, high = v, limit
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if way_to_change(v, middle, a, j) <= _SLACK * length:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def junction_speeds(
+    lengths: np.ndarray,
+    limits: np.ndarray,
+    stops: np.ndarray,
+    a: np.ndarray,
+    j: np.ndarray,
+) -> list[float]:
+    """Return speeds at the ends of pieces (n + 1,) from which the rest can be made.
+
+    `stops` (n + 1,) are ends that must be passed at rest. The first speed is the
+    highest allowed, not one that was asked for.
+    """
+    n = len(lengths)
+    speeds = [0.0] * (n + 1)
+    for k in range(n - 1, -1, -1):
+        limit = limits[k] if k == 0 else min(limits[k - 1], limits[k])
+        if stops[k]:
+            limit = 0.0
+        speeds[k] = reachable(speeds[k + 1], lengths[k], limit, a[k], j[k])
+        speeds[k] = min(speeds[k], limit)
+    return speeds
+
+
+def fill(
+    profiles: Profiles,
+    ends: np.ndarray,
+    limits: np.ndarray,
+    speeds: list[float],
+    a: np.ndarray,
+    j: np.ndarray,
+) -> None:
+    """Add the profiles over all pieces, whose ends (n,) and junction speeds are given.
+
+    `profiles` must stand at the start of the first piece or in it, at no acceleration.
+    """
+    for k in range(len(ends)):
+        state = profiles.state
+        left = ends[k] - state.s
+        if left <= 0.0:
+            continue
+        v = reachable(state.v, left, min(speeds[k + 1], limits[k]), a[k], j[k])
+        profiles.to_place(ends[k], min(v, speeds[k + 1]), limits[k], a[k], j[k])

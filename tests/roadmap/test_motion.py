@@ -1,0 +1,254 @@
+"""Motions keep every limit at every time, through stops, rescaling and joins."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import roadmap
+from roadmap.blend import joint_sway
+from roadmap.errors import BadInput
+from roadmap.kinematics import sphere_centers
+from roadmap.motion import Motion
+from roadmap.timing import way_to_change
+
+DT = 1e-3
+
+
+def draw_path(robot, rng, corners, size=1.0):
+    lower, upper = np.maximum(robot.lower, -2.5), np.minimum(robot.upper, 2.5)
+    middle, half = 0.5 * (lower + upper), 0.5 * size * (upper - lower)
+    return middle + half * rng.uniform(-1, 1, (corners, robot.dof))
+
+
+def check_limits(robot, points, dt=DT):
+    """Values by name and by difference stay within the limits."""
+    q, dq, ddq = points
+    slack = 1.0 + 1e-6
+    assert (np.abs(dq) <= slack * robot.max_velocity).all()
+    assert (np.abs(ddq) <= slack * robot.max_acceleration).all()
+    jerk = np.diff(ddq, axis=0) / dt
+    assert (np.abs(jerk) <= 1.001 * robot.max_jerk + 1e-6).all()
+    # what is said of velocity and acceleration is what happens
+    assert np.allclose(np.diff(q, axis=0) / dt, 0.5 * (dq[1:] + dq[:-1]), atol=2e-3)
+    assert np.allclose(np.diff(dq, axis=0) / dt, 0.5 * (ddq[1:] + ddq[:-1]), atol=0.5)
+
+
+def sampled(motion):
+    return motion.sample(np.arange(0.0, motion.duration + 2 * DT, DT))
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.002, 0.02])
+@pytest.mark.parametrize("corners", [2, 3, 6])
+def test_a_timed_path_keeps_all_limits_and_ends_at_rest(panda, rng, corners, blend):
+    for _ in range(4):
+        path = draw_path(panda, rng, corners)
+        motion = roadmap.time_path(panda, path, blend=blend)
+        points = sampled(motion)
+        check_limits(panda, points)
+        assert np.allclose(points.q[0], path[0]) and np.allclose(points.q[-1], path[-1])
+        for rows in (points.dq, points.ddq):
+            assert np.abs(rows[[0, -1]]).max() < 1e-6
+
+
+def test_short_legs_and_limits_of_any_size_are_kept(panda, rng):
+    for _ in range(15):
+        scaled = _with_limits(panda, rng.uniform(0.05, 3.0, (3, panda.dof)))
+        path = draw_path(panda, rng, 5, size=rng.choice([1e-4, 0.01, 0.3]))
+        check_limits(scaled, sampled(roadmap.time_path(scaled, path, blend=0.01)))
+
+
+def _with_limits(robot, factors):
+    from dataclasses import replace
+
+    names = ("max_velocity", "max_acceleration", "max_jerk")
+    limits = {n: f * getattr(robot, n) for n, f in zip(names, factors, strict=True)}
+    return replace(robot, **limits)
+
+
+def test_blends_stay_near_the_corner_path_in_the_workspace(panda, rng):
+    rounded = 0
+    for _ in range(6):
+        path = draw_path(panda, rng, 4, size=0.5)
+        motion = roadmap.time_path(panda, path, blend=0.01)
+        assert motion.deviation <= 0.01 + 1e-12
+        along = np.concatenate(
+            [np.linspace(a, b, 400) for a, b in zip(path, path[1:], strict=False)]
+        )
+        centers = np.array([sphere_centers(panda, q) for q in along])
+        for q in sampled(motion).q[::25]:
+            here = sphere_centers(panda, q)
+            off = np.linalg.norm(centers - here, axis=2).max(axis=1).min()
+            assert off <= motion.deviation + 2e-3  # the path is sampled
+        rounded += motion.deviation > 1e-3
+    assert rounded
+
+
+def test_a_blended_path_is_no_slower_than_stopping_in_every_corner(panda, rng):
+    for _ in range(8):
+        path = draw_path(panda, rng, 5)
+        stopping = roadmap.time_path(panda, path, blend=0.0).duration
+        legs = [roadmap.time_path(panda, p).duration for p in _legs(path)]
+        assert stopping <= 1.6 * sum(legs)  # one pair of limits for all legs
+        assert roadmap.time_path(panda, path, blend=0.02).duration <= 1.2 * stopping
+
+
+def _legs(path):
+    return [path[k : k + 2] for k in range(len(path) - 1)]
+
+
+def test_a_straight_way_takes_the_time_its_limits_allow(panda):
+    path = np.array([np.zeros(7), [1.0, 0, 0, 0, 0, 0, 0]])
+    path[:, 3] = -1.0
+    motion = roadmap.time_path(panda, path)
+    v, a, j = panda.max_velocity[0], panda.max_acceleration[0], panda.max_jerk[0]
+    assert 2 * way_to_change(0.0, v, a, j) < 1.0  # it gets up to speed
+    assert np.isclose(motion.duration, 1.0 / v + v / a + a / j)
+    slow = roadmap.time_path(panda, path, speed_scale=0.25)
+    assert np.abs(sampled(slow).dq).max() <= 0.25 * v + 1e-9
+
+
+def test_a_stop_is_continuous_keeps_limits_and_stays_on_the_path(panda, rng):
+    for _ in range(6):
+        motion = roadmap.time_path(panda, draw_path(panda, rng, 4), blend=0.01)
+        for t in rng.uniform(0.0, motion.duration, 6):
+            stop = motion.stop(t)
+            _same_state(motion.at(t), stop.at(0.0))
+            points = sampled(stop)
+            check_limits(panda, points)
+            assert np.abs(points.dq[-1]).max() < 1e-6
+            assert stop.duration <= motion.duration - t + 1e-6
+            ways = motion.path_from(0.0)
+            assert _distance_to(ways, stop.q_end) < 0.05
+
+
+def _same_state(a, b):
+    for x, y in zip(a, b, strict=True):
+        assert np.allclose(x, y, atol=1e-6)
+
+
+def _distance_to(corners, q):
+    best = np.inf
+    for a, b in zip(corners, corners[1:], strict=False):
+        t = np.clip((q - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
+        best = min(best, np.linalg.norm(a + t * (b - a) - q))
+    return best
+
+
+def test_chains_of_changes_are_continuous_and_keep_all_limits(panda, rng):
+    joins = 0
+    for _ in range(8):
+        motion = roadmap.time_path(panda, draw_path(panda, rng, 4), blend=0.01)
+        for _ in range(8):
+            t = rng.uniform(0.0, motion.duration)
+            what = rng.integers(3)
+            if what == 0:
+                after = motion.stop(t)
+            elif what == 1:
+                after = motion.rescaled(t, rng.uniform(0.05, 1.0))
+            else:
+                commit = motion.commit(t, rng.uniform(0.0, 0.2))
+                path = draw_path(panda, rng, 3)
+                path[0] = commit.q
+                after = motion.join(t, commit, path)
+                assert np.allclose(after.q_end, path[-1])
+                joins += motion.speed(t) > 0.1
+            _same_state(motion.at(t), after.at(0.0))
+            check_limits(panda, sampled(after))
+            motion = after
+    assert joins > 3
+
+
+def test_a_stopped_motion_can_go_on(panda, rng):
+    motion = roadmap.time_path(panda, draw_path(panda, rng, 3))
+    stop = motion.stop(0.4 * motion.duration)
+    on = stop.rescaled(stop.duration, 1.0)
+    assert np.allclose(on.q_end, motion.q_end)
+    check_limits(panda, sampled(on))
+
+
+def test_what_is_left_covers_the_way(panda, rng):
+    motion = roadmap.time_path(panda, draw_path(panda, rng, 4), blend=0.02)
+    for t in np.linspace(0.0, motion.duration, 12):
+        corners = motion.path_from(t)
+        sway = joint_sway(panda)
+        for u in np.linspace(t, motion.duration, 60):
+            q = motion.at(u).q
+            off = (
+                min(
+                    (np.abs(q - p) @ sway)
+                    for a, b in zip(corners, corners[1:], strict=False)
+                    for p in np.linspace(a, b, 60)
+                )
+                if len(corners) > 1
+                else np.abs(q - corners[0]) @ sway
+            )
+            assert off < motion.deviation + 0.1  # the corners are sampled coarsely
+
+
+def test_the_same_input_gives_the_same_bytes(panda, rng):
+    path = draw_path(panda, rng, 5)
+    a, b = (sampled(roadmap.time_path(panda, path)) for _ in range(2))
+    assert all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
+
+
+def test_a_control_thread_reads_while_another_replaces_the_motion(panda, rng):
+    path = draw_path(panda, rng, 3)
+    box = [(0.0, roadmap.time_path(panda, path, speed_scale=0.3))]
+    total, seen, done = box[0][1].duration, [], threading.Event()
+
+    def control():
+        while not done.is_set():
+            begun, motion = box[0]
+            seen.append((begun, motion, motion.at(0.05)))
+
+    thread = threading.Thread(target=control)
+    thread.start()
+    for k in range(60):
+        begun, motion = box[0]
+        t = 0.01 * total
+        box[0] = (begun + t, motion.rescaled(t, 0.2 + 0.1 * (k % 3)))
+    done.set()
+    thread.join()
+    assert len({id(m) for _, m, _ in seen}) > 1
+    for _, motion, point in seen[:: max(1, len(seen) // 200)]:
+        _same_state(point, motion.at(0.05))
+
+
+def test_a_single_corner_stands(panda):
+    q = 0.5 * (panda.lower + panda.upper)
+    motion = roadmap.time_path(panda, q[None])
+    assert motion.duration == 0.0
+    assert np.array_equal(motion.at(3.0).q, q) and not motion.at(0.0).dq.any()
+    assert isinstance(motion.stop(0.0), Motion)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"path": np.zeros((2, 3))}, "shape"),
+        ({"path": np.zeros((0, 7))}, "shape"),
+        ({"path": np.full((2, 7), np.nan)}, "finite"),
+        ({"speed_scale": 0.0}, "share"),
+        ({"speed_scale": 1.5}, "share"),
+        ({"blend": -0.1}, "blend"),
+    ],
+)
+def test_bad_input_is_named(panda, change, word):
+    path = change.pop("path", np.zeros((2, 7)))
+    with pytest.raises(BadInput, match=word):
+        roadmap.time_path(panda, path, **change)
+
+
+@pytest.mark.parametrize("t", [-0.1, np.nan])
+def test_a_time_before_the_start_is_refused_and_one_beyond_the_end_stands(panda, t):
+    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, 0.1)]))
+    with pytest.raises(BadInput, match="0 s"):
+        motion.at(t)
+    assert np.array_equal(motion.at(1e9).q, motion.q_end)
+
+
+def test_a_path_that_begins_elsewhere_is_refused(panda):
+    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, 0.1)]))
+    with pytest.raises(BadInput, match="commit"):
+        motion.join(0.0, motion.commit(0.0), np.ones((2, 7)))
