@@ -285,6 +285,28 @@ class ReactivePlanner:
         """
         return explain.is_free(self, q_a, q_b)
 
+    def blocked_leg(self, path: np.ndarray, extra: float = 0.0) -> int | None:
+        """Return the first leg of a path that the frame's points block, or None.
+
+        The close test of braking: the whole path must keep `extra` [m] more than rho
+        and m from every point, since the person moves while the robot stops.
+
+        Args:
+            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
+            extra: Distance the points may have come nearer meanwhile [m].
+        """
+        m = self.memory
+        self._sort()
+        path = np.ascontiguousarray(path, np.float64)
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance
+        for k, dq in enumerate(legs):
+            if not close.motion_clear(
+                m.arm, radii, path[k], dq, tolerance, m.cloud, False, m.work
+            ):
+                return k
+        return None
+
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
 

@@ -97,7 +97,9 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
         np.zeros(2 * WAY_LENGTH + 2, np.int64), np.zeros(WAY_LENGTH, np.int64),
     )
     safety = cell_map.safety
-    terms = np.array([cell_map.motion_tolerance, safety.h, safety.tracking])
+    # a robot that tracks and blends within its shares of m is on its way
+    share = safety.tracking + safety.blending
+    terms = np.array([cell_map.motion_tolerance, safety.h, share])
     own = kinds.Own(
         cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
         robot.continuous, np.zeros(n), np.zeros(8, np.int64), np.zeros(dof),

@@ -29,6 +29,7 @@ from roadmap.timing import (
 
 BLEND = 0.005  # [m] default bound on what the blending of corners gives away
 _SAME = 1e-9
+_NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
 _SETTLE = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # shares of a speed that are tried
 
 
@@ -73,10 +74,10 @@ class _Way:
             return cls(robot, (), none, none, none, 0.0, home)
         return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
 
-    def index(self, s: float) -> int:
-        """Return the piece that holds arc length `s`."""
+    def index(self, s: float, slack: float = 0.0) -> int:
+        """Return the piece that holds arc length `s`; one `slack` ahead counts."""
         begins = [p.begin for p in self.pieces]
-        return max(0, bisect_right(begins, s) - 1)
+        return max(0, bisect_right(begins, s + slack) - 1)
 
     def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if not self.pieces:
@@ -136,19 +137,26 @@ class Motion:
         points = [self.at(t) for t in np.asarray(times, float)]
         return SetPoint(*(np.array(rows) for rows in zip(*points, strict=True)))
 
-    def path_from(self, t: float = 0.0) -> np.ndarray:
+    @property
+    def length(self) -> float:
+        """Arc length of its way at its end [rad or m of joint space]."""
+        return self._end
+
+    def path_from(self, t: float = 0.0, length: float = math.inf) -> np.ndarray:
         """Return corners (k, dof) of what is left from time `t` on.
 
         A blend stands there as two chords, which stray less than it does itself.
+        `length` ends it early: the arc length of a stop on the same way.
         """
         s = self._state(t).s
+        until = min(length, self._end)
         corners = [self._way.at(s)[0]]
         for piece in self._way.pieces:
             if piece.end <= s + _SAME:
                 continue
-            if piece.begin >= self._end:
+            if piece.begin >= until:
                 break
-            end = min(piece.end, self._end)
+            end = min(piece.end, until)
             if piece.d > 0.0:
                 corners.append(piece.at(0.5 * (max(s, piece.begin) + end))[0])
             corners.append(piece.at(end)[0])
@@ -169,13 +177,16 @@ class Motion:
         state, way = self._state(t), self._way
         profiles = Profiles(state)
         while profiles.state.v > 0.0 or profiles.state.a != 0.0:
-            k = way.index(profiles.state.s)
+            k = way.index(profiles.state.s, _SAME)
             here = (profiles.t, profiles.state, len(profiles.phases))
             profiles.to_speed(0.0, way.a[k], way.j[k])
-            if profiles.state.s <= way.pieces[k].end + _SAME:
+            if profiles.state.s <= way.pieces[k].end + _NEAR:
                 break
             profiles.t, profiles.state = here[:2]
             del profiles.phases[here[2] :]
+            if way.pieces[k].end >= self._end - _NEAR:
+                self._finish(profiles, t + profiles.t)
+                break
             self._repeat(profiles, t + profiles.t, way.pieces[k].end)
         return self._with(way, profiles, self.speed_scale)
 
@@ -299,7 +310,7 @@ class Motion:
 
     def _settled(self, state: State) -> float:
         """Return the arc length at which the acceleration of a state has ended."""
-        k = self._way.index(state.s)
+        k = self._way.index(state.s, _SAME)
         profiles = Profiles(state)
         natural = state.v + state.a * abs(state.a) / (2.0 * self._way.j[k])
         profiles.to_speed(max(natural, 0.0), self._way.a[k], self._way.j[k])
@@ -308,10 +319,10 @@ class Motion:
     def _repeat(self, profiles: Profiles, t: float, s_end: float) -> None:
         """Add what this motion does from time `t` until arc length `s_end`."""
         phases = self._phases
-        if not any(abs(p.s - s_end) < _SAME and p.a == 0.0 for p in phases):
+        if not any(abs(p.s - s_end) < _NEAR and abs(p.a) < _NEAR for p in phases):
             raise NoProfile(f"no piece of the motion ends at arc length {s_end}")
         k = max(0, bisect_right(phases, t, key=_begins) - 1)
-        while phases[k].s < s_end - _SAME:
+        while phases[k].s < s_end - _NEAR:
             phase = phases[k]
             end = phases[k + 1].t
             state = after(phase, t - phase.t)
@@ -319,6 +330,19 @@ class Motion:
             profiles.t += end - t
             t, k = end, k + 1
         profiles.state = State(*phases[k][1:4])
+
+    def _finish(self, profiles: Profiles, t: float) -> None:
+        """Add what this motion does from time `t` to its end."""
+        for k, phase in enumerate(self._phases):
+            last = k + 1 == len(self._phases)
+            end = self.duration if last else self._phases[k + 1].t
+            if end <= t:
+                continue
+            begin = max(t, phase.t)
+            state = after(phase, begin - phase.t)
+            profiles.phases.append(Phase(profiles.t, *state, phase.j))
+            profiles.t += end - begin
+        profiles.state = State(self._end, 0.0, 0.0)
 
     def _go_on(
         self, t: float, way: _Way, scale: float, until: float = math.inf
@@ -334,7 +358,7 @@ class Motion:
                 rest = self._timed(way, head.state, scale)
                 break
             except NoProfile:
-                end = way.pieces[way.index(head.state.s)].end
+                end = way.pieces[way.index(head.state.s, _SAME)].end
                 if end > until + _SAME:
                     raise
                 self._repeat(head, t + head.t, end)
@@ -351,7 +375,7 @@ class Motion:
         limits = scale * way.fastest
         ends = np.array([p.end for p in way.pieces])
         stops = way.stops()
-        k = way.index(state.s)
+        k = way.index(state.s, _SAME)
         natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
         wanted = max(0.0, min(natural, limits[k]))
         for share in _SETTLE:

@@ -14,6 +14,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 from roadmap.errors import PlanningError
 
 _SLACK = 1.0 - 1e-9
+_NOTHING = 1e-8  # no way to speak of [rad or m of joint space]
 
 
 class Phase(NamedTuple):
@@ -169,7 +170,8 @@ def fill(
     for k in range(len(ends)):
         state = profiles.state
         left = ends[k] - state.s
-        if left <= 0.0:
+        if left <= _NOTHING:
+            profiles.state = state._replace(s=max(state.s, ends[k]))
             continue
         v = reachable(state.v, left, min(speeds[k + 1], limits[k]), a[k], j[k])
         profiles.to_place(ends[k], min(v, speeds[k + 1]), limits[k], a[k], j[k])

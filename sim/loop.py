@@ -11,9 +11,10 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference, sphere_centers
 from roadmap.robot import Robot
-from sim.follower import Follower
+from sim.execution import ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
 from sim.run_result import STATUS, Hold, RunResult
+from sim.threat import Watcher
 
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
@@ -75,7 +76,10 @@ class Frame:
         separation: Exact distance of robot and person [m].
         joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
             the robot [m/s] since the frame before.
-        wall_s, cpu_s: Time of the planner's step, a retreat included [s].
+        dq, ddq: (dof,) velocity and acceleration of the set-point.
+        pace: What the executor does: "moving", "slowed", "braked", ...
+        brake: Why it is slowed or braked.
+        wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
         polish_s: Time of its polishing after the answer [s].
     """
 
@@ -90,6 +94,10 @@ class Frame:
     wall_s: float
     cpu_s: float
     polish_s: float
+    dq: np.ndarray | None = None
+    ddq: np.ndarray | None = None
+    pace: str = ""
+    brake: str = ""
 
 
 class Loop:
@@ -119,11 +127,17 @@ class Loop:
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1
         self._audit = audit or exact_audit(robot)
-        self._follower = Follower(robot, self.settings.speed_scale)
-        self._retreater = Follower(robot, self.settings.retreat_scale)
-        self._q, self._dq = self.places[0].copy(), np.zeros(robot.dof)
+        s = self.settings
+        shares = ExecutionSettings(
+            s.speed_scale, s.retreat_scale, stand_below=s.stand_below
+        )
+        self.executor = Executor(
+            robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
+        )
+        self._watcher = Watcher()
+        self._moving = robot.moving
+        self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
         self._centers = sphere_centers(robot, self._q)
-        self._gap = np.inf
         _optional(planner, "reset")
         planner.set_goals([self.places[1]])
 
@@ -132,11 +146,16 @@ class Loop:
         now = self.index / self.settings.rate_hz
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
         points = sample_capsules(capsules, self.settings.spacing)
+        point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
+        commit = self.executor.commit()
         answer = self.planner.step(
-            points, q=self._q, dq=self._dq, stamp=now, now=now, **_told(capsules)
+            points, q=commit.q, dq=point.dq, stamp=now, now=now, **_told(capsules)
         )
-        retreat = self._retreat(answer)
+        threat = None
+        if len(capsules):
+            threat = self._watcher.look(capsules, self._centers[self._moving], now)
+        self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         frame = Frame(
             index=self.index,
@@ -145,42 +164,32 @@ class Loop:
             answer=answer,
             place=self.place,
             separation=self._audit(self._q, capsules) if len(capsules) else np.inf,
-            joint_speed=float(np.abs(self._dq).max()),
+            joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
             wall_s=wall,
             cpu_s=cpu,
             polish_s=self._polish(),
+            dq=point.dq,
+            ddq=point.ddq,
+            pace=self.executor.state,
+            brake=self.executor.reason,
         )
-        self._move(answer, retreat)
+        self._move()
         return frame
 
-    def _move(self, answer: object, retreat: np.ndarray | None) -> None:
-        period = 1.0 / self.settings.rate_hz
-        q = self._q
-        if answer.status != "holding":
-            q = self._follower.advance(self._q, answer.path, period)
-        elif retreat is not None:
-            q = self._retreater.advance(self._q, retreat, period)
-        self._dq = difference(self.robot, self._q, q) / period
+    def _move(self) -> None:
+        executor = self.executor
+        executor.advance()
+        q = executor.set_point.q
+        self._moved = difference(self.robot, self._q, q) * self.settings.rate_hz
         self._q = q
         self.index += 1
-        there = self.places[self.place]
-        if np.abs(difference(self.robot, q, there)).max() <= ARRIVED:
+        off = difference(self.robot, q, self.places[self.place])
+        if executor.at_rest and np.abs(off).max() <= ARRIVED:
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
             self.planner.set_goals([self.places[self.place]])
-
-    def _retreat(self, answer: object) -> np.ndarray | None:
-        """Return the motion out of the way, if one is offered and it is wise."""
-        if answer.status != "holding":
-            self._gap = np.inf
-            return None
-        before, self._gap = self._gap, self.planner.separation(self._q)
-        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
-        if not self._gap - 2 * closing >= self.settings.stand_below:
-            return None
-        retreat = answer.retreat
-        return None if retreat is None or len(retreat) == 0 else retreat
+            executor.new_goal()
 
     def _polish(self) -> float:
         begun = time.perf_counter()

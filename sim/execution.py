@@ -1,0 +1,225 @@
+"""From the planner's answers to set-points: joined, timed, and braked for the person.
+
+At every moment there is a stop that was tested: before a set-point is passed on, the
+way up to the end of the stop that could begin behind it is tested against the points
+grown by how far the person can come meanwhile. Where the test fails the robot slows
+down; where that does not help it takes the stop it holds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.motion import Commit, Motion, SetPoint, time_path
+from roadmap.robot import Robot
+from sim.threat import Threat
+
+MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
+RETREATING, STANDING = "retreating", "standing"
+_LOWER = 0.6  # each level of speed is this share of the one above
+_LEVELS = 6
+_RAISE_EVERY = 5  # frames between two tries to be faster
+_LOOK_AHEAD = 0.2  # a higher speed must hold for so long [s]
+
+
+@dataclass(frozen=True)
+class ExecutionSettings:
+    """How the robot moves.
+
+    Attributes:
+        speed_scale: Share of the joints' speed limits the robot uses.
+        retreat_scale: The same when it moves out of the way.
+        blend: Corners are rounded within this [m]: a share of the clearance m.
+        ahead: A new path begins where the robot stands if it begins to stop this
+            much later [s]: a rounded corner needs some way.
+        stand_below: It does not even retreat where, two frames on, its cover would be
+            nearer to a sample than this [m].
+    """
+
+    speed_scale: float = 0.5
+    retreat_scale: float = 0.25
+    blend: float = 0.004
+    ahead: float = 0.05
+    stand_below: float = 0.022
+
+
+class Executor:
+    """Holds the motion in use and decides in every frame how it goes on.
+
+    Args:
+        robot: The robot.
+        planner: Asked with `blocked_leg` and `separation` where it has them.
+        q: (dof,) where the robot stands.
+        period: Time between frames [s].
+        settings: See ExecutionSettings.
+
+    Attributes:
+        motion, t: The motion in use, and the time on it [s].
+        state: "moving", "slowed", "braked", "retreating" or "standing".
+        reason: One sentence while it is slowed or braked.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        planner: object,
+        q: np.ndarray,
+        period: float,
+        settings: ExecutionSettings | None = None,
+    ) -> None:
+        """Stand at q."""
+        self.robot, self.planner, self.period = robot, planner, period
+        self.settings = settings or ExecutionSettings()
+        self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
+        self.motion, self.t = time_path(robot, q[None]), 0.0
+        self.state, self.reason = STANDING, ""
+        self._tests = callable(getattr(planner, "blocked_leg", None))
+        self._level = 0
+        self._frame = 0
+        self._on_path = False
+        self._gap = np.inf
+
+    @property
+    def set_point(self) -> SetPoint:
+        """The set-point of this moment; continuous joints in [-pi, pi)."""
+        point = self.motion.at(self.t)
+        turned = (point.q + np.pi) % (2 * np.pi) - np.pi
+        return point._replace(q=np.where(self.robot.continuous, turned, point.q))
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the motion in use is over."""
+        return self.t >= self.motion.duration
+
+    def new_goal(self) -> None:
+        """Take the next answer's path in any case."""
+        self._on_path = False
+
+    def commit(self) -> Commit:
+        """Return where a new path would begin: the planner plans from there."""
+        return self.motion.commit(self.t, self.settings.ahead)
+
+    def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
+        """Take an answer planned from `commit`, then brake where it must be.
+
+        `threat` is None where nobody is about.
+        """
+        self._frame += 1
+        if answer.status == "holding":
+            self._hold(answer, commit)
+        else:
+            self._gap = np.inf
+            if answer.status == "replanned" or not self._on_path:
+                scale = self.scales[self._level]
+                self._take(
+                    self.motion.join(
+                        self.t,
+                        commit,
+                        answer.path,
+                        blend=self.settings.blend,
+                        speed_scale=float(scale),
+                    )
+                )
+                self._on_path = True
+                self.state = MOVING
+        if self.state != RETREATING and self._on_path:
+            self._brake(threat)
+
+    def advance(self) -> None:
+        """Let one period pass."""
+        self.t += self.period
+
+    # --- hold, back off, escape -------------------------------------------------
+
+    def _hold(self, answer: object, commit: Commit) -> None:
+        self._on_path, self.reason = False, ""
+        wise = self._wise()
+        if self.state == RETREATING:
+            better = self.planner.separation(self.motion.q_end) >= self._gap - 1e-6
+            if wise and better and not self.at_rest:
+                return
+        elif self.at_rest:
+            retreat = answer.retreat if wise else None
+            if retreat is not None and len(retreat):
+                scale = self.settings.retreat_scale
+                self._take(time_path(self.robot, retreat, blend=0, speed_scale=scale))
+                self.state = RETREATING
+                return
+        self.state = STANDING
+        if not self.at_rest:
+            self._take(self.motion.stop(self.t))
+
+    def _wise(self) -> bool:
+        """Whether it may move at all: the person is not about to touch it."""
+        q = self.set_point.q
+        before, self._gap = self._gap, self.planner.separation(q)
+        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
+        return self._gap - 2 * closing >= self.settings.stand_below
+
+    # --- braking ----------------------------------------------------------------
+
+    def _brake(self, threat: Threat | None) -> None:
+        """Leave a motion in use whose next set-point has a tested stop behind it."""
+        if threat is None or not self._tests:
+            self._raise_to_full()
+            return
+        if self.state == BRAKED:
+            self._go_on_slowly(threat)
+            return
+        if self._safe(self.motion, self.t, threat):
+            self._try_faster(threat)
+            self.state = SLOWED if self._level else MOVING
+            return
+        self.reason = self._why(threat)
+        self._level = min(self._level + 1, _LEVELS - 1)
+        slower = self.motion.rescaled(self.t, float(self.scales[self._level]))
+        if self._safe(slower, 0.0, threat):
+            self._take(slower)
+            self.state = SLOWED
+            return
+        self._take(self.motion.stop(self.t))  # tested one frame ago
+        self.state = BRAKED
+
+    def _go_on_slowly(self, threat: Threat) -> None:
+        slow = self.motion.rescaled(self.t, float(self.scales[-1]))
+        if self._safe(slow, 0.0, threat):
+            self._take(slow)
+            self._level, self.state = _LEVELS - 1, SLOWED
+        else:
+            self.reason = self._why(threat)
+
+    def _try_faster(self, threat: Threat) -> None:
+        if self._level == 0 or self._frame % _RAISE_EVERY:
+            return
+        faster = self.motion.rescaled(self.t, float(self.scales[self._level - 1]))
+        if self._safe(faster, 0.0, threat, _LOOK_AHEAD):
+            self._take(faster)
+            self._level -= 1
+            self.reason = ""
+
+    def _raise_to_full(self) -> None:
+        if self._level or self.state == BRAKED:
+            self._level = 0
+            self._take(self.motion.rescaled(self.t, float(self.scales[0])))
+        self.state, self.reason = MOVING, ""
+
+    def _safe(
+        self, motion: Motion, t: float, threat: Threat, ahead: float = 0.0
+    ) -> bool:
+        """Test the way from `t` to the end of a stop that begins behind the set-point."""
+        begin = t + self.period + ahead
+        stop = motion.stop(min(begin, motion.duration))
+        time = threat.age + self.period + stop.duration
+        corners = motion.path_from(t, stop.length)
+        return self.planner.blocked_leg(corners, threat.reach(time)) is None
+
+    def _why(self, threat: Threat) -> str:
+        stop = self.motion.stop(self.t)
+        time = threat.age + self.period + stop.duration
+        return (
+            f"the person can come {100 * threat.reach(time):.0f} cm nearer in the "
+            f"{1e3 * time:.0f} ms that a stop takes"
+        )
+
+    def _take(self, motion: Motion) -> None:
+        self.motion, self.t = motion, 0.0
