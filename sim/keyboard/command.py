@@ -51,6 +51,21 @@ class KeyboardRun:
         """0 where it ended by itself or by q; 130 by Ctrl-C, as shells expect it."""
         return ENDINGS.get(self.ended, 0)
 
+    def as_dict(self) -> dict:
+        """Return the figures and the keys as plain data."""
+        run = None
+        if self.result is not None:
+            run = self.result.summary() | {"timing": self.result.timing()}
+        return {
+            "run": run,
+            "ended": self.ended,
+            "frames": self.frames,
+            "late": self.late,
+            "slipped_s": self.slipped_s,
+            "keys": [[event.t, event.key] for event in self.events],
+            "map_hash": self.cell_map.hash,
+        }
+
     @property
     def sentence(self) -> str:
         """How it ended, and how well it kept up with the clock."""

@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import replace
 
-from sim.loop import Frame, Loop, _light, _result
+from sim.loop import Frame, Loop, light, result_of
 from sim.run_result import RunResult
 
 
@@ -24,12 +24,12 @@ class KeptFrames:
 
     def add(self, frame: Frame) -> None:
         """Keep a frame; every frame of a hold knows its reason."""
-        light = _light(frame.answer, self._frames)
-        before = self._frames[-1].answer if self._frames else light
-        if light.status == before.status == "holding":
-            light = replace(light, reason=light.reason or before.reason)
-        self._frames.append(replace(frame, answer=light))
+        kept = light(frame.answer, self._frames)
+        before = self._frames[-1].answer if self._frames else kept
+        if kept.status == before.status == "holding":
+            kept = replace(kept, reason=kept.reason or before.reason)
+        self._frames.append(replace(frame, answer=kept))
 
     def result(self, loop: Loop) -> RunResult | None:
         """Return the frames kept and their figures, None if there are none."""
-        return _result(loop, list(self._frames), {}) if self._frames else None
+        return result_of(loop, list(self._frames), {}) if self._frames else None
