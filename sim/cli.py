@@ -127,9 +127,15 @@ def run(
     map_dir: MapOption,
     motion: Annotated[
         str,
-        typer.Option(metavar="sweep|reach|jitter|hover|intrusion", help="The person."),
+        typer.Option(
+            metavar="sweep|reach|jitter|hover|intrusion|mocap|keyboard",
+            help="The person: scripted, recorded (--file) or moved by your keys.",
+        ),
     ] = "sweep",
-    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Simulated time; default: 30, the clip's, or until q."),
+    ] = None,
     seed: Seed = 0,
     rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0,
     out: Annotated[
@@ -141,14 +147,45 @@ def run(
     animation: Annotated[
         Path | None, typer.Option(metavar="GIF", help="Write a short film.")
     ] = None,
+    file: Annotated[
+        Path | None,
+        typer.Option(metavar="CSV|BVH", help="Recorded motion, for mocap."),
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Names of its joints; see docs/mocap.md."),
+    ] = None,
+    stand: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="X Y YAW", help="Where the recorded person stands: m, m, degrees."
+        ),
+    ] = None,
+    base_height: Annotated[
+        float, typer.Option(help="Robot's base above the recorded floor, in m.")
+    ] = 0.75,
     json: Json = None,
 ) -> None:
-    """Move the robot between two work places while a person moves; audit each frame."""
-    from sim.run_command import RunFiles, run_motion
+    """Move the robot between two work places while a person moves; audit each frame.
 
-    files = RunFiles.chosen(out, motion, plot, animation)
+    The keys of `--motion keyboard` stand on its screen; q ends it.
+    """
+    from sim.run_command import RunFiles, check_options, person_of, run_motion
+
+    check_options(
+        motion, file, {"--out": out, "--plot": plot, "--animation": animation}
+    )
     quiet = json == "-"
-    result = run_motion(map_dir, motion, seconds, seed, rate, files, quiet)
+    if motion == "keyboard":
+        from sim.keyboard import run_keyboard
+
+        ended = run_keyboard(map_dir, seconds, rate, quiet=quiet)
+        if json is not None:
+            show_json(ended.as_dict(), json)
+        raise typer.Exit(ended.exit_code)
+    person = person_of(motion, seed, file, mapping, stand, base_height)
+    files = RunFiles.chosen(out, motion, plot, animation)
+    result = run_motion(map_dir, person, seconds, seed, rate, files, quiet)
     if json is not None:
         show_json(result, json)
 

@@ -14,7 +14,7 @@ from roadmap.kinematics import tool_pose
 from sim.animation import FilmSettings, write_animation
 from sim.arm_path import Person
 from sim.cover_world import CoverWorld
-from sim.human_motion import make_motion
+from sim.human_motion import HumanMotion, make_motion
 from sim.loop import LoopSettings, run_loop
 from sim.pictures import write_latency_plot
 from sim.report import print_report
@@ -90,7 +90,7 @@ def run_demo(
 def run_pair(
     planner: ReactivePlanner,
     places: np.ndarray,
-    motion: str,
+    motion: str | HumanMotion,
     settings: LoopSettings,
     person: Person | None = None,
 ) -> tuple[RunResult, RunResult]:
@@ -99,11 +99,13 @@ def run_pair(
     Args:
         planner: The planner; its path in use is forgotten first.
         places: (n, dof) work places.
-        motion: Name of the human motion; its seed is that of the settings.
+        motion: The human motion; for a name, its seed is that of the settings.
         settings: Rate, duration, seed.
         person: Sizes, place and speed limit of the person.
     """
-    human = make_motion(motion, settings.seed, person)
+    human = motion
+    if isinstance(motion, str):
+        human = make_motion(motion, settings.seed, person)
     result = run_loop(planner, planner.robot, places, human, settings)
     bare = replace(settings, keep_paths=0)
     alone = run_loop(planner, planner.robot, places, None, bare)
@@ -116,11 +118,15 @@ def find_places(planner: ReactivePlanner) -> np.ndarray:
 
 
 def warm_up(
-    planner: ReactivePlanner, places: np.ndarray, motion: str, settings: LoopSettings
+    planner: ReactivePlanner,
+    places: np.ndarray,
+    motion: str | HumanMotion,
+    settings: LoopSettings,
 ) -> None:
     """Run a few frames so that everything is compiled before time is measured."""
     brief = replace(settings, duration_s=3.0, keep_paths=0)
-    run_loop(planner, planner.robot, places, make_motion(motion), brief)
+    human = make_motion(motion) if isinstance(motion, str) else motion
+    run_loop(planner, planner.robot, places, human, brief)
     tool = tool_pose(planner.robot, places[0])[:3, 3]
     touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
     answer = planner.step(touching, q=places[0])

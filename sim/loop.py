@@ -163,7 +163,7 @@ class Loop:
             capsules=capsules,
             answer=answer,
             place=self.place,
-            separation=self._audit(self._q, capsules) if len(capsules) else np.inf,
+            separation=self._separation(capsules, now),
             joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
             wall_s=wall,
@@ -190,6 +190,13 @@ class Loop:
             self.place = (self.place + 1) % len(self.places)
             self.planner.set_goals([self.places[self.place]])
             executor.new_goal()
+
+    def _separation(self, capsules: np.ndarray, now: float) -> float:
+        """Return the exact distance [m] of where the person is, not only might be."""
+        if not len(capsules):
+            return np.inf
+        guess = getattr(self.motion, "guess", None)  # of parts that were not seen
+        return self._audit(self._q, capsules if guess is None else guess(now))
 
     def _polish(self) -> float:
         begun = time.perf_counter()
@@ -228,10 +235,10 @@ def run_loop(
         frame = loop.frame()
         if keep and index % keep == 0:
             paths[index] = np.array(frame.answer.path, np.float64)
-        frames.append(replace(frame, answer=_light(frame.answer, frames)))
+        frames.append(replace(frame, answer=light(frame.answer, frames)))
         if on_frame is not None:
             on_frame(frame)
-    return _result(loop, frames, paths)
+    return result_of(loop, frames, paths)
 
 
 def exact_audit(robot: Robot) -> Audit:
@@ -263,14 +270,16 @@ class _Light:
     stages: dict[str, float]
 
 
-def _light(answer: object, frames: list[Frame]) -> _Light:
+def light(answer: object, frames: list[Frame]) -> _Light:
+    """Return what the result needs of an answer; a reason is kept once a hold."""
     held = frames[-1].answer.status == "holding" if frames else False
     new = answer.status == "holding" and not held  # to explain takes some time
     reason = answer.reason or "" if new else ""
     return _Light(answer.status, reason, dict(answer.latency_s))
 
 
-def _result(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
+def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
+    """Return the frames of a loop as a result."""
     answers = [frame.answer for frame in frames]
     names = sorted({name for answer in answers for name in answer.stages})
     place = np.array([frame.place for frame in frames])

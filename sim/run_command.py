@@ -1,14 +1,17 @@
 """`odm run` and `odm demo`: the loop with its tables and pictures."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from roadmap.errors import BadInput
 from sim.cli_build import MAPS, build_to, check_target
 from sim.terminal import Bars, stdout_to_stderr, write_text
 
 if TYPE_CHECKING:
     from odm import CellMap, Recipe
+    from sim.human_motion import HumanMotion
     from sim.run_result import RunResult
 
 DEMO = "demo"  # its recipe and the folder of its map
@@ -36,10 +39,46 @@ class RunFiles:
         )
 
 
+def check_options(motion: str, file: Path | None, pictures: dict) -> None:
+    """Refuse options that do not go together, before any work."""
+    if motion == "mocap" and file is None:
+        raise BadInput("--motion mocap plays a recording; name it with --file F")
+    if motion != "mocap" and file is not None:
+        raise BadInput(f"--file goes with --motion mocap, not with {motion}")
+    if motion == "keyboard":
+        asked = [name for name, path in pictures.items() if path is not None]
+        if asked:
+            raise BadInput(
+                f"{asked[0]} writes pictures of a run known beforehand; "
+                "leave it out with --motion keyboard"
+            )
+
+
+def person_of(
+    motion: str,
+    seed: int,
+    file: Path | None = None,
+    mapping: Path | None = None,
+    stand: tuple[float, float, float] | None = None,
+    base_height: float = 0.75,
+) -> "HumanMotion":
+    """Return the person of a run; a wrong name or file is refused before any work."""
+    from sim.human_motion import make_motion
+
+    if motion != "mocap":
+        return make_motion(motion, seed)
+    from sim.mocap import MocapSettings, load_mocap
+
+    if stand is not None:
+        stand = (stand[0], stand[1], math.radians(stand[2]))
+    settings = MocapSettings(stand=stand, base_height=base_height)
+    return load_mocap(file, mapping=mapping, settings=settings)
+
+
 def run_motion(
     map_dir: Path,
-    motion: str,
-    seconds: float,
+    motion: "HumanMotion",
+    seconds: float | None,
     seed: int,
     rate: float,
     files: RunFiles,
@@ -47,27 +86,41 @@ def run_motion(
 ) -> dict:
     """Run the loop with and without a person, print the tables unless `quiet`.
 
+    Args:
+        map_dir: Folder of a built map.
+        motion: The person.
+        seconds: Simulated time [s]; None: that of a recorded clip, else 30 s.
+        seed: Of a scripted motion, noted in the result.
+        rate: Frames per second.
+        files: Pictures to write.
+        quiet: Print nothing.
+
     Returns:
         The figures as plain data: "run", "alone", "setting", "map_hash".
     """
     from odm import ReactivePlanner, load_map
     from sim.demo import DEMO as SETTINGS
     from sim.demo import find_places, run_pair, warm_up
-    from sim.human_motion import make_motion
     from sim.report import print_report, setting
 
+    if seconds is None:
+        seconds = getattr(motion, "duration_s", SETTINGS.duration_s)
     settings = replace(SETTINGS, duration_s=seconds, seed=seed, rate_hz=rate)
-    make_motion(motion, seed)  # a wrong name is refused before any work
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
     with Bars() as tell:
         places = find_places(planner)
         warm_up(planner, places, motion, settings)
-        tell(f"{seconds:g} s of {motion}", 0, 1)
+        tell(f"{seconds:g} s of {motion.name}", 0, 1)
         result, alone = run_pair(planner, places, motion, settings)
-        tell(f"{seconds:g} s of {motion}", 1, 1)
+        tell(f"{seconds:g} s of {motion.name}", 1, 1)
+    notes = [*getattr(motion, "notes", ())]
+    if ending := getattr(motion, "ending", lambda run_s: None)(seconds):
+        notes.append(ending)
     if not quiet:
         print_report([result], alone, cell_map.hash)
+        for note in notes:
+            print(note)
     written = write_files(files, cell_map, result, places)
     if not quiet:
         for path in written:
@@ -75,6 +128,7 @@ def run_motion(
     return {
         "run": result.summary() | {"timing": result.timing()},
         "alone": alone.summary(),
+        "notes": notes,
         "setting": setting(),
         "map_hash": cell_map.hash,
     }

@@ -1,0 +1,162 @@
+"""The loop in real time, between keys and screen."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from sim.keyboard.bindings import ARM_KEYS, END, HELP, PAUSE, plain
+from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.pacing import NAP, Pacer
+from sim.keyboard.picture import key_lines, painted, picture
+from sim.keyboard.signals import Signals
+from sim.keyboard.tally import Tally
+from sim.keyboard.terminal import Keys, PlainScreen, Screen, taken
+from sim.keyboard.view import View, plain_line
+from sim.loop import Frame
+
+REDRAW = 0.1  # from picture to picture [s]
+RELINE = 1.0  # from line to line where there is no picture [s]
+
+
+class FrameSource(Protocol):
+    """Anything that answers one frame after the other, such as `sim.loop.Loop`."""
+
+    def frame(self) -> Frame:
+        """Answer one frame and move on by one period."""
+        ...
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a session is told.
+
+    Attributes:
+        rate_hz: Frames per second of simulation and wall clock.
+        seconds: Simulated time after which it ends [s]; None: when the user ends it.
+        title: Name of the robot, for the screen.
+        edges: Edges of the roadmap.
+        blocked: Returns how many of them the last frame blocks; None: not known.
+    """
+
+    rate_hz: float
+    seconds: float | None = None
+    title: str = ""
+    edges: int = 0
+    blocked: Callable[[], int] | None = None
+
+
+class Session:
+    """Runs a loop at the pace of the wall clock while keys move the person's arm.
+
+    Args:
+        loop: Answers the frames; it asks `arm` where the person is.
+        arm: Moved by the keys.
+        setting: Rate, end, and what the screen needs.
+        on_frame: Called with every frame, to keep or record it.
+
+    Attributes:
+        tally, pacer: Figures so far.
+        ended: "seconds", "q" or the name of a signal; None while it runs.
+    """
+
+    def __init__(
+        self,
+        loop: FrameSource,
+        arm: KeyboardArm,
+        setting: Setting,
+        on_frame: Callable[[Frame], None] = lambda frame: None,
+    ) -> None:
+        """Answer no frame yet."""
+        self.loop, self.arm, self.setting, self.on_frame = loop, arm, setting, on_frame
+        self.tally = Tally(setting.rate_hz)
+        self.pacer = Pacer(1.0 / setting.rate_hz)
+        self.ended: str | None = None
+        self.paused = self.help = False
+        self._drawn = -1e9
+
+    def run(self, keys: Keys, screen: Screen) -> str:
+        """Run to the end; the terminal is given back however that comes.
+
+        Returns:
+            Why it ended.
+        """
+        with Signals() as signals:
+            while self._some(keys, screen, signals):
+                signals.suspend()  # only now is the terminal the shell's again
+            return self.ended
+
+    def _some(self, keys: Keys, screen: Screen, signals: Signals) -> bool:
+        """Run until the end, then return False, or until Ctrl-Z."""
+        with taken(keys, screen):
+            if isinstance(screen, PlainScreen):
+                screen.draw([(f"{key:<5}{does}", False) for key, does in key_lines()])
+            self.pacer.restart()
+            while not signals.suspended:
+                self._heed(keys, signals)
+                if self.ended:
+                    return False
+                self._turn(screen, signals)
+            return True
+
+    def _heed(self, keys: Keys, signals: Signals) -> None:
+        """Take keys and signals, and see whether the time is over."""
+        for key in map(plain, keys.read()):
+            if key in ARM_KEYS:
+                self.arm.press(key)
+            elif key == END:
+                self.ended = "q"
+            elif key in (PAUSE, HELP):
+                self._switch("paused" if key == PAUSE else "help")
+        limit = self.setting.seconds
+        if limit is not None and self.tally.frames >= limit * self.setting.rate_hz:
+            self.ended = "seconds"
+        # no more keys can come: the same as being hung up on
+        self.ended = signals.ended or ("SIGHUP" if keys.closed else self.ended)
+
+    def _turn(self, screen: Screen, signals: Signals) -> None:
+        if self.paused:
+            time.sleep(NAP)
+            self.pacer.restart()
+            self._draw(screen)
+            return
+        frame = self.loop.frame()
+        self.tally.take(frame)
+        self.on_frame(frame)
+        self._draw(screen)
+        self.pacer.wait(lambda: bool(signals.ended or signals.suspended))
+
+    def _switch(self, name: str) -> None:
+        setattr(self, name, not getattr(self, name))
+        self._drawn = -1e9
+
+    def _draw(self, screen: Screen) -> None:
+        now, plainly = time.perf_counter(), isinstance(screen, PlainScreen)
+        if now - self._drawn < (RELINE if plainly else REDRAW):
+            return
+        self._drawn = now
+        width, height = screen.size
+        view = self._view()
+        if plainly:
+            screen.draw([(plain_line(view), False)])
+        else:
+            screen.draw(painted(picture(view, width, height), width))
+
+    def _view(self) -> View:
+        setting, share = self.setting, None
+        if setting.blocked is not None and setting.edges and self.tally.last:
+            share = setting.blocked() / setting.edges
+        self.tally.explain()
+        return View(
+            title=setting.title,
+            rate_hz=setting.rate_hz,
+            tally=self.tally,
+            arm=self.arm.state,
+            limits=self.arm.limits,
+            blocked=share,
+            edges=setting.edges,
+            late=self.pacer.late,
+            slipped_s=self.pacer.slipped_s,
+            paused=self.paused,
+            help=self.help,
+        )

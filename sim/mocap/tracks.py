@@ -1,0 +1,107 @@
+"""What a recording holds before anyone interprets it: named places over time."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+RATES = (10.0, 10_000.0)  # frames per second a recording of a person can have
+
+
+class BadMocap(BadInput):
+    """A recording of a person cannot be played; says which value is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Places of named bodies or joints, as the file gives them.
+
+    Attributes:
+        source: Name of the file, for messages.
+        kind: "csv" or "bvh".
+        rate_hz: Frames per second.
+        places: Name -> (F, 3) place in the file's units and axes; NaN: not seen.
+        metres_per_unit: Where the file says it, else None.
+        up: Axis that points up, "y" or "z", where the format fixes it, else None.
+        rest: Name -> (3,) place in the skeleton's rest pose, where there is one.
+    """
+
+    source: str
+    kind: str
+    rate_hz: float
+    places: dict[str, np.ndarray]
+    metres_per_unit: float | None = None
+    up: str | None = None
+    rest: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Freeze the places; refuse a rate or a length that is no motion."""
+        check_rate(self.rate_hz, self.source)
+        frozen_places = {n: frozen(p, np.float64) for n, p in self.places.items()}
+        object.__setattr__(self, "places", frozen_places)
+        if self.n_frames < 2:
+            raise BadMocap(
+                f"{self.source} holds {self.n_frames} frames; a motion needs 2 or more"
+            )
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return max((len(p) for p in self.places.values()), default=0)
+
+
+def check_rate(rate_hz: float, source: str) -> float:
+    """Return the rate, or refuse one that no recording of a person has.
+
+    Raises:
+        BadMocap: Zero, negative, not finite, or beyond `RATES`.
+    """
+    low, high = RATES
+    if not low <= rate_hz <= high:
+        raise BadMocap(
+            f"{source} gives {rate_hz:g} frames per second; a person's motion needs "
+            f"{low:g} to {high:g}: correct the rate in the file"
+        )
+    return rate_hz
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a recording.
+
+    Raises:
+        BadMocap: The file is missing, empty, not text, or cannot be read.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise BadMocap(f"there is no file {path}; give a .csv or .bvh file") from None
+    except IsADirectoryError:
+        raise BadMocap(f"{path} is a folder; give one of its files") from None
+    except OSError as error:
+        raise BadMocap(f"{path} cannot be read: {error.strerror}") from None
+    if not data.strip():
+        raise BadMocap(f"{path.name} is empty; give a .csv or .bvh recording")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # older tools write names in it
+        if any(c in text for c in "\0\x01\x02\x03\x04\x05\x06\x07\x08"):
+            raise BadMocap(
+                f"{path.name} is not text, so neither Vicon's .csv nor .bvh"
+            ) from None
+        return text
+
+
+def number(text: str, what: str) -> float:
+    """Return the number written in `text`.
+
+    Raises:
+        BadMocap: It is no number; `what` begins the sentence.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise BadMocap(f"{what} is {text.strip()[:40]!r}, which is no number") from None

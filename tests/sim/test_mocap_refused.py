@@ -1,0 +1,221 @@
+import numpy as np
+import pytest
+from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
+
+from handover.body import Part
+from sim.mocap import BadMocap, MocapSettings, load_mocap, read_tracks
+from sim.mocap.skeletons import BUILT_IN, joints_of
+
+ARM = ("right_shoulder", "right_elbow", "right_hand")
+
+
+def refusal(*args, **options):
+    with pytest.raises(BadMocap) as caught:
+        load_mocap(*args, **options)
+    sentence = str(caught.value)
+    assert "\n" not in sentence and ". " not in sentence
+    return sentence
+
+
+# names
+
+
+@pytest.mark.parametrize("label", BUILT_IN)
+def test_built_in_names_are_known(tmp_path, label):
+    here = {j: n for j, n in BUILT_IN[label].items() if j in STANDING}
+    names = {BVH_NAMES[joint]: name for joint, name in here.items()}
+    path = write_bvh(tmp_path / "a.bvh", person(30), rename=names)
+    found, said = joints_of(read_tracks(path))
+    assert {j: found[j] for j in STANDING} == here
+    assert len(load_mocap(path).labels) == 9
+    assert said == label or BUILT_IN[said].items() >= here.items()
+
+
+def test_namespace_and_case_do_not_matter(tmp_path):
+    names = {"rShldr": "mixamorig:RightArm", "rForeArm": "mixamorig:rightforearm"}
+    names |= {"rHand": "mixamorig:RightHand", "hip": "mixamorig:Hips"}
+    path = write_bvh(tmp_path / "a.bvh", person(30), rename=names)
+    assert joints_of(read_tracks(path))[1] == "Mixamo, MotionBuilder"
+
+
+def test_a_mapping_file_names_a_new_skeleton(tmp_path):
+    names = {name: f"bone {i}" for i, name in enumerate(BVH_NAMES.values())}
+    path = write_bvh(tmp_path / "a.bvh", person(30), rename=names)
+    lines = (f'{j} = "{names[n]}"\n' for j, n in BVH_NAMES.items())
+    (tmp_path / "map.toml").write_text("".join(lines))
+    mapped = load_mocap(path, mapping=tmp_path / "map.toml")
+    plain = load_mocap(write_bvh(tmp_path / "b.bvh", person(30)))
+    np.testing.assert_array_equal(mapped.frames, plain.frames)
+
+
+def test_unknown_bodies_are_ignored(tmp_path):
+    joints = person(30)
+    other = {"robot": joints["hip"] + 7.0, **joints, "table": joints["hip"] * np.nan}
+    motion = load_mocap(write_csv(tmp_path / "a.csv", other))
+    plain = load_mocap(write_csv(tmp_path / "b.csv", joints))
+    np.testing.assert_array_equal(motion.frames, plain.frames)
+
+
+def test_a_skeleton_without_arms_is_refused_with_its_names(tmp_path):
+    names = {name: f"bone{i}" for i, name in enumerate(BVH_NAMES.values())}
+    sentence = refusal(write_bvh(tmp_path / "a.bvh", person(30), rename=names))
+    assert "no arm is known in a.bvh, which holds bone0, bone1" in sentence
+    assert 'write a mapping file with lines such as right_shoulder = "..."' in sentence
+
+
+@pytest.mark.parametrize(
+    "mapping, words",
+    [
+        ({"right_hand": "paw"}, "names 'paw' (right_hand), which a.bvh lacks; it hol"),
+        ({"right_claw": "rHand"}, "the mapping maps right_claw; joints are hip, neck"),
+        ({"right_hand": "rHand"}, "names no whole arm; give shoulder, elbow and hand"),
+        ({"right_hand": 3}, "gives right_hand = 3; give a name in quotes"),
+        ({}, "names no whole arm"),
+    ],
+)
+def test_a_wrong_mapping_is_refused(tmp_path, mapping, words):
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    assert words in refusal(path, mapping=mapping)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [(None, "cannot be read: No such file"), ("right_hand = ", "is no TOML")],
+)
+def test_an_unreadable_mapping_is_refused(tmp_path, text, words):
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    if text is not None:
+        (tmp_path / "map.toml").write_text(text)
+    assert words in refusal(path, mapping=tmp_path / "map.toml")
+
+
+# who is seen
+
+
+def test_one_arm_is_enough(tmp_path):
+    joints = {name: person(30)[name] for name in ARM}
+    motion = load_mocap(write_csv(tmp_path / "a.csv", joints))
+    assert set(motion.labels) == {
+        Part.RIGHT_HAND,
+        Part.RIGHT_FOREARM,
+        Part.RIGHT_UPPER_ARM,
+    }
+    assert "no left arm" in motion.notes
+
+
+def test_an_arm_never_seen_is_left_out_and_said(tmp_path):
+    joints = person(30)
+    joints["left_elbow"][:] = np.nan
+    motion = load_mocap(write_csv(tmp_path / "a.csv", joints))
+    assert Part.LEFT_FOREARM not in motion.labels and "no left arm" in motion.notes
+
+
+def test_no_arm_ever_seen_is_refused(tmp_path):
+    joints = person(30)
+    joints["left_elbow"][:] = joints["right_hand"][:] = np.nan
+    sentence = refusal(write_csv(tmp_path / "a.csv", joints))
+    assert "no arm is ever seen in a.csv: left elbow, right hand in none of 30" in (
+        sentence
+    )
+
+
+def test_nothing_ever_seen_is_refused(tmp_path):
+    joints = {name: place * np.nan for name, place in person(30).items()}
+    assert "no arm is ever seen" in refusal(write_csv(tmp_path / "a.csv", joints))
+    path = write_csv(tmp_path / "b.csv", joints)
+    settings = MocapSettings(unit="mm")
+    assert "no arm is ever seen" in refusal(path, settings=settings)
+
+
+def test_a_bvh_of_nan_is_refused(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    head, values = path.read_text().split("Frame Time: 0.01000000\n")
+    numbers = " ".join("nan" for _ in values.split())
+    path.write_text(f"{head}Frame Time: 0.01\n{numbers}\n")
+    assert "no arm is ever seen" in refusal(path)
+
+
+# people who are none
+
+
+def test_a_trunk_bent_backwards_is_refused_or_played_on_demand(tmp_path):
+    joints = person()
+    joints["neck"] += [0, -0.5, -0.1]
+    path = write_csv(tmp_path / "a.csv", joints)
+    sentence = refusal(path)
+    assert "a.csv shows what no person does: the trunk leans back by more" in sentence
+    assert "35 degrees in 300 of 300 frames" in sentence
+    motion = load_mocap(path, settings=MocapSettings(accept_defects=True))
+    assert any("no person does this: the trunk" in note for note in motion.notes)
+
+
+def test_bending_forward_is_what_people_do(tmp_path):
+    joints = person()
+    for name, place in joints.items():
+        if name != "hip":
+            place += [0, 0.4, -0.2]
+    load_mocap(write_csv(tmp_path / "a.csv", joints))
+
+
+def test_a_hand_that_keeps_flying_is_refused(tmp_path):
+    joints = person()
+    for start in (60, 140, 220):  # out and back at 12 m/s, over five steps each
+        way = np.r_[np.linspace(0, 0.6, 6), np.linspace(0.6, 0, 6)]
+        joints["left_hand"][start : start + 12, 0] -= way
+    sentence = refusal(write_bvh(tmp_path / "a.bvh", joints))
+    assert "the left hand flies at up to 12 m/s" in sentence
+    assert "accept_defects to play it all the same" in sentence
+
+
+def test_jumps_in_every_few_frames_are_refused(tmp_path):
+    joints = person()
+    noise = np.random.default_rng(0).normal(scale=0.3, size=(300, 3))
+    joints["right_shoulder"] += noise
+    sentence = refusal(write_csv(tmp_path / "a.csv", joints))
+    assert "the right shoulder jumps in 269 of 269 steps" in sentence
+
+
+def test_a_clip_that_is_over_with_its_t_pose_is_refused(tmp_path):
+    joints = person(12)
+    joints["right_hand"][8:] += 1.0
+    sentence = refusal(write_bvh(tmp_path / "a.bvh", joints))
+    assert "holds nothing but a jump at its start" in sentence
+
+
+# settings
+
+
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"unit": "furlong"}, "no unit 'furlong'; choose one of m, inch, cm, mm"),
+        ({"unit": 0.0}, "a unit of 0.0 m is not positive"),
+        ({"up": "x"}, "no up axis 'x'; choose y or z"),
+        ({"stand": (1.0, 2.0)}, "stand is (1.0, 2.0); give x"),
+        ({"stand": (1.0, np.nan, 0)}, "give x"),
+        ({"base_height": np.nan}, "base_height is nan m"),
+        ({"floor": np.inf}, "floor is inf m"),
+        ({"height": 3.0}, "a height of 3.0 m is outside 1.2 to 2.2"),
+        ({"thickness": "fat"}, "no thickness 'fat'"),
+        ({"smooth_s": -1.0}, "smooth_s is -1.0 s"),
+    ],
+)
+def test_settings_out_of_range_are_refused(tmp_path, settings, words):
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    with pytest.raises(ValueError) as caught:
+        load_mocap(path, settings=MocapSettings(**settings))
+    assert words in str(caught.value)
+
+
+def test_a_size_that_is_no_persons_is_refused(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", person(30), metres=0.05)
+    assert "units long, which is no person's in m, inch, cm, mm" in refusal(path)
+
+
+def test_a_person_upside_down_or_lying_is_refused(tmp_path):
+    turned = {n: p * [1, -1, -1] for n, p in person(30).items()}
+    sentence = refusal(write_bvh(tmp_path / "a.bvh", turned, up="z"))
+    assert "points along -z, and up is y or z" in sentence
+    lying = {n: p[:, [2, 0, 1]] for n, p in person(30).items()}
+    sentence = refusal(write_bvh(tmp_path / "b.bvh", lying, up="z"))
+    assert "points along x" in sentence
