@@ -74,10 +74,15 @@ class _Way:
             return cls(robot, (), none, none, none, 0.0, home)
         return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
 
-    def index(self, s: float, slack: float = 0.0) -> int:
-        """Return the piece that holds arc length `s`; one `slack` ahead counts."""
+    def index(self, s: float) -> int:
+        """Return the piece that holds arc length `s`."""
         begins = [p.begin for p in self.pieces]
-        return max(0, bisect_right(begins, s + slack) - 1)
+        return max(0, bisect_right(begins, s) - 1)
+
+    def index_of(self, state: State) -> int:
+        """Return the piece a state is on; without acceleration, a next one counts."""
+        slack = _NEAR if abs(state.a) < _NEAR else 0.0
+        return self.index(state.s + slack)
 
     def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if not self.pieces:
@@ -177,7 +182,7 @@ class Motion:
         state, way = self._state(t), self._way
         profiles = Profiles(state)
         while profiles.state.v > 0.0 or profiles.state.a != 0.0:
-            k = way.index(profiles.state.s, _SAME)
+            k = way.index_of(profiles.state)
             here = (profiles.t, profiles.state, len(profiles.phases))
             profiles.to_speed(0.0, way.a[k], way.j[k])
             if profiles.state.s <= way.pieces[k].end + _NEAR:
@@ -199,7 +204,12 @@ class Motion:
             BadInput: The share lies outside (0, 1], or `t` is no time.
         """
         _check_scale(speed_scale)
-        return self._go_on(t, self._way, speed_scale)
+        try:
+            return self._go_on(t, self._way, speed_scale)
+        except NoProfile:  # from rest it always goes on
+            halt = self.stop(t)
+            rest = State(halt._end, 0.0, 0.0)
+            return halt._then(self._timed(self._way, rest, speed_scale), self._way)
 
     def commit(self, t: float, ahead: float = 0.0) -> Commit:
         """Return the earliest place at which another path may begin.
@@ -248,7 +258,8 @@ class Motion:
         state = self._state(t)
         scale = self.speed_scale if speed_scale is None else speed_scale
         _check_scale(scale)
-        before = self._rest(self._way, state.s, commit.s)
+        # a little of what is behind stays: the state must lie on a piece of its own
+        before = self._rest(self._way, state.s - 10.0 * _NEAR, commit.s)
         sway = joint_sway(robot)
         for rounded in (True, False):
             head = before.pieces
@@ -273,10 +284,7 @@ class Motion:
         ahead = self._timed(
             _Way.of(robot, tail, stray, commit.q), State(commit.s, 0.0, 0.0), scale
         )
-        later = tuple(p._replace(t=p.t + halt.duration) for p in ahead._phases)
-        return Motion(
-            halt.duration + ahead.duration, scale, way, halt._phases + later, ahead._end
-        )
+        return halt._then(ahead, way)
 
     # --- inside ----------------------------------------------------------------
 
@@ -310,7 +318,7 @@ class Motion:
 
     def _settled(self, state: State) -> float:
         """Return the arc length at which the acceleration of a state has ended."""
-        k = self._way.index(state.s, _SAME)
+        k = self._way.index_of(state)
         profiles = Profiles(state)
         natural = state.v + state.a * abs(state.a) / (2.0 * self._way.j[k])
         profiles.to_speed(max(natural, 0.0), self._way.a[k], self._way.j[k])
@@ -329,7 +337,16 @@ class Motion:
             profiles.phases.append(Phase(profiles.t, *state, phase.j))
             profiles.t += end - t
             t, k = end, k + 1
-        profiles.state = State(*phases[k][1:4])
+        # the end itself, so that the next piece is the next one's
+        profiles.state = State(max(phases[k].s, s_end), phases[k].v, phases[k].a)
+
+    def _then(self, later: "Motion", way: _Way) -> "Motion":
+        """Return this motion followed by another on the same way."""
+        phases = tuple(p._replace(t=p.t + self.duration) for p in later._phases)
+        total = self.duration + later.duration
+        return Motion(
+            total, later.speed_scale, way, self._phases + phases, later._end
+        )
 
     def _finish(self, profiles: Profiles, t: float) -> None:
         """Add what this motion does from time `t` to its end."""
@@ -358,7 +375,7 @@ class Motion:
                 rest = self._timed(way, head.state, scale)
                 break
             except NoProfile:
-                end = way.pieces[way.index(head.state.s, _SAME)].end
+                end = way.pieces[way.index_of(head.state)].end
                 if end > until + _SAME:
                     raise
                 self._repeat(head, t + head.t, end)
@@ -375,8 +392,10 @@ class Motion:
         limits = scale * way.fastest
         ends = np.array([p.end for p in way.pieces])
         stops = way.stops()
-        k = way.index(state.s, _SAME)
+        k = way.index_of(state)
         natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
+        if max(state.v, natural) > (1.0 + 1e-6) * way.fastest[k]:
+            raise NoProfile(f"{state.v} is too fast for the piece ahead")
         wanted = max(0.0, min(natural, limits[k]))
         for share in _SETTLE:
             profiles = Profiles(state)
@@ -384,7 +403,7 @@ class Motion:
             if state.a != 0.0 or abs(v - state.v) > _SAME:
                 profiles.to_speed(v, way.a[k], way.j[k])
             s = profiles.state.s
-            if s > ends[k] + _SAME:
+            if s > ends[k] + _NEAR:
                 continue
             lengths = np.diff(ends[k:], prepend=s)
             rest = (limits[k:], stops[k:], way.a[k:], way.j[k:])

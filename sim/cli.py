@@ -164,9 +164,15 @@ def run(
     base_height: Annotated[
         float, typer.Option(help="Robot's base above the recorded floor, in m.")
     ] = 0.75,
+    execution: Annotated[
+        str, typer.Option(metavar="kinematic|timed", help="How the robot moves.")
+    ] = "kinematic",
     json: Json = None,
 ) -> None:
     """Move the robot between two work places while a person moves; audit each frame.
+
+    With `--execution timed` it keeps its limits of acceleration and jerk, and slows
+    down and stops for the person.
 
     The keys of `--motion keyboard` stand on its screen; q ends it.
     """
@@ -179,13 +185,13 @@ def run(
     if motion == "keyboard":
         from sim.keyboard import run_keyboard
 
-        ended = run_keyboard(map_dir, seconds, rate, quiet=quiet)
+        ended = run_keyboard(map_dir, seconds, rate, quiet=quiet, execution=execution)
         if json is not None:
             show_json(ended.as_dict(), json)
         raise typer.Exit(ended.exit_code)
     person = person_of(motion, seed, file, mapping, stand, base_height)
     files = RunFiles.chosen(out, motion, plot, animation)
-    result = run_motion(map_dir, person, seconds, seed, rate, files, quiet)
+    result = run_motion(map_dir, person, seconds, seed, rate, files, quiet, execution)
     if json is not None:
         show_json(result, json)
 

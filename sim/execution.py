@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.kinematics import difference
 from roadmap.motion import Commit, Motion, SetPoint, time_path
 from roadmap.robot import Robot
 from sim.threat import Threat
@@ -57,6 +58,7 @@ class Executor:
         motion, t: The motion in use, and the time on it [s].
         state: "moving", "slowed", "braked", "retreating" or "standing".
         reason: One sentence while it is slowed or braked.
+        brakes: Whether the planner can test the way of a stop.
     """
 
     def __init__(
@@ -73,7 +75,7 @@ class Executor:
         self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.state, self.reason = STANDING, ""
-        self._tests = callable(getattr(planner, "blocked_leg", None))
+        self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._level = 0
         self._frame = 0
         self._on_path = False
@@ -140,7 +142,7 @@ class Executor:
                 return
         elif self.at_rest:
             retreat = answer.retreat if wise else None
-            if retreat is not None and len(retreat):
+            if retreat is not None and self._begins_here(retreat):
                 scale = self.settings.retreat_scale
                 self._take(time_path(self.robot, retreat, blend=0, speed_scale=scale))
                 self.state = RETREATING
@@ -148,6 +150,13 @@ class Executor:
         self.state = STANDING
         if not self.at_rest:
             self._take(self.motion.stop(self.t))
+
+    def _begins_here(self, path: np.ndarray) -> bool:
+        """Whether a path begins at the set-point: from elsewhere it proves nothing."""
+        if not len(path):
+            return False
+        off = difference(self.robot, self.set_point.q, path[0])
+        return bool(np.abs(off).max() < 1e-6)
 
     def _wise(self) -> bool:
         """Whether it may move at all: the person is not about to touch it."""
@@ -160,7 +169,7 @@ class Executor:
 
     def _brake(self, threat: Threat | None) -> None:
         """Leave a motion in use whose next set-point has a tested stop behind it."""
-        if threat is None or not self._tests:
+        if threat is None or not self.brakes:
             self._raise_to_full()
             return
         if self.state == BRAKED:
@@ -206,7 +215,7 @@ class Executor:
     def _safe(
         self, motion: Motion, t: float, threat: Threat, ahead: float = 0.0
     ) -> bool:
-        """Test the way from `t` to the end of a stop that begins behind the set-point."""
+        """Test the way from `t` to the end of a stop behind the next set-point."""
         begin = t + self.period + ahead
         stop = motion.stop(min(begin, motion.duration))
         time = threat.age + self.period + stop.duration

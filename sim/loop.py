@@ -13,11 +13,14 @@ from roadmap.kinematics import difference, sphere_centers
 from roadmap.robot import Robot
 from sim.execution import ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
+from sim.kinematic import KinematicMover
 from sim.run_result import STATUS, Hold, RunResult
 from sim.threat import Watcher
 
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
+
+MOVERS = {"kinematic": KinematicMover, "timed": Executor}
 
 Audit = Callable[[np.ndarray, np.ndarray], float]
 
@@ -39,6 +42,8 @@ class LoopSettings:
             apart an arm can touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         polish: Motions the planner may test between two frames to shorten its path.
+        execution: "kinematic": at speed limits, stopping at once; "timed": within
+            limits of acceleration and jerk, with a braking test in every frame.
     """
 
     rate_hz: float = 100.0
@@ -50,6 +55,7 @@ class LoopSettings:
     stand_below: float = 0.022
     keep_paths: int = 0
     polish: int = 4
+    execution: str = "kinematic"
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
@@ -57,6 +63,10 @@ class LoopSettings:
             value = getattr(self, name)
             if not 0 < value < np.inf:
                 raise BadInput(f"{name} is {value}; give a number above 0")
+        if self.execution not in MOVERS:
+            raise BadInput(
+                f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
+            )
         for name in ("speed_scale", "retreat_scale"):
             value = getattr(self, name)
             if not 0 < value <= 1:
@@ -131,7 +141,7 @@ class Loop:
         shares = ExecutionSettings(
             s.speed_scale, s.retreat_scale, stand_below=s.stand_below
         )
-        self.executor = Executor(
+        self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
         )
         self._watcher = Watcher()
@@ -153,7 +163,7 @@ class Loop:
             points, q=commit.q, dq=point.dq, stamp=now, now=now, **_told(capsules)
         )
         threat = None
-        if len(capsules):
+        if len(capsules) and self.executor.brakes:
             threat = self._watcher.look(capsules, self._centers[self._moving], now)
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall

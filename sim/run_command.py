@@ -83,6 +83,7 @@ def run_motion(
     rate: float,
     files: RunFiles,
     quiet: bool = False,
+    execution: str = "kinematic",
 ) -> dict:
     """Run the loop with and without a person, print the tables unless `quiet`.
 
@@ -94,6 +95,7 @@ def run_motion(
         rate: Frames per second.
         files: Pictures to write.
         quiet: Print nothing.
+        execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
 
     Returns:
         The figures as plain data: "run", "alone", "setting", "map_hash".
@@ -105,7 +107,9 @@ def run_motion(
 
     if seconds is None:
         seconds = getattr(motion, "duration_s", SETTINGS.duration_s)
-    settings = replace(SETTINGS, duration_s=seconds, seed=seed, rate_hz=rate)
+    settings = replace(
+        SETTINGS, duration_s=seconds, seed=seed, rate_hz=rate, execution=execution
+    )
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
     with Bars() as tell:

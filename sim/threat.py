@@ -1,9 +1,9 @@
 """How far a person can come toward the robot within a time: speed and separation.
 
 ISO/TS 15066 counts the person's speed *toward the robot*, 1.6 m/s walking and 2 m/s for
-an arm where it is not measured (ISO 13855). Here it is measured: each capsule's ends are
-followed from frame to frame, and what the person can add in the time is bounded by an
-acceleration. A person who moves away or rests does not slow the robot.
+an arm where it is not measured (ISO 13855). Here it is measured: each capsule's ends
+are followed from frame to frame, and what the person can add in the time is bounded by
+an acceleration. A person who moves away or rests slows the robot less.
 """
 
 from dataclasses import dataclass

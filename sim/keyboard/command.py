@@ -90,6 +90,7 @@ def run_keyboard(
     quiet: bool = False,
     make_loop: Callable[..., Loop] = Loop,
     on_frame: Callable[[Frame], None] | None = None,
+    execution: str = "kinematic",
 ) -> KeyboardRun:
     """Run in real time while keys move the person's arm; then print the tables.
 
@@ -101,6 +102,7 @@ def run_keyboard(
         quiet: Print no tables.
         make_loop: (planner, robot, places, motion, settings) -> loop.
         on_frame: Called with every frame, for a recording.
+        execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
 
     Raises:
         NoTerminal: There is none to read keys from.
@@ -112,7 +114,7 @@ def run_keyboard(
 
     keys, screen = open_terminal()
     asked = {} if seconds is None else {"duration_s": seconds}
-    settings = replace(DEMO, rate_hz=rate, keep_paths=0, **asked)
+    settings = replace(DEMO, rate_hz=rate, keep_paths=0, execution=execution, **asked)
     arm = KeyboardArm(person or Person(HumanArm.sized()))
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)

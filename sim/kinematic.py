@@ -1,0 +1,88 @@
+"""The plain way to move: at joint speed limits, starting and stopping at once."""
+
+import numpy as np
+
+from roadmap.kinematics import difference
+from roadmap.motion import Commit, SetPoint
+from roadmap.robot import Robot
+from sim.execution import MOVING, RETREATING, STANDING, ExecutionSettings
+from sim.follower import Follower
+from sim.threat import Threat
+
+
+class KinematicMover:
+    """Follows the planner's paths within the speed limits only.
+
+    The same use as `sim.execution.Executor`, for planners and robots without dynamics.
+
+    Args:
+        robot: The robot.
+        planner: Asked for `separation` while it holds.
+        q: (dof,) where the robot stands.
+        period: Time between frames [s].
+        settings: Its speeds and `stand_below` are used.
+
+    Attributes:
+        state: "moving", "retreating" or "standing".
+        reason: Empty: it does not brake.
+    """
+
+    at_rest = True  # it can stop at once
+    brakes = False
+
+    def __init__(
+        self,
+        robot: Robot,
+        planner: object,
+        q: np.ndarray,
+        period: float,
+        settings: ExecutionSettings | None = None,
+    ) -> None:
+        """Stand at q."""
+        settings = settings or ExecutionSettings()
+        self.robot, self.planner, self.period = robot, planner, period
+        self.state, self.reason = STANDING, ""
+        self._stand_below = settings.stand_below
+        self._follower = Follower(robot, settings.speed_scale)
+        self._retreater = Follower(robot, settings.retreat_scale)
+        self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
+        self._path = self._q[None]
+        self._gap = np.inf
+
+    @property
+    def set_point(self) -> SetPoint:
+        """The set-point of this moment."""
+        return SetPoint(self._q, self._dq, np.zeros_like(self._q))
+
+    def new_goal(self) -> None:
+        """Nothing is kept from goal to goal."""
+
+    def commit(self) -> Commit:
+        """A new path may begin where the robot is."""
+        return Commit(self._q, 0.0)
+
+    def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
+        """Take an answer; `commit` and `threat` change nothing."""
+        if answer.status != "holding":
+            self._gap = np.inf
+            self.state, self._path = MOVING, answer.path
+            return
+        retreat = answer.retreat if self._wise() else None
+        self.state, self._path = STANDING, self._q[None]
+        if retreat is not None and len(retreat):
+            self.state, self._path = RETREATING, retreat
+
+    def advance(self) -> None:
+        """Let one period pass."""
+        q = self._q
+        mover = self._retreater if self.state == RETREATING else self._follower
+        if self.state != STANDING:
+            q = mover.advance(q, self._path, self.period)
+        self._dq = difference(self.robot, self._q, q) / self.period
+        self._q = q
+
+    def _wise(self) -> bool:
+        """Whether it may move at all: the person is not about to touch it."""
+        before, self._gap = self._gap, self.planner.separation(self._q)
+        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
+        return self._gap - 2 * closing >= self._stand_below
