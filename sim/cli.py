@@ -252,7 +252,9 @@ def replay(
 @app.command()
 @guarded
 def bench(
-    name: Annotated[str, typer.Argument(metavar="latency|build", help="Which one.")],
+    name: Annotated[
+        str, typer.Argument(metavar="latency|motions|build|ompl", help="Which one.")
+    ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
     ] = None,
@@ -260,6 +262,13 @@ def bench(
     short: Annotated[
         bool, typer.Option("--short", help="To see that it runs, not to measure.")
     ] = False,
+    execution: Annotated[
+        str | None,
+        typer.Option(metavar="kinematic|timed", help="How the robot moves (motions)."),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Simulated time of each run (motions).")
+    ] = None,
     markdown: Annotated[
         str | None,
         typer.Option(
@@ -274,6 +283,7 @@ def bench(
     from sim.bench_command import run_bench
 
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
+    options |= {"execution": execution, "seconds": seconds}
     run_bench(name, options, json, markdown)
 
 

@@ -1,0 +1,130 @@
+"""`odm bench motions`: contacts, trips and calm beside every scripted motion."""
+
+import multiprocessing
+from collections.abc import Callable
+from pathlib import Path
+
+from odm import ReactivePlanner, load_map
+from sim.bench.clock import value_row
+from sim.bench.header import header
+from sim.demo import DEMO, find_places
+from sim.human_motion import make_motion, motion_names
+from sim.loop import LoopSettings, run_loop
+from sim.run_result import RunResult
+
+TRIPS = 60.0  # asked of the trips made without a person [%]
+FAST = ("intrusion",)  # of them neither trips nor contacts are asked without braking
+MINUTE = 60.0
+
+
+def run(
+    map_dir: str | Path,
+    *,
+    seconds: float = 60.0,
+    seeds: int = 2,
+    motions: tuple[str, ...] | None = None,
+    execution: str = "kinematic",
+    seed: int = 0,
+    short: bool = False,
+    processes: int = 2,
+    tell: Callable[[str], None] | None = None,
+) -> dict:
+    """Run the loop beside every motion and seed, and once without a person.
+
+    Args:
+        map_dir: Folder of a built map.
+        seconds: Simulated time of each run [s].
+        seeds: Runs of each motion, from `seed` on.
+        motions: Names of motions; None: all scripted ones.
+        execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
+        seed: The first seed.
+        short: Few seconds: to see that it runs, not to measure.
+        processes: Runs at a time; the figures do not depend on it.
+        tell: Called with what is about to run.
+
+    Returns:
+        Plain data for JSON: "header", "setup", "rows" and "runs".
+    """
+    names = motions or motion_names()
+    for name in names:
+        make_motion(name, seed)  # a wrong name is refused before any work
+    if short:
+        seconds, seeds = min(seconds, 2.0), 1
+    jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
+    shared = (str(map_dir), seconds, execution)
+    (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
+    if processes > 1:
+        with multiprocessing.get_context("spawn").Pool(processes) as pool:
+            runs = pool.map(_played, [(*shared, *job) for job in jobs], chunksize=1)
+    else:
+        runs = [_played((*shared, *job)) for job in jobs]
+    alone, runs = runs[0], runs[1:]
+    rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
+    for name in names:
+        own = [r for r in runs if r["motion"] == name]
+        rows += _rows(name, own, alone["trips_per_minute"], execution)
+    setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
+    setup["execution"] = execution
+    return {
+        "bench": "motions",
+        "header": header(load_map(map_dir, verify=False)),
+        "setup": setup,
+        "rows": rows,
+        "runs": [alone, *runs],
+    }
+
+
+def _played(job: tuple[str, float, str, str | None, int]) -> dict:
+    """Run once; a process of its own may do this."""
+    map_dir, seconds, execution, motion, seed = job
+    planner = ReactivePlanner(load_map(map_dir, verify=False))
+    settings = LoopSettings(
+        rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
+    )
+    human = None if motion is None else make_motion(motion, seed)
+    places = find_places(planner)
+    result = run_loop(planner, planner.robot, places, human, settings)
+    return {
+        **result.summary(),
+        "trips_per_minute": result.trips * MINUTE / seconds,
+        "changes_per_minute": _changes(result),
+    }
+
+
+def _changes(result: RunResult) -> float:
+    """Return path changes a minute of the time in which the robot moves."""
+    moving = float(result.moving.sum()) / result.rate_hz
+    return result.path_changes * MINUTE / moving if moving else 0.0
+
+
+def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dict]:
+    contacts = sum(r["contacts"] for r in runs)
+    asked = execution == "timed" or name not in FAST
+    near = [r["closest_while_moving"] for r in runs if r["closest_while_moving"]]
+    trips = sum(r["trips_per_minute"] for r in runs) / len(runs)
+    share = 100.0 * trips / alone if alone else 0.0
+    held = 100.0 * sum(r["held_s"] for r in runs) / sum(r["duration_s"] for r in runs)
+    least = {} if name in FAST else {"least": TRIPS}
+    rows = [
+        value_row(
+            f"{name}: contacts while moving",
+            float(contacts),
+            "",
+            **({"most": 0.0} if asked else {}),
+        ),
+        value_row(f"{name}: trips, of those with nobody", share, "%", **least),
+        value_row(
+            f"{name}: path changes a minute while moving",
+            sum(r["changes_per_minute"] for r in runs) / len(runs),
+            "",
+        ),
+        value_row(f"{name}: holding", held, "%"),
+    ]
+    if near:
+        least_one = min(near, key=lambda moment: moment["separation_m"])
+        gap, speed = 100 * least_one["separation_m"], least_one["point_speed_m_s"]
+        rows.insert(
+            1, value_row(f"{name}: smallest separation while moving", gap, "cm")
+        )
+        rows.insert(2, value_row(f"{name}: speed at it", speed, "m/s"))
+    return rows
