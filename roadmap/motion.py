@@ -179,8 +179,18 @@ class Motion:
         Raises:
             BadInput: `t` is negative or not a number.
         """
-        state, way = self._state(t), self._way
-        profiles = Profiles(state)
+        try:
+            profiles = self._stopped(t)
+        except NoProfile:  # by what all pieces ahead allow
+            profiles, way = Profiles(self._state(t)), self._way
+            k = way.index_of(profiles.state)
+            profiles.to_speed(0.0, way.a[k:].min(), way.j[k:].min())
+        return self._with(self._way, profiles, self.speed_scale)
+
+    def _stopped(self, t: float) -> Profiles:
+        """Return the stop from time `t` on, by the limits of each piece."""
+        way = self._way
+        profiles = Profiles(self._state(t))
         while profiles.state.v > 0.0 or profiles.state.a != 0.0:
             k = way.index_of(profiles.state)
             here = (profiles.t, profiles.state, len(profiles.phases))
@@ -193,7 +203,7 @@ class Motion:
                 self._finish(profiles, t + profiles.t)
                 break
             self._repeat(profiles, t + profiles.t, way.pieces[k].end)
-        return self._with(way, profiles, self.speed_scale)
+        return profiles
 
     def rescaled(self, t: float, speed_scale: float) -> "Motion":
         """Return the rest from time `t` on at another share of the velocity limits.

@@ -80,6 +80,8 @@ class Executor:
         self._frame = 0
         self._on_path = False
         self._gap = np.inf
+        self._held: Motion | None = None  # the stop that was tested, and
+        self._held_t = 0.0  # the time on it at this moment
 
     @property
     def set_point(self) -> SetPoint:
@@ -130,11 +132,12 @@ class Executor:
     def advance(self) -> None:
         """Let one period pass."""
         self.t += self.period
+        self._held_t += self.period
 
     # --- hold, back off, escape -------------------------------------------------
 
     def _hold(self, answer: object, commit: Commit) -> None:
-        self._on_path, self.reason = False, ""
+        self._on_path, self.reason, self._held = False, "", None
         wise = self._wise()
         if self.state == RETREATING:
             better = self.planner.separation(self.motion.q_end) >= self._gap - 1e-6
@@ -171,6 +174,7 @@ class Executor:
         """Leave a motion in use whose next set-point has a tested stop behind it."""
         if threat is None or not self.brakes:
             self._raise_to_full()
+            self._held = None
             return
         if self.state == BRAKED:
             self._go_on_slowly(threat)
@@ -186,8 +190,7 @@ class Executor:
             self._take(slower)
             self.state = SLOWED
             return
-        self._take(self.motion.stop(self.t))  # tested one frame ago
-        self.state = BRAKED
+        self._stop_as_tested()
 
     def _go_on_slowly(self, threat: Threat) -> None:
         slow = self.motion.rescaled(self.t, float(self.scales[-1]))
@@ -196,6 +199,15 @@ class Executor:
             self._level, self.state = _LEVELS - 1, SLOWED
         else:
             self.reason = self._why(threat)
+
+    def _stop_as_tested(self) -> None:
+        """Take the stop that was tested one frame ago, or before."""
+        self.state = BRAKED
+        if self._held is None:
+            self._take(self.motion.stop(self.t))
+        elif self.motion is not self._held:
+            self.motion, self.t = self._held, self._held_t
+            self._on_path = False  # it may lie on the way before the last one
 
     def _try_faster(self, threat: Threat) -> None:
         if self._level == 0 or self._frame % _RAISE_EVERY:
@@ -220,7 +232,12 @@ class Executor:
         stop = motion.stop(min(begin, motion.duration))
         time = threat.age + self.period + stop.duration
         corners = motion.path_from(t, stop.length)
-        return self.planner.blocked_leg(corners, threat.reach(time)) is None
+        if self.planner.blocked_leg(corners, threat.reach(time)) is not None:
+            return False
+        # with a look ahead the stop begins later than behind the next set-point
+        self._held = stop if ahead == 0.0 else motion.stop(t + self.period)
+        self._held_t = -self.period
+        return True
 
     def _why(self, threat: Threat) -> str:
         stop = self.motion.stop(self.t)

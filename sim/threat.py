@@ -19,13 +19,15 @@ class ThreatSettings:
 
     Attributes:
         speed: No part of a person comes nearer faster than this [m/s].
-        acceleration: Of a hand: a reach of 0.45 m with a peak of 2 m/s along a
-            minimum-jerk curve takes 15 m/s2 at most.
+        acceleration: What a part adds to its measured speed at most. A reach of
+            0.4 m in 0.8 s along a minimum-jerk curve takes 3.6 m/s2; a thrust with a
+            peak of 2 m/s over 0.45 m takes 15, at which a robot hardly moves beside
+            a person.
         far: Parts farther from the robot than this are no threat [m].
     """
 
     speed: float = 2.0
-    acceleration: float = 15.0
+    acceleration: float = 4.0
     far: float = 1.2
 
 
