@@ -44,7 +44,9 @@ class Attacher:
         self._tidy()
         on_way = m.way.count[0] > 0 and m.way.count[1] >= 0
         kept = int(m.goals.vertex[m.way.count[1]]) if on_way else -1
-        old = {self.planner.goals[g].tobytes(): g for g in range(len(self.planner.goals))}
+        old = {
+            self.planner.goals[g].tobytes(): g for g in range(len(self.planner.goals))
+        }
         before = [np.copy(a) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
         for g, q in enumerate(goals):
@@ -85,8 +87,13 @@ class Attacher:
             goals.ref[g, 0] = kinds.IS_GOAL
             goals.at[g, nearest] = 0
             kernels.landmark_cost(
-                roadmap.landmarks, nearest, roadmap.nodes, q, roadmap.weights,
-                self.planner.robot.continuous, goals.h[g],
+                roadmap.landmarks,
+                nearest,
+                roadmap.nodes,
+                q,
+                roadmap.weights,
+                self.planner.robot.continuous,
+                goals.h[g],
             )
             return
         self._look_beyond(False)
@@ -190,7 +197,9 @@ class Attacher:
         if self.beyond is None:
             return near
         by_way = self._least(self.near + self.beyond, k)
-        return np.array(list(dict.fromkeys(np.stack([near, by_way], 1).ravel().tolist())))
+        return np.array(
+            list(dict.fromkeys(np.stack([near, by_way], 1).ravel().tolist()))
+        )
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
         few = np.argpartition(cost, k - 1)[:k]
@@ -253,10 +262,15 @@ class Attacher:
         """Add motions to the pool; return the first item, or -1 where that fails."""
         m = self.planner.memory
         return kernels.sweep_into_pool(
-            m.arm, self.radii, np.ascontiguousarray(q), np.ascontiguousarray(dq),
-            max(self.planner.cell_map.motion_tolerance, _TOLERANCE), m.cloud,
+            m.arm,
+            self.radii,
+            np.ascontiguousarray(q),
+            np.ascontiguousarray(dq),
+            max(self.planner.cell_map.motion_tolerance, _TOLERANCE),
+            m.cloud,
             m.graph.region,
-            m.pool, *self.scratch,
+            m.pool,
+            *self.scratch,
         )
 
     def _new_vertex(self) -> int:

@@ -128,7 +128,9 @@ class CellMap:
         return write_folder(path, manifest, arrays)
 
 
-def load_map(path: str | Path, verify: bool = True, robot: Robot | None = None) -> CellMap:
+def load_map(
+    path: str | Path, verify: bool = True, robot: Robot | None = None
+) -> CellMap:
     """Load a map by memory-map; no URDF is needed.
 
     Args:

@@ -68,12 +68,20 @@ class Reasons:
             return self.trouble, NOTHING, None
         planner = self.planner
         if self.frame != planner.memory.own.numbers[0]:
-            return "no free way was found (ask for the reason in the frame)", NOTHING, None
+            return (
+                "no free way was found (ask for the reason in the frame)",
+                NOTHING,
+                None,
+            )
         if len(planner.goals) == 0:
             return "no goal is set; call set_goals first", NOTHING, None
         why = planner.static.why(self.q, np.zeros_like(self.q))
         if why is not None:
-            return f"the start is not free: {why}; move the robot by hand", NOTHING, None
+            return (
+                f"the start is not free: {why}; move the robot by hand",
+                NOTHING,
+                None,
+            )
         reason, blockers = self._blocked()
         return reason, blockers, find_retreat(planner, self.q)
 
@@ -121,7 +129,8 @@ class Reasons:
         planner.attacher._measure(q)
         near = np.argsort(planner.attacher.near, kind="stable")[:8]
         edges = [
-            e for v in near
+            e
+            for v in near
             for e in roadmap.adj_edge[roadmap.adj_ptr[v] : roadmap.adj_ptr[v + 1]]
         ]
         blocked, cells = [], set()
@@ -159,9 +168,7 @@ def _unpack(
     return [(4 * bx + (k >> 4), 4 * by + (k >> 2 & 3), 4 * bz + (k & 3)) for k in bits]
 
 
-def nearest(
-    planner: "ReactivePlanner", q: np.ndarray
-) -> tuple[float, str | None, int]:
+def nearest(planner: "ReactivePlanner", q: np.ndarray) -> tuple[float, str | None, int]:
     """Return (distance [m], link, point) of the nearest point of the frame at q."""
     gap = planner._nearest(np.ascontiguousarray(q))
     sphere, point = planner.memory.work.found[:2].tolist()
@@ -176,9 +183,7 @@ def link_of(planner: "ReactivePlanner", sphere: int) -> str:
     return robot.link_names[robot.sphere_link[planner.cell_map.sphere_order[sphere]]]
 
 
-def is_free(
-    planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray
-) -> Freedom:
+def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
     """Test a straight motion; see ReactivePlanner.is_free."""
     robot = planner.robot
     ends = []
@@ -198,8 +203,14 @@ def is_free(
     planner._sort()
     m = planner.memory
     free = close.motion_clear(
-        m.arm, planner.radii, ends[0], dq,
-        planner.cell_map.motion_tolerance, m.cloud, False, m.work,
+        m.arm,
+        planner.radii,
+        ends[0],
+        dq,
+        planner.cell_map.motion_tolerance,
+        m.cloud,
+        False,
+        m.work,
     )
     if free:
         return Freedom(True)

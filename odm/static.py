@@ -69,9 +69,22 @@ class StaticTest:
 
         def run(part: slice) -> None:
             motions_free(
-                self.arm, q[part], dq[part], self.itself.model, MARGIN, TOLERANCE,
-                self.itself.scratch(), self.scenery.solids, self.skip, self.safety.m, self.radii, self.cloud,
-                self.place_radii, self.place_cloud, self.tolerance, self._work(),
+                self.arm,
+                q[part],
+                dq[part],
+                self.itself.model,
+                MARGIN,
+                TOLERANCE,
+                self.itself.scratch(),
+                self.scenery.solids,
+                self.skip,
+                self.safety.m,
+                self.radii,
+                self.cloud,
+                self.place_radii,
+                self.place_cloud,
+                self.tolerance,
+                self._work(),
                 result[part],
             )
 
@@ -176,7 +189,10 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
                 for q in sample
             )
             if touching:
-                links = [n for n, b in zip(robot.link_names, robot.link_body, strict=True)
-                         if b == body]
+                links = [
+                    n
+                    for n, b in zip(robot.link_names, robot.link_body, strict=True)
+                    if b == body
+                ]
                 dropped.extend((link, scenery.names[k]) for link in links)
     return replace(scenery, dropped=tuple(dropped))

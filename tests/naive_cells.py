@@ -22,7 +22,10 @@ def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, in
 def centers(arm, robot, q) -> np.ndarray:
     """Return the centres of an Arm's spheres at q, (n, 3)."""
     frames = body_frames(robot, q)[arm.body]
-    return np.einsum("nij,nj->ni", frames[:, :3, :3], arm.spheres[:, :3]) + frames[:, :3, 3]
+    return (
+        np.einsum("nij,nj->ni", frames[:, :3, :3], arm.spheres[:, :3])
+        + frames[:, :3, 3]
+    )
 
 
 def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:

@@ -16,9 +16,11 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
     build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "maps/built/demo")
     monkeypatch.chdir(tmp_path)
-    (example,) = re.findall(r"```python\n(.*?)```", README, re.S)
-    exec(compile(example, "README.md", "exec"), {})
+    names = {}
+    for example in re.findall(r"```python\n(.*?)```", README, re.S):
+        exec(compile(example, "README.md", "exec"), names)
     assert len(capsys.readouterr().out.splitlines()) == 3
+    assert abs(names["motion"].q_end - names["q_goal"]).max() < 1e-6
 
 
 def test_the_measured_table_has_its_place():

@@ -57,7 +57,10 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
         timed = pair.part(part)
         for p in warm.points():
             planner.step(p, q=pair.q_start, rounding=ROUND)
-        answers = [ours(planner.step, p, q=pair.q_start, rounding=ROUND) for p in timed.points()]
+        answers = [
+            ours(planner.step, p, q=pair.q_start, rounding=ROUND)
+            for p in timed.points()
+        ]
         for rods in warm.capsules:
             other.search(rods)
         paths = [theirs(other.search, rods) for rods in timed.capsules]

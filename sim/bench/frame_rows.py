@@ -22,7 +22,9 @@ def replanned(cell_map: CellMap, pairs: list[Pair]) -> list:
         planner.reset()
         planner.set_goals([pair.q_goal])
         planner.step(points[0], q=pair.q_start, rounding=ROUND)
-        answers = [clock(planner.step, p, q=pair.q_start, rounding=ROUND) for p in points]
+        answers = [
+            clock(planner.step, p, q=pair.q_start, rounding=ROUND) for p in points
+        ]
         vertices += [len(a.path) for a in answers]
     vertices = np.array(vertices)
     blocked = vertices != 2
@@ -59,7 +61,9 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
         q = pair.q_start
         planner.reset()
         planner.set_goals(goals[:1])
-        planner.step(points[0], q=q, rounding=ROUND)  # the first step at a q never seen: another row
+        planner.step(
+            points[0], q=q, rounding=ROUND
+        )  # the first step at a q never seen: another row
         timed = clock
         for p in points:
             answer = timed(planner.step, p, q=q, rounding=ROUND)

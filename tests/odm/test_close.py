@@ -25,8 +25,14 @@ def work_of(cell_map):
 def is_clear(cell_map, points, q, dq, escape=False, work=None):
     work = work or work_of(cell_map)
     return close.motion_clear(
-        cell_map.arm, cell_map.swept_radii(), q, dq, cell_map.motion_tolerance,
-        cloud_of(cell_map, points), escape, work,
+        cell_map.arm,
+        cell_map.swept_radii(),
+        q,
+        dq,
+        cell_map.motion_tolerance,
+        cloud_of(cell_map, points),
+        escape,
+        work,
     )
 
 
@@ -81,7 +87,9 @@ def test_what_cells_call_free_the_close_test_calls_free(small_map, rng):
     assert agreed > 60
 
 
-def test_points_that_graze_the_boundary_of_the_cells_pass_the_close_test(small_map, rng):
+def test_points_that_graze_the_boundary_of_the_cells_pass_the_close_test(
+    small_map, rng
+):
     # one point in the middle of a free cell right next to a swept one
     roadmap, grid = small_map.roadmap, small_map.grid
     for edge in rng.choice(roadmap.n_edges, 20, replace=False):
@@ -105,7 +113,9 @@ def test_one_more_point_never_frees_a_motion(small_map, planner, rng):
         assert is_clear(small_map, few, q, dq) or not is_clear(small_map, points, q, dq)
 
 
-def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(small_map, planner, rng):
+def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(
+    small_map, planner, rng
+):
     arm, robot = small_map.arm, small_map.robot
     keep = small_map.swept_radii()
     escaped = 0
@@ -131,7 +141,9 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(small_map, plann
     assert escaped > 5
 
 
-def test_separation_is_the_smallest_distance_of_cover_and_points(small_map, planner, rng):
+def test_separation_is_the_smallest_distance_of_cover_and_points(
+    small_map, planner, rng
+):
     for _ in range(20):
         q = draw_valid(planner, rng)
         points = odm.sample_capsules(draw_arm(rng), 0.03)

@@ -32,7 +32,10 @@ def odm(capsys, monkeypatch):
     return run
 
 
-@pytest.mark.parametrize(("write", "name"), [(write_csv, "a.csv"), (write_bvh, "b.bvh")])
+CLIPS = [(write_csv, "a.csv"), (write_bvh, "b.bvh")]
+
+
+@pytest.mark.parametrize(("write", "name"), CLIPS)
 def test_a_recorded_person_is_played_and_what_was_guessed_is_said(
     odm, map_dir, tmp_path, write, name
 ):
