@@ -41,13 +41,14 @@ class Attacher:
     def set_goals(self, goals: np.ndarray, costs: np.ndarray | None) -> None:
         """Attach goals; keeps the way in use where its goal stays."""
         m = self.planner.memory
-        self._tidy()
+        self.tidy()
         on_way = m.way.count[0] > 0 and m.way.count[1] >= 0
         kept = int(m.goals.vertex[m.way.count[1]]) if on_way else -1
         old = {
             self.planner.goals[g].tobytes(): g for g in range(len(self.planner.goals))
         }
-        before = [np.copy(a) for a in m.goals]
+        kept_rows = len(self.planner.goals)  # copying all would take half a millisecond
+        before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
         for g, q in enumerate(goals):
             m.goals.q[g] = q
@@ -78,7 +79,7 @@ class Attacher:
         m = self.planner.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
-        goals.vertex[g] = self._new_vertex()
+        goals.vertex[g] = self.new_vertex()
         self._measure(q)
         nearest = int(np.argmin(self.near))
         if self.near[nearest] == 0.0:
@@ -139,13 +140,13 @@ class Attacher:
         `quick` leaves the cells of its motions out, which a robot that is passing
         through would use once: the close test decides on a few of them.
         """
-        self._tidy()
+        self.tidy()
         m = self.planner.memory
         self.quick = quick
         self.q_fresh[:] = q
-        m.goals.count[1] = self._new_vertex()
+        m.goals.count[1] = self.new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
-        self._new_vertex()
+        self.new_vertex()
         self._look_beyond(True)
         self._measure(q)
         if quick:
@@ -273,11 +274,12 @@ class Attacher:
             *self.scratch,
         )
 
-    def _new_vertex(self) -> int:
+    def new_vertex(self) -> int:
+        """Return a number that no vertex had before."""
         self.next_vertex += 1
         return self.next_vertex
 
-    def _tidy(self) -> None:
+    def tidy(self) -> None:
         """Throw old items away before the pool or the shortcuts run full."""
         m = self.planner.memory
         items, entries = m.pool.used

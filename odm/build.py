@@ -4,6 +4,7 @@ import logging
 import platform
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from odm.static import StaticTest, always_touching
 from odm.sweep import sweep_roadmap
 from roadmap import load_robot
 from roadmap.build import build_roadmap
+from roadmap.known import known_robot
 from roadmap.robot import Robot
 
 Progress = Callable[[str, int, int], None]
@@ -44,9 +46,9 @@ def build_map(
     recipe = recipe if isinstance(recipe, Recipe) else load_recipe(recipe)
     begun = time.perf_counter()
     if robot is None:
-        robot = _robot_of(recipe)
+        robot = robot_of(recipe)
     check_size(robot, recipe)
-    scenery = parse_scenery(recipe.scenery)
+    scenery = parse_scenery(recipe.scenery, recipe.folder)
     scenery = always_touching(robot, scenery, recipe.safety)
     test = StaticTest(robot, scenery, recipe.safety, threads=threads)
     roadmap, report = build_roadmap(
@@ -74,15 +76,35 @@ def build_map(
     return CellMap(robot, roadmap, grid, recipe, cells, scenery, built)
 
 
-def _robot_of(recipe: Recipe) -> Robot:
+def robot_of(recipe: Recipe) -> Robot:
+    """Return the robot of a recipe, read from its URDF.
+
+    It keeps the source as the recipe writes it, so that a map is the same wherever
+    its recipe lies.
+
+    Raises:
+        BadRobot: The description or the choice of joints cannot be used.
+    """
     asked = recipe.robot
-    return load_robot(
-        asked.source,
+    robot = load_robot(
+        _source_of(recipe),
         tip=asked.tip,
         locked=asked.locked or None,
-        srdf=asked.srdf,
+        srdf=None if asked.srdf is None else recipe.path_of(asked.srdf),
         cover_excess=asked.cover_excess,
+        velocity=asked.velocity,
+        acceleration=asked.acceleration,
+        jerk=asked.jerk,
     )
+    return replace(robot, source=str(asked.source))
+
+
+def _source_of(recipe: Recipe) -> str | Path:
+    """Return a known name as it is; anything with an ending, or there, is a file."""
+    source = recipe.robot.source
+    file = recipe.path_of(source)
+    named = known_robot(source) is not None or not (file.suffix or file.is_file())
+    return source if named else file
 
 
 def _named(progress: Progress | None) -> Progress | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm import attach, explain, polish
+from odm import attach, calm, explain, polish, smooth
 from odm._kernels import close, frame, occupancy, step
 from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
 from odm.answer import (
@@ -20,6 +20,7 @@ from odm.answer import (
 )
 from odm.cell_map import CellMap
 from odm.checks import check_configuration, check_goals, check_points, goals_of
+from odm.clouds import SortedCloud
 from odm.direct import DirectMap
 from odm.place import close_items, place_points
 from odm.state import lay_out
@@ -41,6 +42,12 @@ class PlannerSettings:
         start_attachments: The same for a start never seen before.
         close_tests: Free attachments the close test looks for when cells find none.
         margin: A free path is given up only for one shorter by this share.
+        looks: So many looks in a row, eight frames apart, must find a better path.
+        memory_s: A new path keeps clear of where the obstacles were so long ago, if
+            there is such a path [s]; 0 looks at the present frame only.
+        calm: It keeps so much more distance than it must, too [m].
+        patience: Where there is none, and the last path was soon blocked again, the
+            next one must be there for so many frames.
         max_age_s: Older obstacle data hold the robot [s].
         max_points: Room for points of a frame; grows when a frame has more.
     """
@@ -49,6 +56,10 @@ class PlannerSettings:
     start_attachments: int = 8
     close_tests: int = 3
     margin: float = 0.15
+    looks: int = 3
+    memory_s: float = 0.25
+    calm: float = 0.03
+    patience: int = 25
     max_age_s: float = 0.1
     max_points: int = 32768
 
@@ -86,6 +97,9 @@ class ReactivePlanner:
         self.keep = cell_map.safety.rho + cell_map.safety.m
         self.attacher = attach.Attacher(self)
         self.polisher = polish.Polisher(self)
+        self.smoother = smooth.Smoother(self)
+        self.calm = calm.Calm(self)
+        self._ahead = SortedCloud(cell_map.grid)
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
         self.rho = cell_map.safety.rho
@@ -95,6 +109,7 @@ class ReactivePlanner:
         self.last: Answer | None = None
         self._q = self.memory.own.q
         self._here = b""
+        self._straight = 0  # looks in a row that found the straight way free
         self._moving = False
         self._new_goals = False
         self._nowhere = np.empty((0, self.robot.dof))
@@ -176,8 +191,7 @@ class ReactivePlanner:
         q = check_configuration(self.robot, q, dq)
         memory = self.memory
         if len(points) > len(memory.cloud.where):
-            room, grid = 2 * len(points), self.cell_map.grid
-            memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
+            self.make_room(2 * len(points))
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
         self.points = points
@@ -186,6 +200,8 @@ class ReactivePlanner:
         trouble = None
         if bad or stamp is not None:
             trouble = explain.unfit(self, bad, stamp, now)
+        if not (trouble or self.always_replan):
+            self.calm.recent.take(points, now)
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
             return self._hold(begun, marked, covering_radius, trouble, code)
@@ -199,6 +215,11 @@ class ReactivePlanner:
         self._moving = True
         status = FOLLOWING if following else REPLANNED
         return self._answer(status, path, begun, marked, covering_radius)
+
+    def make_room(self, room: int) -> None:
+        """Let clouds hold that many points; what was marked is gone."""
+        grid = self.cell_map.grid
+        self.memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
 
     def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
         """Let the close test's radii follow how the points were sampled."""
@@ -242,12 +263,16 @@ class ReactivePlanner:
         dq = self._difference(q, way.q[last])
         if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
             return code
-        self._sort()
         tolerance = self.cell_map.motion_tolerance
         if not close.motion_clear(
-            m.arm, self.radii, q, dq, tolerance, m.cloud, False, m.work
+            m.arm, self.radii, q, dq, tolerance, self.calm_cloud(), False, m.work
         ) or not self.static.motion_free(q, dq):
+            self._straight = 0
             return code
+        self._straight += 1
+        if code == step.FOLLOWING and self._straight < self.settings.looks:
+            return code
+        self._straight = 0
         way.vertex[:2] = m.goals.count[2], way.vertex[last]
         way.q[0], way.q[1] = q, q + dq
         way.ref[0] = NO_ITEM
@@ -255,13 +280,23 @@ class ReactivePlanner:
         m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
         return step.PLANNED
 
+    def calm_cloud(self) -> object:
+        """Return what new legs keep clear of: the points, and where they have been."""
+        if self.always_replan or not self.settings.memory_s:
+            self._sort()
+            return self.memory.cloud
+        return self.calm.recent.cloud()
+
     def _length(self, dq: np.ndarray) -> float:
         return float(np.linalg.norm(dq * self.cell_map.roadmap.weights))
 
     def _step(self, points: np.ndarray, q: np.ndarray) -> int:
         s = self.settings
+        if not self.always_replan and s.memory_s:
+            return self.calm.choose(points, q)
         return step.step(
-            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests
+            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests,
+            s.looks,
         )
 
     def polish(self, budget: int = 4) -> int:
@@ -270,7 +305,10 @@ class ReactivePlanner:
         Call it after the answer was sent. At most `budget` motions are tested; what
         is found is remembered and used by later frames as long as it is free.
         """
-        return self.polisher.run(budget)
+        found, left = self.polisher.run(budget)
+        if left > 0 and not self.always_replan:
+            found += self.smoother.run(left)
+        return found
 
     # --- questions -------------------------------------------------------------
 
@@ -285,8 +323,10 @@ class ReactivePlanner:
         """
         return explain.is_free(self, q_a, q_b)
 
-    def blocked_leg(self, path: np.ndarray, extra: float = 0.0) -> int | None:
-        """Return the first leg of a path that the frame's points block, or None.
+    def blocked_leg(
+        self, path: np.ndarray, extra: float = 0.0, points: np.ndarray | None = None
+    ) -> int | None:
+        """Return the first leg of a path that points block, or None.
 
         The close test of braking: the whole path must keep `extra` [m] more than rho
         and m from every point, since the person moves while the robot stops.
@@ -294,15 +334,20 @@ class ReactivePlanner:
         Args:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
             extra: Distance the points may have come nearer meanwhile [m].
+            points: (n, 3) where they are then [m]; None: those of the frame.
         """
         m = self.memory
-        self._sort()
+        if points is None:
+            self._sort()
+            cloud = m.cloud
+        else:
+            cloud = self._ahead.of(points)
         path = np.ascontiguousarray(path, np.float64)
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
         radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance
         for k, dq in enumerate(legs):
             if not close.motion_clear(
-                m.arm, radii, path[k], dq, tolerance, m.cloud, False, m.work
+                m.arm, radii, path[k], dq, tolerance, cloud, False, m.work
             ):
                 return k
         return None
@@ -328,6 +373,8 @@ class ReactivePlanner:
         self.memory.way.count[0] = 0
         self.attacher.forget_start()
         self._moving = False
+        self.smoother.reset()
+        self.calm.reset()
         self.last = None
 
     # --- inside ----------------------------------------------------------------

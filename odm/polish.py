@@ -25,12 +25,12 @@ class Polisher:
         """Keep the planner."""
         self.planner = planner
 
-    def run(self, budget: int) -> int:
-        """Test at most `budget` cuts; return how many were found."""
+    def run(self, budget: int) -> tuple[int, int]:
+        """Test at most `budget` cuts; return how many were found, and the rest."""
         planner = self.planner
         way, numbers = planner.memory.way, planner.memory.own.numbers
         if planner.last is None or planner.last.status == HOLDING or way.count[0] < 3:
-            return 0
+            return 0, budget
         planner._sort()
         found = 0
         standing = planner.attacher.is_fresh(planner._q)
@@ -44,7 +44,7 @@ class Polisher:
                 budget -= tested
                 found += cut
         numbers[N_LOOK] = 1 if found else numbers[N_LOOK]
-        return found
+        return found, budget
 
     def _try(self, i: int, j: int, from_start: bool) -> tuple[int, int]:
         """Test the cut from vertex i to j once; returns (tests, cuts)."""

@@ -47,13 +47,22 @@ class Safety:
 
 @dataclass(frozen=True)
 class RobotRecipe:
-    """Which robot: see `roadmap.load_robot`."""
+    """Which robot: see `roadmap.load_robot`.
+
+    Attributes:
+        source: A known name, or the path of a URDF; as `srdf`, a relative one starts
+            at the folder of the recipe.
+        tip, locked, srdf, cover_excess, velocity, acceleration, jerk: See there.
+    """
 
     source: str = "panda"
     tip: str | None = None
     locked: dict[str, float] = field(default_factory=dict)
     srdf: str | None = None
     cover_excess: float = 0.015
+    velocity: dict[str, float] = field(default_factory=dict)
+    acceleration: dict[str, float] = field(default_factory=dict)
+    jerk: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,8 @@ class Recipe:
         name: Name of the map, and of its folder.
         robot, roadmap, safety: See there.
         scenery: Tables of the recipe; see `odm.scenery`.
+        folder: Where the relative paths of the recipe start; None: the current folder.
+            It is not part of what is built: no map knows it.
     """
 
     name: str
@@ -71,6 +82,11 @@ class Recipe:
     roadmap: RoadmapSettings = RoadmapSettings()
     safety: Safety = Safety()
     scenery: tuple[dict, ...] = ()
+    folder: Path | None = field(default=None, compare=False)
+
+    def path_of(self, file: str) -> Path:
+        """Return where a file lies that the recipe names."""
+        return Path(file) if self.folder is None else self.folder / file
 
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as plain data, every default spelled out."""
@@ -92,7 +108,7 @@ def recipe_names() -> list[str]:
 
 
 def load_recipe(source: str | Path) -> Recipe:
-    """Read a recipe by name or path.
+    """Read a recipe by name or path; its relative paths start at its own folder.
 
     Raises:
         BadRecipe: No such recipe, broken TOML, an unknown key (names the nearest
@@ -102,9 +118,10 @@ def load_recipe(source: str | Path) -> Recipe:
     if path.suffix == ".toml":
         if not path.is_file():
             raise BadRecipe(f"recipe file {path} does not exist; check the path")
-        text, name = path.read_text(), path.stem
+        text, name, folder = path.read_text(), path.stem, path.absolute().parent
     else:
-        entry = resources.files("maps") / f"{source}.toml"
+        folder = Path(str(resources.files("maps")))
+        entry = folder / f"{source}.toml"
         if not entry.is_file():
             known = ", ".join(recipe_names())
             raise BadRecipe(
@@ -116,11 +133,19 @@ def load_recipe(source: str | Path) -> Recipe:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadRecipe(f"recipe {source} is not valid TOML: {error}") from error
-    return parse_recipe(table, name)
+    return parse_recipe(table, name, folder)
 
 
-def parse_recipe(table: dict[str, Any], name: str) -> Recipe:
-    """Make a Recipe from nested tables; unknown keys are refused."""
+def parse_recipe(
+    table: dict[str, Any], name: str, folder: Path | None = None
+) -> Recipe:
+    """Make a Recipe from nested tables; unknown keys are refused.
+
+    Args:
+        table: As in the TOML file.
+        name: Of the map, where the table has none.
+        folder: Where its relative paths start; None: the current folder.
+    """
     _known(table, ("name", "robot", "roadmap", "safety", "scenery"), "the recipe")
     robot = _section(RobotRecipe, table.get("robot", {}), "[robot]")
     settings = dict(table.get("roadmap", {}))
@@ -133,7 +158,7 @@ def parse_recipe(table: dict[str, Any], name: str) -> Recipe:
     safety = _section(Safety, terms, "[safety]")
     _check(roadmap, safety, robot)
     scenery = tuple(table.get("scenery", ()))
-    return Recipe(table.get("name", name), robot, roadmap, safety, scenery)
+    return Recipe(table.get("name", name), robot, roadmap, safety, scenery, folder)
 
 
 def _section(kind: type, table: dict, where: str) -> Any:  # noqa: ANN401

@@ -1,6 +1,7 @@
 """Scenery of a recipe: planes and boxes held exactly, meshes as surface points."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -61,8 +62,12 @@ class Scenery:
         )
 
 
-def parse_scenery(tables: tuple[dict, ...]) -> Scenery:
+def parse_scenery(tables: tuple[dict, ...], folder: Path | None = None) -> Scenery:
     """Make scenery from the [[scenery]] tables of a recipe.
+
+    Args:
+        tables: As in the TOML file.
+        folder: Where relative paths of mesh files start; None: the current folder.
 
     Raises:
         BadRecipe: An unknown type or key, or a value that makes no solid.
@@ -81,7 +86,7 @@ def parse_scenery(tables: tuple[dict, ...]) -> Scenery:
                 f"{', '.join(sorted(_KEYS[kind]))}"
             )
         if kind == "mesh":
-            found, radius = _mesh_points(table, k)
+            found, radius = _mesh_points(table, k, folder)
             points.append(found)
             rho = max(rho, radius)
             continue
@@ -119,13 +124,16 @@ def _pose(table: dict) -> np.ndarray:
     return pose_of(table.get("position", (0, 0, 0)), table.get("rpy", (0, 0, 0)))
 
 
-def _mesh_points(table: dict, k: int) -> tuple[np.ndarray, float]:
+def _mesh_points(
+    table: dict, k: int, folder: Path | None
+) -> tuple[np.ndarray, float]:
     from odm.shapes import Mesh
     from odm.surfaces import surface_of
 
     if "file" not in table:
         raise BadRecipe(f"scenery {k}: a mesh needs a file")
     spacing = float(table.get("covering_radius", 0.01))
-    mesh = Mesh.from_file(table["file"], scale=table.get("scale", 1.0))
+    file = Path(folder or "", table["file"])
+    mesh = Mesh.from_file(file, scale=table.get("scale", 1.0))
     surface = surface_of(mesh, spacing).moved(_pose(table))
     return surface.points, surface.covering_radius

@@ -102,7 +102,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     terms = np.array([cell_map.motion_tolerance, safety.h, share])
     own = kinds.Own(
         cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
-        robot.continuous, np.zeros(n), np.zeros(8, np.int64), np.zeros(dof),
+        robot.continuous, np.zeros(n), np.zeros(10, np.int64), np.zeros(dof),
         np.zeros(dof), np.zeros(dof), np.full(dof, np.nan), np.full(dof, np.nan),
         robot.lower, robot.upper, np.zeros(2),
     )

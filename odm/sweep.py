@@ -32,7 +32,10 @@ def sweep_roadmap(
     """Sweep all nodes, then all edges less their nodes; the same for any `threads`.
 
     Args:
-        robot, arm, roadmap, grid: What is swept, and where.
+        robot: Whose nodes and edges are swept.
+        arm: Its moving spheres, from `arm_of`.
+        roadmap: Nodes and edges.
+        grid: Where; it must hold every swept cell.
         safety: Terms; a sphere is grown by rho + m + ROUNDING.
         threads: Worker threads; 0 means one per core.
         progress: Called with (stage, done, total).

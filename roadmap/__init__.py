@@ -1,6 +1,7 @@
 """The robot and its graph: URDF, kinematics, sphere cover, self-collision, roadmap."""
 
 from roadmap.kinematics import tool_pose
+from roadmap.known import robot_names
 from roadmap.motion import Motion, SetPoint, time_path
 from roadmap.robot import Robot
 from roadmap.urdf import load_robot
@@ -10,6 +11,7 @@ __all__ = [
     "Robot",
     "SetPoint",
     "load_robot",
+    "robot_names",
     "time_path",
     "tool_pose",
 ]

@@ -138,10 +138,12 @@ def _rounded(a: Piece, b: Piece, d: float) -> tuple[list[Piece], Piece]:
 
 def scalar_limits(
     pieces: tuple[Piece, ...], robot: Robot
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arc length's limits by piece (n,): speed, acceleration and jerk.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arc length's limits by piece (n,): two of speed, acceleration, jerk.
 
-    Within them every joint keeps its own limits on every piece:
+    The first speed is that of the joints' velocity limits, the second that of turning
+    on a blend, infinite on straight pieces. Within them every joint keeps its own
+    limits on every piece:
     ddq = q'' v^2 + q' a and dddq = q''' v^3 + 3 q'' v a + q' j.
     """
     steepest = np.array([np.maximum(np.abs(p.u), np.abs(p.w)) for p in pieces])
@@ -154,6 +156,7 @@ def scalar_limits(
         v = (robot.max_velocity / steepest).min(axis=1)
         a = share_a * (robot.max_acceleration / steepest).min(axis=1)
         j = share_j * (robot.max_jerk / steepest).min(axis=1)
+        turning = np.full(len(pieces), np.inf)
         if blends.any():
             second = 1.5 / (2.0 * d[blends, None]) * turn[blends]  # largest |q''|
             third = 6.0 / (2.0 * d[blends, None]) ** 2 * turn[blends]  # and |q'''|
@@ -163,7 +166,8 @@ def scalar_limits(
                     np.cbrt(TURN_J * robot.max_jerk / third),
                 ]
             ).min(axis=1)
-            v[blends] = np.minimum(v[blends], slowest)
-            mixed = MIXED_J * robot.max_jerk / (3.0 * second * v[blends, None])
+            turning[blends] = slowest
+            fastest = np.minimum(v, turning)[blends, None]
+            mixed = MIXED_J * robot.max_jerk / (3.0 * second * fastest)
             a[blends] = np.minimum(a[blends], mixed.min(axis=1))
-    return v, a, j
+    return v, turning, a, j

@@ -30,15 +30,20 @@ class BodyTree:
 
 
 def build_tree(
-    description: Description, tip: str, locked: Mapping[str, float]
+    description: Description,
+    tip: str,
+    locked: Mapping[str, float],
+    given: Mapping[str, Mapping[str, float] | None] | None = None,
 ) -> BodyTree:
     """Fold everything into bodies; only the joints on the way to `tip` move.
 
     A joint off the way is locked at its value in `locked`, else at 0 clipped into its
-    limits. A mimic joint moves with the joint it follows, wherever both are.
+    limits. A mimic joint moves with the joint it follows, wherever both are. `given`
+    holds limits of "velocity", "acceleration" and "jerk" by joint.
 
     Raises:
-        BadRobot: No joint moves, or `locked` names a joint or value that cannot be.
+        BadRobot: No joint moves, `locked` names a joint or value that cannot be, or a
+            given limit is none.
     """
     drives = {
         j.name: _drive(description, j)
@@ -56,6 +61,7 @@ def build_tree(
         )
     bodies = _bodies(description, drives, moving, values)
     joint_limits, more = _joint_limits(description, moving, limits, drives)
+    _take_limits(joint_limits, moving, drives, given or {})
     return BodyTree(tuple(moving), joint_limits, *bodies, (*notes, *more))
 
 
@@ -175,6 +181,29 @@ def _motion(joint: Joint, value: float) -> np.ndarray:
     return T
 
 
+def _take_limits(
+    joint_limits: dict[str, np.ndarray],
+    moving: list[str],
+    drives: Mapping,
+    given: Mapping[str, Mapping[str, float] | None],
+) -> None:
+    """Put the given limits in place of those of the file or the defaults."""
+    for kind, values in given.items():
+        for name, value in (values or {}).items():
+            if name not in drives:
+                raise BadRobot(
+                    f"there is no joint {name!r} to have a limit of {kind}; the "
+                    f"joints are {list(drives)}"
+                )
+            if not 0.0 < value < np.inf:
+                raise BadRobot(
+                    f"joint {name!r} has a limit of {kind} of {value}; give a number "
+                    "above 0"
+                )
+            if name in moving:
+                joint_limits[f"max_{kind}"][moving.index(name)] = value
+
+
 def _joint_limits(description, moving, limits, drives):
     joints = [description.joints[name] for name in moving]
     notes, velocity, endless = [], [], []
@@ -196,8 +225,9 @@ def _joint_limits(description, moving, limits, drives):
     velocity = np.array(velocity)
     acceleration = ACCELERATION_PER_VELOCITY * velocity
     notes.append(
-        f"acceleration limits taken as {ACCELERATION_PER_VELOCITY:g}/s x velocity, "
-        f"jerk as {JERK_PER_ACCELERATION:g}/s x acceleration (a URDF has none)"
+        f"where none is given, limits of acceleration are "
+        f"{ACCELERATION_PER_VELOCITY:g}/s x velocity, of jerk "
+        f"{JERK_PER_ACCELERATION:g}/s x acceleration (a URDF has none)"
     )
     bounds = np.array([limits[name] for name in moving])
     table = {

@@ -86,8 +86,7 @@ def read_description(path: str | os.PathLike) -> Description:
     path = Path(path)
     if not path.is_file():
         raise BadRobot(
-            f"there is no URDF file at {str(path)!r}; give the path of a .urdf file "
-            "or a known name such as 'panda'"
+            f"there is no URDF file at {str(path)!r}; give the path of a .urdf file"
         )
     data = _well_formed(path)
     # parser and its dependencies take most of a second to import

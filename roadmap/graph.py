@@ -72,7 +72,7 @@ class Roadmap:
         return {name: getattr(self, name) for name in names}
 
     def to_networkx(self) -> "networkx.Graph":
-        """Return a networkx Graph: node attribute `q`, edge attributes `length`, `id`."""
+        """Return a networkx Graph; nodes have `q`, edges have `length` and `id`."""
         import networkx
 
         graph = networkx.Graph()

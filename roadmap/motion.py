@@ -30,6 +30,7 @@ from roadmap.timing import (
 BLEND = 0.005  # [m] default bound on what the blending of corners gives away
 _SAME = 1e-9
 _NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
+_MEETS = 1e-6  # a phase begins at the end of a piece, give or take that
 _SETTLE = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # shares of a speed that are tried
 
 
@@ -47,10 +48,12 @@ class Commit(NamedTuple):
     Attributes:
         q: (dof,) configuration.
         s: Its arc length on the motion's way.
+        begin: When the motion must begin to stop in order to stand there [s].
     """
 
     q: np.ndarray
     s: float
+    begin: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ class _Way:
 
     robot: Robot
     pieces: tuple[Piece, ...]
-    fastest: np.ndarray  # (n,) speed
+    swift: np.ndarray  # (n,) speed by the joints' velocities
+    turning: np.ndarray  # (n,) speed by what turning on a blend takes
     a: np.ndarray  # (n,) acceleration
     j: np.ndarray  # (n,) jerk
     stray: float
@@ -71,7 +75,7 @@ class _Way:
     ) -> "_Way":
         if not pieces:
             none = np.zeros(0)
-            return cls(robot, (), none, none, none, 0.0, home)
+            return cls(robot, (), none, none, none, none, 0.0, home)
         return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
 
     def index(self, s: float) -> int:
@@ -167,6 +171,10 @@ class Motion:
             corners.append(piece.at(end)[0])
         return np.array(corners)
 
+    def place(self, t: float) -> float:
+        """Return the arc length at time `t` [rad or m of joint space]."""
+        return self._state(t).s
+
     def speed(self, t: float) -> float:
         """Return the speed of the arc length at time `t` [rad or m per second]."""
         return self._state(t).v
@@ -174,17 +182,17 @@ class Motion:
     def stop(self, t: float) -> "Motion":
         """Return the quickest stop along the same path, from time `t` on.
 
-        Where it cannot stop before the next blend, it goes on as planned to there.
+        Where it cannot stop before the next blend, it goes on as planned to there, or
+        to its end.
 
         Raises:
             BadInput: `t` is negative or not a number.
         """
         try:
             profiles = self._stopped(t)
-        except NoProfile:  # by what all pieces ahead allow
-            profiles, way = Profiles(self._state(t)), self._way
-            k = way.index_of(profiles.state)
-            profiles.to_speed(0.0, way.a[k:].min(), way.j[k:].min())
+        except NoProfile:  # as planned to the end, which is a stop, too
+            profiles = Profiles(self._state(t))
+            self._finish(profiles, t)
         return self._with(self._way, profiles, self.speed_scale)
 
     def _stopped(self, t: float) -> Profiles:
@@ -221,15 +229,16 @@ class Motion:
             rest = State(halt._end, 0.0, 0.0)
             return halt._then(self._timed(self._way, rest, speed_scale), self._way)
 
-    def commit(self, t: float, ahead: float = 0.0) -> Commit:
+    def commit(self, t: float, ahead: float = 0.0, least: float = 0.0) -> Commit:
         """Return the earliest place at which another path may begin.
 
-        It is where the robot stands if it begins to stop `ahead` seconds after `t`.
+        It is where the robot stands if it begins to stop `ahead` seconds after `t`,
+        but not before arc length `least`.
         """
         begin = min(t + ahead, self.duration)
-        s = max(self.stop(begin)._end, self._state(t).s)
+        s = max(self.stop(begin)._end, self._state(t).s, least)
         s = min(s, self._end)
-        return Commit(self._way.at(s)[0].copy(), s)
+        return Commit(self._way.at(s)[0].copy(), s, begin)
 
     def join(
         self,
@@ -285,16 +294,15 @@ class Motion:
                 return self._go_on(t, way, scale, commit.s)
             except NoProfile:
                 continue
-        # no way on without a stop: to the commit point, then from rest
-        halt = self.stop(t)
-        if abs(halt._end - commit.s) > 1e-6:
-            halt = self._go_on(t, before, scale, commit.s)
+        # no way on without a stop: at the commit point or before, then on from rest
+        halt = self._stop_later(t, max(t, commit.begin))
+        if halt._end > commit.s + 1e-6:
+            halt = self.stop(t)
+        rest = State(min(halt._end, commit.s), 0.0, 0.0)
         tail, stray = lay_way(path, sway, blend, at=commit.s)
-        way = _Way.of(robot, before.pieces + tail, max(stray, before.stray), commit.q)
-        ahead = self._timed(
-            _Way.of(robot, tail, stray, commit.q), State(commit.s, 0.0, 0.0), scale
-        )
-        return halt._then(ahead, way)
+        stray = max(stray, before.stray)
+        way = _Way.of(robot, before.pieces + tail, stray, commit.q)
+        return halt._then(self._timed(way, rest, scale), way)
 
     # --- inside ----------------------------------------------------------------
 
@@ -317,7 +325,7 @@ class Motion:
             if p.end > begin + _SAME and p.begin < end - _SAME
         ]
         pieces = tuple(way.pieces[k].cut(begin, end) for k in kept)
-        limits = (array[kept] for array in (way.fastest, way.a, way.j))
+        limits = (array[kept] for array in (way.swift, way.turning, way.a, way.j))
         return _Way(way.robot, pieces, *limits, way.stray, way.at(end)[0])
 
     @classmethod
@@ -337,10 +345,10 @@ class Motion:
     def _repeat(self, profiles: Profiles, t: float, s_end: float) -> None:
         """Add what this motion does from time `t` until arc length `s_end`."""
         phases = self._phases
-        if not any(abs(p.s - s_end) < _NEAR and abs(p.a) < _NEAR for p in phases):
+        if not any(abs(p.s - s_end) < _MEETS and abs(p.a) < _MEETS for p in phases):
             raise NoProfile(f"no piece of the motion ends at arc length {s_end}")
         k = max(0, bisect_right(phases, t, key=_begins) - 1)
-        while phases[k].s < s_end - _NEAR:
+        while phases[k].s < s_end - _MEETS:
             phase = phases[k]
             end = phases[k + 1].t
             state = after(phase, t - phase.t)
@@ -349,6 +357,20 @@ class Motion:
             t, k = end, k + 1
         # the end itself, so that the next piece is the next one's
         profiles.state = State(max(phases[k].s, s_end), phases[k].v, phases[k].a)
+
+    def _stop_later(self, t: float, begin: float) -> "Motion":
+        """Return the motion from `t` on that goes on as planned, then stops."""
+        stop = self.stop(begin)
+        phases = []
+        ends = [phase.t for phase in self._phases[1:]] + [begin]
+        for phase, end in zip(self._phases, ends, strict=True):
+            end = min(end, begin)
+            here = max(t, phase.t)
+            if here < end:
+                phases.append(Phase(here - t, *after(phase, here - phase.t), phase.j))
+        rest = (p._replace(t=p.t + begin - t) for p in stop._phases)
+        total = begin - t + stop.duration
+        return Motion(total, stop.speed_scale, self._way, (*phases, *rest), stop._end)
 
     def _then(self, later: "Motion", way: _Way) -> "Motion":
         """Return this motion followed by another on the same way."""
@@ -399,12 +421,12 @@ class Motion:
         """Time a way from a state on it; raises NoProfile."""
         if not way.pieces:
             return cls._with(way, Profiles(State(state.s, 0.0, 0.0)), scale)
-        limits = scale * way.fastest
+        limits = np.minimum(scale * way.swift, way.turning)
         ends = np.array([p.end for p in way.pieces])
         stops = way.stops()
         k = way.index_of(state)
         natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
-        if max(state.v, natural) > (1.0 + 1e-6) * way.fastest[k]:
+        if max(state.v, natural) > (1.0 + 1e-6) * min(way.swift[k], way.turning[k]):
             raise NoProfile(f"{state.v} is too fast for the piece ahead")
         wanted = max(0.0, min(natural, limits[k]))
         for share in _SETTLE:

@@ -37,6 +37,8 @@ _SEED = 88172645463325252
 _LATTICE = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 5)] * 3), -1).reshape(-1, 3)
 # Accuracy of the proof: grows a sphere of 0.05 m by 0.02 mm [m^2].
 _POWER_TOLERANCE = 2e-6
+# A point of the surface this deep in another solid is not on the outside [m].
+_INSIDE = 1e-6
 # For rounding: added to every radius at the end [m].
 _ROUNDING = 1e-7
 
@@ -255,10 +257,16 @@ def _region(solid: Solid) -> tuple[np.ndarray, ...]:
 
 
 def _protrusion(spheres: np.ndarray, solids: list[Solid]) -> float:
-    """Return the mean way along the normal from the surface out of the cover [m]."""
+    """Return the mean way along the normal from the surface out of the cover [m].
+
+    The surface is that of the union: what lies inside another solid does not count.
+    """
     ways = []
     for solid in solids:
         points, normals = surface(solid, _SURFACE_SAMPLES)
+        inside = [depth(s, points) > _INSIDE for s in solids if s is not solid]
+        outer = ~np.any(inside, axis=0) if inside else np.ones(len(points), bool)
+        points, normals = points[outer], normals[outer]
         rel = points[:, None, :] - spheres[None, :, :3]
         along = np.einsum("nsk,nk->ns", rel, normals)
         power = (rel**2).sum(axis=2) - spheres[:, 3] ** 2

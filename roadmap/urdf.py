@@ -1,29 +1,17 @@
 """Load a robot from its URDF: bodies, solids, sphere cover and what they may touch."""
 
-import importlib.util
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from roadmap.body_tree import BodyTree, build_tree
 from roadmap.description import MOVABLE, Description, Link, read_description
 from roadmap.errors import BadRobot
+from roadmap.known import known_robot, own_file, robot_file
 from roadmap.robot import Robot
 from roadmap.self_collision import with_pairs
 from roadmap.srdf import read_disabled_pairs
-
-# name: (file in pybullet_data, tip, joints locked elsewhere than at 0)
-KNOWN = {
-    "panda": (
-        "franka_panda/panda.urdf",
-        "panda_grasptarget",
-        {"panda_finger_joint1": 0.04},
-    ),
-    "kuka_iiwa": ("kuka_iiwa/model.urdf", "lbr_iiwa_link_7", {}),
-    "xarm6": ("xarm/xarm6_robot.urdf", "link6", {}),
-}
 
 
 def load_robot(
@@ -34,6 +22,9 @@ def load_robot(
     srdf: str | os.PathLike | None = None,
     cover_excess: float = 0.015,
     package_dirs: Sequence[str | os.PathLike] = (),
+    velocity: Mapping[str, float] | None = None,
+    acceleration: Mapping[str, float] | None = None,
+    jerk: Mapping[str, float] | None = None,
 ) -> Robot:
     """Read a URDF and prepare everything the planner needs; seconds, done once.
 
@@ -42,7 +33,7 @@ def load_robot(
     a <safety_controller> are not used, only <limit>.
 
     Args:
-        source: Path of a URDF, or a known name: "panda", "kuka_iiwa", "xarm6".
+        source: Path of a URDF, or a known name: one of `roadmap.robot_names()`.
         tip: Link of the tool; the joints between the root link and it move. Default:
             the end of the longest chain, where there is only one.
         locked: Joint name -> value [rad or m]; such a joint becomes rigid. Joints off
@@ -51,15 +42,26 @@ def load_robot(
         cover_excess: How far a cover sphere may stick out of its link [m]; smaller
             means more spheres and a slower planner, but more free space.
         package_dirs: Folders in which `package://` paths are looked up first.
+        velocity: Joint name -> limit [rad/s or m/s], in place of the file's.
+        acceleration: Joint name -> limit [rad/s2 or m/s2], in place of what is known
+            of the robot, or of the default.
+        jerk: The same [rad/s3 or m/s3].
 
     Raises:
         BadRobot: The description or the choice of joints cannot be used; says why.
     """
-    path, known_tip, known_locked = _find(source)
+    path, known = robot_file(source), known_robot(source)
     description = read_description(path)
-    locked = {**known_locked, **(locked or {})}
-    tip = _tip(description, tip or known_tip, locked)
-    tree = build_tree(description, tip, locked)
+    if known is not None:
+        locked = {**known.locked, **(locked or {})}
+        tip = tip or known.tip
+        srdf = srdf or (own_file(known.srdf) if known.srdf else None)
+        acceleration = {**known.acceleration, **(acceleration or {})}
+        jerk = {**known.jerk, **(jerk or {})}
+    locked = locked or {}
+    tip = _tip(description, tip, locked)
+    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+    tree = build_tree(description, tip, locked, given)
     owners = _owners(description, tree)
     lookup = (path, tuple(package_dirs))
     solids, notes = _solids(owners, tree, lookup)
@@ -81,22 +83,6 @@ def load_robot(
         source=str(source),
     )
     return with_pairs(robot, _adjacent(description), disabled)
-
-
-def _find(source: str | os.PathLike) -> tuple[Path, str | None, dict[str, float]]:
-    if str(source) not in KNOWN:
-        return Path(source), None, {}
-    file, tip, locked = KNOWN[str(source)]
-    spec = importlib.util.find_spec("pybullet_data")
-    folders = list(spec.submodule_search_locations or []) if spec else []
-    for folder in folders:
-        if (Path(folder) / file).is_file():
-            return Path(folder) / file, tip, locked
-    raise BadRobot(
-        f"the robot {source!r} comes with pybullet, which is not installed here; "
-        "run 'pip install pybullet' (wheels for Python 3.11 only) or give the path "
-        "of a URDF"
-    )
 
 
 def _tip(description: Description, tip: str | None, locked: Mapping) -> str:

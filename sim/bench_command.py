@@ -8,6 +8,8 @@ from pathlib import Path
 from roadmap.errors import BadInput
 from sim.terminal import Bars, show_json, write_text
 
+_FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
+
 
 def bench_names() -> list[str]:
     """Return the benches that are there: modules of `sim.bench` with a `run`."""
@@ -59,11 +61,11 @@ def _check_options(name: str, run: object, given: dict) -> None:
     known = inspect.signature(run).parameters
     for option in given:
         if option not in known:
-            flag = "--map" if option == "map_dir" else f"--{option}"
+            flag = _FLAGS.get(option, f"--{option}")
             raise BadInput(f"the bench {name!r} has no option {flag}; leave it out")
     for option, parameter in known.items():
         if parameter.default is parameter.empty and option not in given:
-            flag = "--map" if option == "map_dir" else f"--{option}"
+            flag = _FLAGS.get(option, f"--{option}")
             raise BadInput(f"the bench {name!r} needs {flag}; give it")
 
 

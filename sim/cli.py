@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build
+from sim import cli_build, replay_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -64,12 +64,17 @@ def info(
     ] = None,
     json: Json = None,
 ) -> None:
-    """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery."""
+    """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery.
+
+    The clearance tax (what the map gives away beyond its clearance m) is a quick look
+    from a few approaches; `odm bench tax` measures it.
+    """
     from odm import load_map
     from sim import describe
 
     cell_map = load_map(map_dir)
-    facts = describe.facts(cell_map)
+    with Bars() as tell:
+        facts = describe.facts(cell_map, tell)
     if plot is not None:
         from sim.coverage import plot_map
 
@@ -167,6 +172,13 @@ def run(
     execution: Annotated[
         str, typer.Option(metavar="kinematic|timed", help="How the robot moves.")
     ] = "kinematic",
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ",
+            help="Write the whole run, however it ends; `odm replay` repeats it.",
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Move the robot between two work places while a person moves; audit each frame.
@@ -185,12 +197,13 @@ def run(
     if motion == "keyboard":
         from sim.keyboard import run_keyboard
 
-        ended = run_keyboard(map_dir, seconds, rate, quiet=quiet, execution=execution)
+        options = {"quiet": quiet, "execution": execution, "record": record}
+        ended = run_keyboard(map_dir, seconds, rate, **options)
         if json is not None:
             show_json(ended.as_dict(), json)
         raise typer.Exit(ended.exit_code)
     person = person_of(motion, seed, file, mapping, stand, base_height)
-    files = RunFiles.chosen(out, motion, plot, animation)
+    files = RunFiles.chosen(out, motion, plot, animation, record)
     result = run_motion(map_dir, person, seconds, seed, rate, files, quiet, execution)
     if json is not None:
         show_json(result, json)
@@ -211,49 +224,14 @@ def demo(
     run_demo_command(out, seconds, threads)
 
 
-@app.command()
-@guarded
-def replay(
-    map_dir: MapOption,
-    frames: Annotated[Path, typer.Option(metavar="NPZ", help="Recorded frames.")],
-    always_replan: Annotated[
-        bool, typer.Option("--always-replan", help="Search anew in every frame.")
-    ] = False,
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            help="Of samples on capsules, in m; default: 0.03 or the map's rho."
-        ),
-    ] = None,
-    paths: Annotated[
-        bool, typer.Option("--paths", help="Keep each frame's path in the JSON.")
-    ] = False,
-    json: Json = None,
-) -> None:
-    """Play recorded obstacle frames through the planner, without a simulator.
-
-    The file holds `capsules` (F, K, 7), or `points` (sum, 3) and `offsets` (F + 1,),
-    with `q_start`, `q_goal` (dof,) and `rate_hz`. Between frames the robot moves
-    along the answer's path at its joints' speed limits.
-    """
-    from odm import load_map
-    from sim import replay as player
-
-    cell_map = load_map(map_dir)
-    recording = player.read_recording(frames, cell_map, spacing)
-    with Bars() as tell:
-        record = player.play(cell_map, recording, always_replan, paths, tell)
-    if json is not None:
-        show_json(record, json)
-    if json != "-":
-        player.show(record)
+app.command("replay")(guarded(replay_command.replay))
 
 
 @app.command()
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(metavar="latency|motions|build|ompl", help="Which one.")
+        str, typer.Argument(metavar="latency|motions|tax|build|ompl", help="Which one.")
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
@@ -269,6 +247,17 @@ def bench(
     seconds: Annotated[
         float | None, typer.Option(help="Simulated time of each run (motions).")
     ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(help="Runs of each motion (motions).")
+    ] = None,
+    motion: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Only these; again for more (motions)."),
+    ] = None,
+    file: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="F", help="A recorded motion, too; again for more."),
+    ] = None,
     markdown: Annotated[
         str | None,
         typer.Option(
@@ -283,7 +272,8 @@ def bench(
     from sim.bench_command import run_bench
 
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
-    options |= {"execution": execution, "seconds": seconds}
+    options |= {"execution": execution, "seconds": seconds, "seeds": seeds}
+    options |= {"motions": motion or None, "files": file or None}
     run_bench(name, options, json, markdown)
 
 

@@ -9,6 +9,7 @@ from sim.terminal import JSON_HELP, Bars, bytes_text, show_json
 
 if TYPE_CHECKING:
     from odm import CellMap, Recipe
+    from roadmap.robot import Robot
 
 MAPS = Path("maps/built")
 _OWN = "With your own robot"
@@ -120,8 +121,12 @@ def _chosen(
     from odm import load_recipe
     from odm.recipe import parse_recipe
 
+    folder = None
     if recipe is not None:
-        table = load_recipe(recipe).as_dict()
+        written = load_recipe(recipe)
+        table, folder = written.as_dict(), written.folder
+        if own["srdf"] is not None:  # typed here, so it starts at the current folder
+            own = own | {"srdf": str(Path(own["srdf"]).absolute())}
     else:
         table = {"name": Path(own["source"]).stem}
     for section, asked in (("robot", own), ("roadmap", roadmap), ("safety", safety)):
@@ -130,7 +135,7 @@ def _chosen(
     if name is not None:
         table["name"] = name
     table["scenery"] = list(table.get("scenery", ()))
-    return parse_recipe(table, table["name"])
+    return parse_recipe(table, table["name"], folder)
 
 
 def check_target(target: Path, recipe: "Recipe", force: bool) -> None:
@@ -184,21 +189,9 @@ def build_to(
     return load_map(target, verify=False), time.perf_counter() - begun
 
 
-def robot_of(recipe: "Recipe"):  # noqa: ANN201 (Robot)
-    """Return the robot of a recipe, read from its URDF."""
-    from roadmap import load_robot
+def _load_robot(recipe: "Recipe", tell: Bars) -> "Robot":
+    from odm.build import robot_of
 
-    asked = recipe.robot
-    return load_robot(
-        asked.source,
-        tip=asked.tip,
-        locked=asked.locked or None,
-        srdf=asked.srdf,
-        cover_excess=asked.cover_excess,
-    )
-
-
-def _load_robot(recipe: "Recipe", tell: Bars):  # noqa: ANN202 (Robot)
     tell("robot and its cover", 0, 1)
     robot = robot_of(recipe)
     tell("robot and its cover", 1, 1)

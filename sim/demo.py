@@ -10,6 +10,7 @@ from rich.console import Console
 from odm.cell_map import CellMap, load_map
 from odm.planner import ReactivePlanner
 from odm.surfaces import sample_capsules
+from roadmap.errors import BadRobot
 from roadmap.kinematics import tool_pose
 from sim.animation import FilmSettings, write_animation
 from sim.arm_path import Person
@@ -139,5 +140,5 @@ def open_world(cell_map: CellMap) -> tuple[World | CoverWorld, str]:
     robot, source = cell_map.robot, cell_map.recipe.robot.source
     try:
         return World(source, robot), "Drawn by pybullet."
-    except SimulatorMissing as error:
+    except (SimulatorMissing, BadRobot) as error:
         return CoverWorld(robot), f"Drawn from the sphere cover: {error}."

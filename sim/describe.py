@@ -1,10 +1,12 @@
 """What `odm info` and `odm audit` say, as plain data and as tables."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm import CellMap
+from odm.clearance import clearance_tax
 from roadmap.spheres import cover_report
 from sim.terminal import bytes_text
 
@@ -14,8 +16,19 @@ if TYPE_CHECKING:
     from odm.audit import AuditReport
 
 
-def facts(cell_map: CellMap) -> dict:
-    """Return everything `odm info` says about a map, as plain JSON data."""
+Progress = Callable[[str, int, int], None]
+
+TAX_LINES, TAX_EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
+
+
+def facts(cell_map: CellMap, tell: Progress | None = None) -> dict:
+    """Return everything `odm info` says about a map, as plain JSON data.
+
+    Args:
+        cell_map: The map.
+        tell: Called with (stage, done, total).
+    """
+    tax = _tax_facts(cell_map, tell or (lambda *_: None))
     robot, roadmap = cell_map.robot, cell_map.roadmap
     edge_major, block_major = cell_map.arm_cells.bytes_by_view()
     n_edges = max(1, roadmap.n_edges)
@@ -45,6 +58,7 @@ def facts(cell_map: CellMap) -> dict:
             "block_major_per_edge": round(block_major / n_edges, 1),
         },
         "safety": cell_map.safety.as_dict(),
+        "clearance_tax": tax,
         "cover": [vars(row) for row in cover_report(robot)],
         "self_pairs": len(robot.self_pairs),
         "dropped_pairs": [list(pair) for pair in robot.dropped_pairs],
@@ -73,6 +87,31 @@ def _robot_facts(cell_map: CellMap) -> dict:
     }
 
 
+def _tax_facts(cell_map: CellMap, tell: Progress) -> dict:
+    """Return mean and 95 % of each term and in all [m], None without approaches."""
+    tell("clearance tax", 0, 1)
+    tax = clearance_tax(cell_map, TAX_LINES, n_edges=TAX_EDGE_LINES)
+    tell("clearance tax", 1, 1)
+    whole = {
+        "nodes, cells": tax.by_cells,
+        "nodes, close test": tax.by_close_test,
+        "edges, cells": tax.edge_by_cells,
+        "edges, close test": tax.edge_by_close_test,
+    }
+    rows = {**tax.terms, **whole}
+    return {
+        "lines": tax.lines,
+        "edge_lines": tax.edge_lines,
+        **{
+            name: {
+                share: None if np.isnan(value[at]) else _rounded(value[at])
+                for share, at in (("mean", 0), ("p95", 2))
+            }
+            for name, value in rows.items()
+        },
+    }
+
+
 def _rounded(value: float | np.ndarray) -> float | list:
     return np.round(np.asarray(value, float), 6).tolist()
 
@@ -98,6 +137,7 @@ def show(facts: dict) -> None:
     low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
     console.print(f"grid of {grid} cells from {low} to {high} m")
     console.print(_safety_table(facts["safety"]))
+    console.print(_tax_table(facts["clearance_tax"]))
     console.print(_joint_table(robot))
     console.print(_cover_table(facts["cover"]))
     _show_lists(console, facts)
@@ -141,6 +181,29 @@ def _safety_table(safety: dict[str, float]) -> "Table":
     table = _table("Safety terms", "term", "", "mm")
     for key, meaning in means.items():
         table.add_row(key, meaning, f"{1000 * safety[key]:.1f}")
+    return table
+
+
+def _tax_table(tax: dict) -> "Table":
+    means = {
+        "cover": "spheres stick out of the solids",
+        "rho": "a sample stands for the surface around it",
+        "cells": "a sample blocks its whole cell",
+        "mu": "a piece of an edge is inflated",
+        "nodes, cells": "in all, on nodes",
+        "nodes, close test": "without the cells",
+        "edges, cells": "in all, on edges",
+        "edges, close test": "without the cells",
+    }
+    title = (
+        f"Clearance tax beyond m, from {tax['lines']} approaches of an arm to nodes "
+        f"and {tax['edge_lines']} to edges (odm bench tax: from thousands)"
+    )
+    table = _table(title, "term", "", "mean \\[cm]", "95 % \\[cm]")
+    for key, meaning in means.items():
+        values = (tax[key]["mean"], tax[key]["p95"])
+        cells = ("-" if v is None else f"{100 * v:.1f}" for v in values)
+        table.add_row(key, meaning, *cells)
     return table
 
 

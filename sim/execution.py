@@ -6,6 +6,7 @@ grown by how far the person can come meanwhile. Where the test fails the robot s
 down; where that does not help it takes the stop it holds.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,12 @@ from sim.threat import Threat
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
+RETREAT_EVERY = 5  # frames between two searches for a way out, which take a while
 _LOWER = 0.6  # each level of speed is this share of the one above
-_LEVELS = 6
-_RAISE_EVERY = 5  # frames between two tries to be faster
-_LOOK_AHEAD = 0.2  # a higher speed must hold for so long [s]
+_LEVELS = 5
+_RAISE_EVERY = 1  # frames between two tries to be faster
+_SLICE = 0.04  # a motion is tested in pieces of this length [s]
+_LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,11 @@ class Executor:
         self._level = 0
         self._frame = 0
         self._on_path = False
+        self._corners = np.zeros((0, robot.dof))
+        self._begin = 0.0  # where on the motion the path in use begins
         self._gap = np.inf
+        self._heeded = False  # a frame was answered since the last period
+        self._asked = -RETREAT_EVERY  # frame in which a retreat was asked for
         self._held: Motion | None = None  # the stop that was tested, and
         self._held_t = 0.0  # the time on it at this moment
 
@@ -100,8 +107,12 @@ class Executor:
         self._on_path = False
 
     def commit(self) -> Commit:
-        """Return where a new path would begin: the planner plans from there."""
-        return self.motion.commit(self.t, self.settings.ahead)
+        """Return where a new path would begin: the planner plans from there.
+
+        It is on the path in use, even if the robot has not come to its beginning yet.
+        """
+        least = 0.0 if self.at_rest or not self._on_path else self._begin
+        return self.motion.commit(self.t, self.settings.ahead, least)
 
     def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
         """Take an answer planned from `commit`, then brake where it must be.
@@ -109,11 +120,12 @@ class Executor:
         `threat` is None where nobody is about.
         """
         self._frame += 1
+        self._heeded = True
         if answer.status == "holding":
             self._hold(answer, commit)
         else:
             self._gap = np.inf
-            if answer.status == "replanned" or not self._on_path:
+            if answer.status == "replanned" or not self._goes_on(answer.path):
                 scale = self.scales[self._level]
                 self._take(
                     self.motion.join(
@@ -124,13 +136,29 @@ class Executor:
                         speed_scale=float(scale),
                     )
                 )
-                self._on_path = True
+                self._on_path, self._corners = True, answer.path[1:]
+                self._begin = commit.s
                 self.state = MOVING
         if self.state != RETREATING and self._on_path:
             self._brake(threat)
 
+    def _goes_on(self, path: np.ndarray) -> bool:
+        """Whether a path leads over what is left of the corners of the one in use."""
+        left = len(path) - 1
+        if not self._on_path or left > len(self._corners):
+            return False
+        return np.array_equal(path[1:], self._corners[len(self._corners) - left :])
+
     def advance(self) -> None:
-        """Let one period pass."""
+        """Let one period pass; without an answer since the last one, brake.
+
+        The watchdog of a late frame or a late planner: what was tested is the way to
+        the end of a stop behind this set-point, and no more.
+        """
+        if not self._heeded and not self.at_rest:
+            self._stop_as_tested()
+            self.reason = "no frame was answered in time"
+        self._heeded = False
         self.t += self.period
         self._held_t += self.period
 
@@ -144,7 +172,9 @@ class Executor:
             if wise and better and not self.at_rest:
                 return
         elif self.at_rest:
-            retreat = answer.retreat if wise else None
+            retreat = None
+            if wise and self._frame - self._asked >= RETREAT_EVERY:
+                self._asked, retreat = self._frame, answer.retreat
             if retreat is not None and self._begins_here(retreat):
                 scale = self.settings.retreat_scale
                 self._take(time_path(self.robot, retreat, blend=0, speed_scale=scale))
@@ -216,7 +246,7 @@ class Executor:
         if self._safe(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)
             self._level -= 1
-            self.reason = ""
+            self.reason = self.reason if self._level else ""
 
     def _raise_to_full(self) -> None:
         if self._level or self.state == BRAKED:
@@ -227,23 +257,43 @@ class Executor:
     def _safe(
         self, motion: Motion, t: float, threat: Threat, ahead: float = 0.0
     ) -> bool:
-        """Test the way from `t` to the end of a stop behind the next set-point."""
-        begin = t + self.period + ahead
-        stop = motion.stop(min(begin, motion.duration))
-        time = threat.age + self.period + stop.duration
-        corners = motion.path_from(t, stop.length)
-        if self.planner.blocked_leg(corners, threat.reach(time)) is not None:
+        """Test the way from `t` to the end of a stop behind the next set-point.
+
+        It is cut into pieces by time, and each is tested against where the person
+        can be then. Afterwards the robot rests.
+        """
+        go = self.period + ahead
+        begin = min(t + go, motion.duration)
+        stop = motion.stop(begin)
+        if not self._clear(motion, t, begin, 0.0, threat):
+            return False
+        if not self._clear(stop, 0.0, stop.duration, begin - t, threat):
             return False
         # with a look ahead the stop begins later than behind the next set-point
         self._held = stop if ahead == 0.0 else motion.stop(t + self.period)
         self._held_t = -self.period
         return True
 
+    def _clear(
+        self, motion: Motion, begin: float, end: float, later: float, threat: Threat
+    ) -> bool:
+        """Test a motion from `begin` to `end`, which is at `later` from now on."""
+        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
+        times = np.linspace(begin, end, n + 1)
+        for a, b in zip(times[:-1], times[1:], strict=True):
+            points, radius = threat.between(later + a - begin, later + b - begin)
+            corners = motion.path_from(a, motion.place(b))
+            if self.planner.blocked_leg(corners, radius, points) is not None:
+                return False
+        return True
+
     def _why(self, threat: Threat) -> str:
         stop = self.motion.stop(self.t)
-        time = threat.age + self.period + stop.duration
+        time = self.period + stop.duration
+        _, radius = threat.between(time, time)
         return (
-            f"the person can come {100 * threat.reach(time):.0f} cm nearer in the "
+            f"the person, at up to {threat.fastest:.2f} m/s give or take "
+            f"{100 * radius:.0f} cm, can be in the way of the "
             f"{1e3 * time:.0f} ms that a stop takes"
         )
 

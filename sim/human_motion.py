@@ -1,6 +1,7 @@
 """Where the person is at time t: one protocol, scripted motions blind to the robot."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -10,6 +11,8 @@ from sim.arm import HumanArm
 from sim.arm_path import Person, Round, ScriptedMotion
 
 TREMBLE = 0.02  # amplitude of the trembling hand [m]
+BESIDE = (0.75, -0.50, 0.50)  # shoulder of a second person [m]
+AWAY = (0.62, -0.80, 0.20)  # and where its hand rests [m]
 ASIDE = (0.70, 0.48, 0.20)  # where a hand rests out of the way, beside the person [m]
 
 
@@ -67,6 +70,18 @@ def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     return ScriptedMotion("jitter", limit, person, tuple(script.legs), tremble)
 
 
+def tremble(person: Person, rng: np.random.Generator) -> ScriptedMotion:
+    """Hold the hand at one place near the robot while it trembles 2 cm at 5 Hz."""
+    limit = person.max_speed or 1.0
+    place = (rng.uniform(0.45, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
+    script = Round(person, place, 0.3 * limit)
+    script.move(tuple(np.add(place, (0.001, 0.0, 0.0))), 9.0)  # a leg leads somewhere
+    script.close(9.0)
+    direction = rng.normal(size=3)
+    tremble = direction * min(TREMBLE, 0.02 * limit) / np.linalg.norm(direction)
+    return ScriptedMotion("tremble", limit, person, tuple(script.legs), tremble)
+
+
 def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Let the hand rest in the way for some seconds, then move away."""
     limit = person.max_speed or 0.8
@@ -89,6 +104,42 @@ def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     return ScriptedMotion("intrusion", limit, person, tuple(script.legs), np.zeros(3))
 
 
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Several people at once; a HumanMotion of all their capsules.
+
+    Attributes:
+        name: Name of the motion.
+        motions: One for each person.
+    """
+
+    name: str
+    motions: tuple[HumanMotion, ...]
+
+    @property
+    def max_speed(self) -> float:
+        """No point of any surface advances faster than this [m/s]."""
+        return max(motion.max_speed for motion in self.motions)
+
+    def capsules(self, t: float) -> np.ndarray:
+        """Return the people at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
+        return np.vstack([motion.capsules(t) for motion in self.motions])
+
+
+def crowding(person: Person, rng: np.random.Generator) -> Together:
+    """Let two people reach into the space, one from the front, one from beside it."""
+    limit = person.max_speed or 0.8
+    beside = replace(person, p_base_shoulder=BESIDE)
+    script = Round(beside, AWAY, limit)
+    for _ in range(6):
+        x, y, z = _in_work_space(rng)
+        script.move((x + 0.1, y - 0.2, z), rng.uniform(0.5, 2.5), rng.uniform(0.5, 1.0))
+        script.move(AWAY, rng.uniform(1.0, 3.0), rng.uniform(0.5, 1.0))
+    script.close(1.0)
+    second = ScriptedMotion("beside", limit, beside, tuple(script.legs), np.zeros(3))
+    return Together("crowding", (reach(person, rng), second))
+
+
 def _in_work_space(rng: np.random.Generator) -> tuple[float, float, float]:
     """Return a place in front of the robot, mostly in its way [m]."""
     return rng.uniform(0.32, 0.5), rng.uniform(-0.25, 0.3), rng.uniform(0.15, 0.55)
@@ -101,6 +152,8 @@ _SOURCES: dict[str, MotionSource] = {
     "jitter": jitter,
     "hover": hover,
     "intrusion": intrusion,
+    "tremble": tremble,
+    "crowding": crowding,
 }
 
 

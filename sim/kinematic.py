@@ -5,7 +5,13 @@ import numpy as np
 from roadmap.kinematics import difference
 from roadmap.motion import Commit, SetPoint
 from roadmap.robot import Robot
-from sim.execution import MOVING, RETREATING, STANDING, ExecutionSettings
+from sim.execution import (
+    MOVING,
+    RETREAT_EVERY,
+    RETREATING,
+    STANDING,
+    ExecutionSettings,
+)
 from sim.follower import Follower
 from sim.threat import Threat
 
@@ -48,6 +54,7 @@ class KinematicMover:
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
         self._path = self._q[None]
         self._gap = np.inf
+        self._frame, self._asked = 0, -RETREAT_EVERY
 
     @property
     def set_point(self) -> SetPoint:
@@ -66,11 +73,23 @@ class KinematicMover:
         if answer.status != "holding":
             self._gap = np.inf
             self.state, self._path = MOVING, answer.path
+            self._asked = -RETREAT_EVERY
             return
-        retreat = answer.retreat if self._wise() else None
+        self._frame += 1
+        wise = self._wise()
+        if self.state == RETREATING and wise and self._still_better():
+            return
         self.state, self._path = STANDING, self._q[None]
-        if retreat is not None and len(retreat):
-            self.state, self._path = RETREATING, retreat
+        if wise and self._frame - self._asked >= RETREAT_EVERY:
+            self._asked, retreat = self._frame, answer.retreat
+            if retreat is not None and len(retreat):
+                self.state, self._path = RETREATING, retreat
+
+    def _still_better(self) -> bool:
+        """Whether the way out leads farther from the points than here, as they are."""
+        end = self._path[-1]
+        there = bool(np.abs(difference(self.robot, self._q, end)).max() < 1e-9)
+        return not there and self.planner.separation(end) >= self._gap - 1e-6
 
     def advance(self) -> None:
         """Let one period pass."""

@@ -14,7 +14,7 @@ from roadmap.robot import Robot
 from sim.execution import ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
 from sim.kinematic import KinematicMover
-from sim.run_result import STATUS, Hold, RunResult
+from sim.run_result import STATUS, RunResult, holds_of, new_paths
 from sim.threat import Watcher
 
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
@@ -89,6 +89,7 @@ class Frame:
         dq, ddq: (dof,) velocity and acceleration of the set-point.
         pace: What the executor does: "moving", "slowed", "braked", ...
         brake: Why it is slowed or braked.
+        guess: (k, 7) where the person is [m]; None where `capsules` say it.
         wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
         polish_s: Time of its polishing after the answer [s].
     """
@@ -108,6 +109,7 @@ class Frame:
     ddq: np.ndarray | None = None
     pace: str = ""
     brake: str = ""
+    guess: np.ndarray | None = None
 
 
 class Loop:
@@ -155,6 +157,7 @@ class Loop:
         """Let the planner answer, audit the moment, and move on by one period."""
         now = self.index / self.settings.rate_hz
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
+        guess = self._guess(now)
         points = sample_capsules(capsules, self.settings.spacing)
         point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
@@ -164,7 +167,8 @@ class Loop:
         )
         threat = None
         if len(capsules) and self.executor.brakes:
-            threat = self._watcher.look(capsules, self._centers[self._moving], now)
+            centers = self._centers[self._moving]
+            threat = self._watcher.look(capsules, points, centers, now)
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         frame = Frame(
@@ -173,7 +177,7 @@ class Loop:
             capsules=capsules,
             answer=answer,
             place=self.place,
-            separation=self._separation(capsules, now),
+            separation=self._separation(capsules if guess is None else guess),
             joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
             wall_s=wall,
@@ -183,6 +187,7 @@ class Loop:
             ddq=point.ddq,
             pace=self.executor.state,
             brake=self.executor.reason,
+            guess=guess,
         )
         self._move()
         return frame
@@ -201,12 +206,14 @@ class Loop:
             self.planner.set_goals([self.places[self.place]])
             executor.new_goal()
 
-    def _separation(self, capsules: np.ndarray, now: float) -> float:
-        """Return the exact distance [m] of where the person is, not only might be."""
-        if not len(capsules):
-            return np.inf
+    def _guess(self, now: float) -> np.ndarray | None:
+        """Return where the person is, not only might be, for motions that know it."""
         guess = getattr(self.motion, "guess", None)  # of parts that were not seen
-        return self._audit(self._q, capsules if guess is None else guess(now))
+        return None if guess is None else guess(now)
+
+    def _separation(self, capsules: np.ndarray) -> float:
+        """Return the exact distance of the robot and the person [m]."""
+        return self._audit(self._q, capsules) if len(capsules) else np.inf
 
     def _polish(self) -> float:
         begun = time.perf_counter()
@@ -237,7 +244,13 @@ def run_loop(
         Every frame and the figures; the same input gives the same result but for
         the clock's figures.
     """
-    loop = Loop(planner, robot, places, motion, settings, audit)
+    return run_frames(Loop(planner, robot, places, motion, settings, audit), on_frame)
+
+
+def run_frames(
+    loop: Loop, on_frame: Callable[[Frame], None] | None = None
+) -> RunResult:
+    """Run a loop that was not begun for its whole duration; see `run_loop`."""
     frames = []
     paths = {}
     keep = loop.settings.keep_paths
@@ -296,13 +309,14 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
     status = np.array([STATUS.index(answer.status) for answer in answers])
     columns = ("q", "capsules", "separation", "joint_speed", "point_speed")
     rows = {name: [getattr(frame, name) for frame in frames] for name in columns}
+    rate = loop.settings.rate_hz
     return RunResult(
         motion="none" if loop.motion is None else loop.motion.name,
         seed=loop.settings.seed,
-        rate_hz=loop.settings.rate_hz,
+        rate_hz=rate,
         trips=loop.trips,
-        path_changes=_path_changes(status, place),
-        holds=_holds(frames, loop.settings.rate_hz),
+        path_changes=new_paths(status, place),
+        holds=holds_of(status, rows["joint_speed"], lambda i: answers[i].reason, rate),
         status=status,
         place=place,
         wall_s=[frame.wall_s for frame in frames],
@@ -311,28 +325,6 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         **rows,
-    )
-
-
-def _path_changes(status: np.ndarray, place: np.ndarray) -> int:
-    """Count new paths; the first one to a new work place is none."""
-    new_place = np.r_[True, place[1:] != place[:-1]]
-    return int(np.sum((status == STATUS.index("replanned")) & ~new_place))
-
-
-def _holds(frames: list[Frame], rate_hz: float) -> tuple[Hold, ...]:
-    held = np.array([frame.answer.status == "holding" for frame in frames])
-    moved = np.array([frame.joint_speed > 0 for frame in frames[1:]] + [False])
-    starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
-    ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
-    return tuple(
-        Hold(
-            start_s=float(a / rate_hz),
-            end_s=float(b / rate_hz),
-            reason=frames[a].answer.reason,
-            retreating=bool(moved[a:b].any()),
-        )
-        for a, b in zip(starts, ends, strict=True)
     )
 
 

@@ -28,6 +28,7 @@ class Recording:
         q_start, q_goal: (dof,) configurations [rad or m].
         rate_hz: Frames per second.
         covering_radius: Declared for raw points [m]; None for closed capsules.
+        rounding: (F,) smallest radius of each frame's capsules [m]; None for points.
     """
 
     points: np.ndarray
@@ -36,12 +37,15 @@ class Recording:
     q_goal: np.ndarray
     rate_hz: float
     covering_radius: float | None
+    rounding: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
         kinds = {"points": float, "offsets": np.int64, "q_start": float}
         for name, kind in {**kinds, "q_goal": float}.items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))
+        if self.rounding is not None:
+            object.__setattr__(self, "rounding", frozen(self.rounding, float))
 
     @property
     def n_frames(self) -> int:
@@ -51,6 +55,12 @@ class Recording:
     def frame(self, i: int) -> np.ndarray:
         """Return the (n, 3) points of frame i [m], a copy that may be written to."""
         return self.points[self.offsets[i] : self.offsets[i + 1]].copy()
+
+    def rounding_of(self, i: int) -> float | None:
+        """Return the smallest radius of frame i's capsules [m]; None: not known."""
+        if self.rounding is None or self.offsets[i] == self.offsets[i + 1]:
+            return None
+        return float(self.rounding[i])
 
 
 def read_recording(
@@ -79,14 +89,15 @@ def read_recording(
             f"{path} holds both 'capsules' and 'points'; keep one of them"
         )
     if "capsules" in arrays:
-        points, offsets = _sampled(arrays["capsules"], spacing or min(SPACING, rho))
-        radius = None
+        capsules = arrays["capsules"]
+        points, offsets = _sampled(capsules, spacing or min(SPACING, rho))
+        radius, rounding = None, capsules[:, :, 6].min(axis=1, initial=np.inf)
     else:
-        points, offsets = _raw(arrays)
+        (points, offsets), rounding = _raw(arrays), None
         radius = (
             _number(arrays, "covering_radius") if "covering_radius" in arrays else rho
         )
-    return Recording(points, offsets, start, goal, rate, radius)
+    return Recording(points, offsets, start, goal, rate, radius, rounding)
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:

@@ -26,7 +26,8 @@ def play(
 ) -> dict:
     """Play a recording; between frames the robot follows the answer's path.
 
-    It moves at its joints' speed limits; while the planner holds, it stands.
+    It moves at its joints' speed limits; while the planner holds, it stands still:
+    it does not retreat, as `odm run` would.
 
     Args:
         cell_map: The map.
@@ -72,9 +73,14 @@ def _step(
     planner: ReactivePlanner, recording: Recording, i: int, q: np.ndarray
 ) -> Answer:
     now = i / recording.rate_hz
-    radius = recording.covering_radius
-    points = recording.frame(i)
-    return planner.step(points, q=q, stamp=now, now=now, covering_radius=radius)
+    return planner.step(
+        recording.frame(i),
+        q=q,
+        stamp=now,
+        now=now,
+        covering_radius=recording.covering_radius,
+        rounding=recording.rounding_of(i),
+    )
 
 
 def _row(cell_map: CellMap, answer: Answer, q: np.ndarray, paths: bool) -> dict:

@@ -19,23 +19,36 @@ DEMO = "demo"  # its recipe and the folder of its map
 
 @dataclass(frozen=True)
 class RunFiles:
-    """Which pictures a run writes; None: not this one."""
+    """Which files a run writes; None: not this one.
+
+    Attributes:
+        plot, animation: Pictures.
+        figures: What came of it, as JSON.
+        record: The whole run, to be replayed.
+    """
 
     plot: Path | None = None
     animation: Path | None = None
+    figures: Path | None = None
     record: Path | None = None
 
     @classmethod
     def chosen(
-        cls, out: Path | None, motion: str, plot: Path | None, animation: Path | None
+        cls,
+        out: Path | None,
+        motion: str,
+        plot: Path | None,
+        animation: Path | None,
+        record: Path | None = None,
     ) -> "RunFiles":
         """Return the files for a folder `out`, or those named one by one."""
         if out is None:
-            return cls(plot, animation)
+            return cls(plot, animation, record=record)
         return cls(
             plot or out / f"{motion}_latency.png",
             animation or out / f"{motion}.gif",
             out / f"{motion}.json",
+            record,
         )
 
 
@@ -93,7 +106,7 @@ def run_motion(
         seconds: Simulated time [s]; None: that of a recorded clip, else 30 s.
         seed: Of a scripted motion, noted in the result.
         rate: Frames per second.
-        files: Pictures to write.
+        files: Pictures and recording to write.
         quiet: Print nothing.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
 
@@ -102,7 +115,9 @@ def run_motion(
     """
     from odm import ReactivePlanner, load_map
     from sim.demo import DEMO as SETTINGS
-    from sim.demo import find_places, run_pair, warm_up
+    from sim.demo import find_places, warm_up
+    from sim.loop import Loop, run_frames, run_loop
+    from sim.record import check_target, recording
     from sim.report import print_report, setting
 
     if seconds is None:
@@ -110,13 +125,20 @@ def run_motion(
     settings = replace(
         SETTINGS, duration_s=seconds, seed=seed, rate_hz=rate, execution=execution
     )
+    if files.record is not None:
+        check_target(files.record)
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
     with Bars() as tell:
         places = find_places(planner)
         warm_up(planner, places, motion, settings)
         tell(f"{seconds:g} s of {motion.name}", 0, 1)
-        result, alone = run_pair(planner, places, motion, settings)
+        planner = ReactivePlanner(cell_map)  # one that knows nothing of all that
+        loop = Loop(planner, planner.robot, places, motion, settings)
+        with recording(files.record, loop, cell_map) as recorder:
+            result = run_frames(loop, recorder and recorder.add)
+        bare = replace(settings, keep_paths=0)
+        alone = run_loop(planner, planner.robot, places, None, bare)
         tell(f"{seconds:g} s of {motion.name}", 1, 1)
     notes = [*getattr(motion, "notes", ())]
     if ending := getattr(motion, "ending", lambda run_s: None)(seconds):
@@ -142,7 +164,8 @@ def write_files(
     files: RunFiles, cell_map: "CellMap", result: "RunResult", places: object
 ) -> list[Path]:
     """Write the pictures that were asked for; return their paths."""
-    written = [p for p in (files.plot, files.animation, files.record) if p is not None]
+    asked = (files.plot, files.animation, files.figures)
+    written = [path for path in asked if path is not None]
     for path in written:
         path.parent.mkdir(parents=True, exist_ok=True)
     if files.plot is not None:
@@ -157,8 +180,8 @@ def write_files(
             world, _ = open_world(cell_map)
         with world:
             write_animation(result, cell_map.robot, places, world, files.animation)
-    if files.record is not None:
-        write_text(files.record, result.to_json())
+    if files.figures is not None:
+        write_text(files.figures, result.to_json())
     return written
 
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -209,6 +210,41 @@ class RunResult:
     def _late(self, clock: str) -> list[dict]:
         times, frames = self._busy(clock), self.misses(clock)
         return [{"frame": int(i), "step_s": float(times[i])} for i in frames]
+
+
+def holds_of(
+    status: np.ndarray,
+    joint_speed: np.ndarray,
+    reason: Callable[[int], str],
+    rate_hz: float,
+) -> tuple[Hold, ...]:
+    """Return the stretches of frames without a path.
+
+    Args:
+        status: (F,) index into `STATUS`.
+        joint_speed: (F,) fastest joint on the way to each frame [rad/s or m/s].
+        reason: Frame -> the planner's sentence.
+        rate_hz: Frames per second.
+    """
+    held = np.asarray(status) == STATUS.index("holding")
+    moved = np.r_[np.asarray(joint_speed)[1:] > 0, False]
+    starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
+    ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
+    return tuple(
+        Hold(
+            start_s=float(a / rate_hz),
+            end_s=float(b / rate_hz),
+            reason=reason(int(a)),
+            retreating=bool(moved[a:b].any()),
+        )
+        for a, b in zip(starts, ends, strict=True)
+    )
+
+
+def new_paths(status: np.ndarray, place: np.ndarray) -> int:
+    """Count new paths; the first one to a new work place is none."""
+    new_place = np.r_[True, place[1:] != place[:-1]]
+    return int(np.sum((status == STATUS.index("replanned")) & ~new_place))
 
 
 def percentiles(values: np.ndarray) -> dict[str, float]:

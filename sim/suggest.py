@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from odm import CellMap, Recipe
+from odm.build import robot_of
 from odm.clearance import clearance_tax
 from odm.grid import grid_for
 from odm.scenery import parse_scenery
@@ -21,7 +22,6 @@ from roadmap.graph import N_LANDMARKS, Roadmap
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
 from roadmap.sampling import draw
-from sim.cli_build import robot_of
 from sim.terminal import Bars, bytes_text, show_json
 
 NODES = (3_000, 10_000, 30_000)
@@ -113,7 +113,8 @@ def suggestions(
 def probe_roadmap(robot: Robot, recipe: Recipe) -> Probe:
     """Draw what a build would draw; connect and test some of it, with the clock."""
     settings = recipe.roadmap
-    scenery = always_touching(robot, parse_scenery(recipe.scenery), recipe.safety)
+    scenery = parse_scenery(recipe.scenery, recipe.folder)
+    scenery = always_touching(robot, scenery, recipe.safety)
     test = StaticTest(robot, scenery, recipe.safety, threads=1)
     chunks = draw(robot, settings.sampling, settings.seed, settings.nodes, None)
     q, share, node_s = _drawn(test, chunks, settings.nodes)
@@ -195,7 +196,7 @@ def _row(
 
     safety, little = recipe.safety, probe.roadmap
     grid = grid_for(robot, safety.h, safety.rho + safety.m + safety.mu + 1e-3)
-    scenery = parse_scenery(recipe.scenery)
+    scenery = parse_scenery(recipe.scenery, recipe.folder)
     raw = CellMap(robot, little, grid, recipe, None, scenery)
     sweep_roadmap(robot, raw.arm, _head(little), grid, safety, 1)
     begun = time.perf_counter()

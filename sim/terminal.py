@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 import typer
 
@@ -86,12 +87,17 @@ def show_json(data: object, target: str) -> None:
 
 def write_text(path: str | Path, text: str) -> Path:
     """Write a file whole or not at all; folders on the way are made."""
+    return write_whole(path, lambda stream: stream.write(text.encode("utf-8")))
+
+
+def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
+    """Let `write` fill a file that is there whole or not at all; makes its folder."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
-        with open(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
+        with open(handle, "wb") as stream:
+            write(stream)
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(made, 0o666 & ~umask)

@@ -1,16 +1,15 @@
-"""How far a person can come toward the robot within a time: speed and separation.
+"""Where a person can be within a time: speed and separation in space and time.
 
 ISO/TS 15066 counts the person's speed *toward the robot*, 1.6 m/s walking and 2 m/s for
 an arm where it is not measured (ISO 13855). Here it is measured: each capsule's ends
-are followed from frame to frame, and what the person can add in the time is bounded by
-an acceleration. A person who moves away or rests slows the robot less.
+are followed from frame to frame. After a time t a part is where its velocity has
+brought it, give or take what an acceleration can add: p + v t and a ball of a t^2 / 2.
+A person who rests, passes by or moves away slows the robot less than one who comes.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-
-SIDEWAYS = 0.25  # share of a speed across the line to the robot that counts as toward
 
 
 @dataclass(frozen=True)
@@ -18,12 +17,12 @@ class ThreatSettings:
     """What a person is able to do.
 
     Attributes:
-        speed: No part of a person comes nearer faster than this [m/s].
-        acceleration: What a part adds to its measured speed at most. A reach of
-            0.4 m in 0.8 s along a minimum-jerk curve takes 3.6 m/s2; a thrust with a
-            peak of 2 m/s over 0.45 m takes 15, at which a robot hardly moves beside
+        speed: A part whose speed is not known moves no faster than this [m/s].
+        acceleration: What a part adds to its measured velocity at most [m/s2]. A reach
+            of 0.4 m in 0.8 s along a minimum-jerk curve takes 3.6 m/s2; a thrust with
+            a peak of 2 m/s over 0.45 m takes 15, at which a robot hardly moves beside
             a person.
-        far: Parts farther from the robot than this are no threat [m].
+        far: Points farther from the robot's bounding box than this are no threat [m].
     """
 
     speed: float = 2.0
@@ -33,25 +32,39 @@ class ThreatSettings:
 
 @dataclass(frozen=True)
 class Threat:
-    """The speeds of a person's parts toward the robot in one frame.
+    """A person's points that are near enough to matter, and how they move.
 
     Attributes:
-        toward: (k,) speed of each part that is near enough to matter [m/s].
+        points: (n, 3) points of the person's surface [m].
+        velocity: (n, 3) velocity of each [m/s]; None where it is not known.
         age: Age of the data [s].
         settings: What a person is able to do.
     """
 
-    toward: np.ndarray
+    points: np.ndarray
+    velocity: np.ndarray | None
     age: float
     settings: ThreatSettings
 
-    def reach(self, time: float) -> float:
-        """Return how far any part can come toward the robot in `time` [s], in m."""
-        if not len(self.toward):
-            return 0.0
-        s = self.settings
-        gained = self.toward.max() * time + 0.5 * s.acceleration * time * time
-        return float(min(s.speed * time, gained))
+    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
+        """Return points (n, 3) and the radius [m] of balls that hold the person.
+
+        The balls around the points hold every point of the person at all times from
+        `begin` to `end` seconds from now, if it was covered by the points.
+        """
+        begin, end = begin + self.age, end + self.age
+        if self.velocity is None:
+            return self.points, self.settings.speed * end
+        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+        gained = 0.5 * self.settings.acceleration * end * end
+        return self.points + middle * self.velocity, gained + half * self.fastest
+
+    @property
+    def fastest(self) -> float:
+        """The highest speed of any of the points [m/s]."""
+        if self.velocity is None:
+            return self.settings.speed
+        return float(np.sqrt((self.velocity**2).sum(axis=1).max(initial=0.0)))
 
 
 class Watcher:
@@ -68,45 +81,46 @@ class Watcher:
         self._time = 0.0
 
     def look(
-        self, capsules: np.ndarray, centers: np.ndarray, now: float, age: float = 0.0
+        self,
+        capsules: np.ndarray,
+        points: np.ndarray,
+        centers: np.ndarray,
+        now: float,
+        age: float = 0.0,
     ) -> Threat:
         """Return the threat of a frame.
 
         Args:
             capsules: (k, 7) person: a, b, radius [m]; the same parts in every frame.
-            centers: (n, 3) centres of the robot's moving spheres [m].
+            points: (n, 3) samples of their surface [m].
+            centers: (m, 3) centres of the robot's moving spheres [m].
             now: Time of the capsules [s].
             age: Age of the capsules [s].
         """
-        if not len(capsules):
-            self._ends = None
-            return Threat(np.zeros(0), age, self.settings)
         ends = capsules[:, :6].reshape(-1, 2, 3)
         before, passed = self._ends, now - self._time
         self._ends, self._time = ends.copy(), now
-        away = centers[None, None] - ends[:, :, None]  # (k, 2, n, 3)
-        far = np.linalg.norm(away, axis=3)
-        near = _gap(ends, centers) < self.settings.far
-        if before is None or before.shape != ends.shape or passed <= 0.0:
-            unknown = np.full(int(near.sum()), self.settings.speed)
-            return Threat(unknown, age, self.settings)
-        velocity = (ends - before) / passed
-        nearest = far.argmin(axis=2)
-        rows, columns = np.indices(nearest.shape)
-        line = away[rows, columns, nearest]
-        line = line / np.maximum(far.min(axis=2), 1e-9)[:, :, None]
-        along = (velocity * line).sum(axis=2)
-        across = np.linalg.norm(velocity - along[:, :, None] * line, axis=2)
-        toward = np.maximum(along + SIDEWAYS * across, 0.0).max(axis=1)
-        return Threat(toward[near], age, self.settings)
+        low = centers.min(axis=0) - self.settings.far
+        high = centers.max(axis=0) + self.settings.far
+        near = points[((points > low) & (points < high)).all(axis=1)]
+        velocity = None
+        if before is not None and before.shape == ends.shape and passed > 0.0:
+            velocity = _velocities(near, ends, (ends - before) / passed, capsules[:, 6])
+        return Threat(near, velocity, age, self.settings)
 
 
-def _gap(ends: np.ndarray, centers: np.ndarray) -> np.ndarray:
-    """Return the distance (k,) of segments from the nearest of some points."""
-    a, b = ends[:, 0], ends[:, 1]
-    along = b - a
+def _velocities(
+    points: np.ndarray, ends: np.ndarray, moving: np.ndarray, radii: np.ndarray
+) -> np.ndarray:
+    """Return the velocity (n, 3) of points on capsules whose ends move: a, b (k, 2, 3).
+
+    A point moves as the place of the axis that it stands above.
+    """
+    a, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     length2 = np.maximum((along * along).sum(axis=1), 1e-12)
-    from_a = centers[None] - a[:, None]
-    share = np.clip(np.einsum("knd,kd->kn", from_a, along) / length2[:, None], 0, 1)
-    off = from_a - share[:, :, None] * along[:, None]
-    return np.sqrt((off * off).sum(axis=2).min(axis=1))
+    share = (points @ along.T - (a * along).sum(axis=1)) / length2
+    share = np.clip(share, 0.0, 1.0)  # (n, k)
+    off = points[:, None] - a - share[:, :, None] * along
+    own = np.abs(np.sqrt((off * off).sum(axis=2)) - radii).argmin(axis=1)
+    t = share[np.arange(len(points)), own][:, None]
+    return (1.0 - t) * moving[own, 0] + t * moving[own, 1]

@@ -181,7 +181,9 @@ def _ask(cell_map: CellMap) -> None:
 
 def _audit(cell_map: CellMap) -> None:
     from odm.audit import audit
+    from odm.clearance import clearance_tax
 
+    clearance_tax(cell_map, 20, n_edges=2)
     audit(cell_map, pairs=60, threads=1)
     audit(cell_map, pairs=60, close=True, threads=1)
 

@@ -1,15 +1,23 @@
 """The pybullet DIRECT world: draws robot and person, and measures their distance."""
 
+import contextlib
+import ctypes
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from roadmap.errors import PlanningError
+from roadmap.known import robot_file
 from roadmap.robot import Robot
 from sim.camera import Camera
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
+GREETING = b"pybullet build time"
 LIGHT = {
     "lightDirection": [1.0, -1.2, 2.4],
     "lightColor": [1.0, 1.0, 1.0],
@@ -35,15 +43,19 @@ class World:
     """A robot and a person of capsules, both moved by hand.
 
     Args:
-        urdf: Path of the robot's URDF, or "panda" for pybullet's own.
+        urdf: Path of the robot's URDF, or a known name such as "panda".
         robot: Names and order of the joints.
+
+    Raises:
+        SimulatorMissing: pybullet is not installed.
+        BadRobot: There is no such file.
     """
 
     def __init__(self, urdf: str | Path, robot: Robot) -> None:
         """Connect to pybullet and load the robot."""
         self._bullet = _pybullet()
+        path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
-        path = _panda_urdf() if str(urdf) == "panda" else str(urdf)
         self._robot = self._call("loadURDF", path, useFixedBase=True)
         count = self._call("getNumJoints", self._robot)
         infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
@@ -162,16 +174,47 @@ def capsule_mesh(
 
 def _pybullet() -> ModuleType:
     try:
-        import pybullet
+        with _without_greeting():
+            import pybullet
     except ImportError as error:
         raise SimulatorMissing from error
     return pybullet
 
 
-def _panda_urdf() -> str:
-    import pybullet_data
+@contextlib.contextmanager
+def _without_greeting() -> Iterator[None]:
+    """Drop the "pybullet build time" that the library prints when it is imported.
 
-    return str(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf")
+    It writes to the process's own output, below Python. All else that is said
+    meanwhile is said afterwards, to stderr.
+    """
+    if "pybullet" in sys.modules:
+        yield
+        return
+    with tempfile.TemporaryFile() as heard:
+        ctypes.CDLL(None).fflush(None)  # what C said before is not ours to keep
+        kept = _redirected(heard.fileno())
+        try:
+            yield
+        finally:
+            ctypes.CDLL(None).fflush(None)
+            for stream, copy in kept.items():
+                os.dup2(copy, stream)
+                os.close(copy)
+            heard.seek(0)
+            lines = heard.read().splitlines(keepends=True)
+            said = b"".join(k for k in lines if not k.startswith(GREETING))
+            sys.stderr.write(said.decode(errors="replace"))
+
+
+def _redirected(target: int) -> dict[int, int]:
+    """Send stdout and stderr to a file descriptor; return {stream: its copy}."""
+    kept = {}
+    for stream in (1, 2):
+        with contextlib.suppress(OSError):  # one that is closed stays so
+            kept[stream] = os.dup(stream)
+            os.dup2(target, stream)
+    return kept
 
 
 def _turn_z_to(direction: np.ndarray) -> list[float]:

@@ -11,6 +11,10 @@ from roadmap.build import RoadmapSettings
 
 DATA = Path(__file__).parent / "data"
 FLOOR = {"type": "plane", "name": "floor"}
+# where the small arm goes from and to, and who stands in its way
+HOME, AWAY = np.array([1.2, 0.6, 0.0]), np.array([-1.2, -0.6, 0.0])
+NOBODY = np.zeros((0, 3))
+POST = np.array([[0.0, 0.0, 0.9, 0.0, 0.0, 1.4, 0.05]])  # over the base
 
 
 def small_recipe(**safety: float) -> Recipe:
@@ -39,6 +43,17 @@ def draw_arm(rng: np.random.Generator) -> np.ndarray:
     elbow = shoulder + 0.3 * _direction(rng)
     hand = elbow + 0.35 * _direction(rng)
     return np.array([[*shoulder, *elbow, 0.05], [*elbow, *hand, 0.04]])
+
+
+def ball_at(p: np.ndarray, radius: float = 0.03) -> np.ndarray:
+    """Return (n, 3) samples of a ball at p [m]."""
+    return odm.sample_capsules(np.array([[*p, *p, radius]]), 0.03)
+
+
+def wrapped(cell_map: odm.CellMap, q: np.ndarray) -> np.ndarray:
+    """Return q with its continuous joints turned back into one turn."""
+    turns = np.round(q / (2 * np.pi))
+    return np.where(cell_map.robot.continuous, q - 2 * np.pi * turns, q)
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:

@@ -23,8 +23,11 @@ def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
     assert abs(names["motion"].q_end - names["q_goal"]).max() < 1e-6
 
 
-def test_the_measured_table_has_its_place():
-    fill_section(ROOT / "README.md", "latency", None)
+@pytest.mark.parametrize(
+    ("page", "bench"), [("README.md", "latency"), ("docs/safety.md", "tax")]
+)
+def test_the_measured_tables_have_their_places(page, bench):
+    fill_section(ROOT / page, bench, None)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/safety.md"])

@@ -19,17 +19,21 @@ from odm._kernels.state import (
     way_at,
 )
 from odm._kernels.types import (
+    N_BETTER,
     N_FRAME,
     N_JOINT,
     N_LOOK,
+    N_REST,
     N_SAME,
     N_SEGMENT,
+    N_WHERE,
     NO_WAY,
 )
 from odm._kernels.ways import locate_on_way, way_length
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
+LOOK = 6
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 IMPROVE_EVERY = 8  # frames between two looks for a better way than a free one
 WORTH_A_LOOK = 1.1  # times the straight distance
@@ -87,11 +91,11 @@ def copy_way(source, target):
 
 @njit(cache=True, nogil=True)
 def same_rest(way, where, new):
-    """Return True if `new` leads over vertices that were still ahead on `way`."""
+    """Return True if `new` leads over the very vertices that are ahead on `way`."""
     if where < 0 or new.count[0] < 2:
         return False
     shift = way.count[0] - new.count[0]
-    if shift < where:
+    if shift != where:
         return False
     for k in range(1, new.count[0]):
         if new.vertex[k] != way.vertex[k + shift]:
@@ -124,44 +128,66 @@ def rest_length(state, way, where, q):
 
 
 @njit(cache=True, nogil=True)
-def step(state, points, q, always, margin, budget):
-    """Answer one frame whose points were taken; see the codes above.
+def judge(state, points, q, always):
+    """Judge the way in use: FOLLOWING, a trouble's code, or LOOK for a new way.
 
-    The answer's way stands at row WAY; own.numbers[N_SEGMENT] is the segment that q
-    is on and own.numbers[N_SAME] tells that a new search found the old way again.
+    With LOOK own.numbers[N_WHERE] is the segment that q is on, -1 for none, and
+    own.numbers[N_REST] tells whether the rest of the way is free.
     """
-    goals = goals_of(state)
     own = own_of(state)
-    way, spare = way_at(state, WAY), way_at(state, SPARE)
-    fresh = starts_at(state, FRESH)
+    way = way_at(state, WAY)
     trouble = take_configuration(own, q)
     if trouble != FOLLOWING:
         return trouble
     q = own.q
-    use_fresh = True
-    for j in range(q.shape[0]):
-        use_fresh = use_fresh and q[j] == own.q_fresh[j]
+    own.numbers[N_REST] = 0
     where = -1
     if way.count[0] >= 2:
-        where = locate_on_way(state, way, own.numbers[N_SEGMENT], q, own.out)
-    if where < 0 and not use_fresh:
+        where = locate_on_way(state, way, 0, q, own.out)  # it may have slowed down
+    own.numbers[N_WHERE] = where
+    if where < 0 and not is_fresh(own):
         return NOT_ATTACHED
-    rest_is_free = False
-    rest = 0.0
-    if where >= 0 and not always and way.count[1] >= 0:
-        frame = own.numbers[N_FRAME]
-        rest_is_free = rest_free(state, points, way, where, q, frame) < 0
-        if rest_is_free:
-            own.numbers[N_SEGMENT] = where
-            rest = rest_length(state, way, where, q)
-            straight = weighted(q, way.q[way.count[0] - 1], state)
-            look = frame % IMPROVE_EVERY == 0 or own.numbers[N_LOOK] == 1
-            own.numbers[N_LOOK] = 0
-            if not look or rest <= WORTH_A_LOOK * straight:
-                return FOLLOWING
+    if where < 0 or always or way.count[1] < 0:
+        return LOOK
+    frame = own.numbers[N_FRAME]
+    if rest_free(state, points, way, where, q, frame) >= 0:
+        return LOOK
+    own.numbers[N_REST] = 1
+    own.numbers[N_SEGMENT] = where
+    look = frame % IMPROVE_EVERY == 0 or own.numbers[N_LOOK] == 1
+    own.numbers[N_LOOK] = 0
+    if not look:
+        return FOLLOWING
+    straight = weighted(q, way.q[way.count[0] - 1], state)
+    if rest_length(state, way, where, q) <= WORTH_A_LOOK * straight:
+        own.numbers[N_BETTER] = 0
+        return FOLLOWING
+    return LOOK
+
+
+@njit(cache=True, nogil=True)
+def is_fresh(own):
+    """Return True if the start motions of this very q are known."""
+    for j in range(own.q.shape[0]):
+        if own.q[j] != own.q_fresh[j]:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def look(state, points, margin, budget, looks):
+    """Look for a new way after `judge` said LOOK; PLANNED: `adopt` may take it.
+
+    A free way is kept until `looks` in a row found a better one.
+    """
+    goals = goals_of(state)
+    own = own_of(state)
+    way, spare = way_at(state, WAY), way_at(state, SPARE)
+    q = own.q
+    where = own.numbers[N_WHERE]
     start_vertex = goals.count[1]
-    starts = fresh
-    if use_fresh:
+    starts = starts_at(state, FRESH)
+    if is_fresh(own):
         for g in range(goals.count[0]):
             goals.direct_ref[g] = goals.fresh_ref[g]
     else:
@@ -172,16 +198,41 @@ def step(state, points, q, always, margin, budget):
         goals.direct_length[g] = weighted(q, goals.q[g], state)
     n_goals = goals.count[0]
     found = plan(state, points, q, starts, start_vertex, 0, n_goals, budget, spare)
-    if rest_is_free:
+    if own.numbers[N_REST] == 1:
         rank = way.count[1]
-        if not found or spare.count[1] > rank:
-            return FOLLOWING
-        same = spare.count[1] == rank
-        if same and way_length(spare, own.weights) > (1.0 - margin) * rest:
+        better = found and spare.count[1] <= rank
+        if better and spare.count[1] == rank:
+            rest = rest_length(state, way, where, q)
+            better = way_length(spare, own.weights) <= (1.0 - margin) * rest
+        own.numbers[N_BETTER] = own.numbers[N_BETTER] + 1 if better else 0
+        if own.numbers[N_BETTER] < looks:
             return FOLLOWING
     if not found:
         return NO_PATH
-    own.numbers[N_SAME] = 1 if same_rest(way, where, spare) else 0
+    return PLANNED
+
+
+@njit(cache=True, nogil=True)
+def adopt(state):
+    """Take the way that `look` found; own.numbers[N_SAME] tells that it is the old."""
+    own = own_of(state)
+    way, spare = way_at(state, WAY), way_at(state, SPARE)
+    own.numbers[N_BETTER] = 0
+    own.numbers[N_SAME] = 1 if same_rest(way, own.numbers[N_WHERE], spare) else 0
     copy_way(spare, way)
     own.numbers[N_SEGMENT] = 0
-    return PLANNED
+
+
+@njit(cache=True, nogil=True)
+def step(state, points, q, always, margin, budget, looks):
+    """Answer one frame whose points were taken; see the codes above.
+
+    The answer's way stands at row WAY; own.numbers[N_SEGMENT] is its segment q is on.
+    """
+    code = judge(state, points, q, always)
+    if code != LOOK:
+        return code
+    code = look(state, points, margin, budget, looks)
+    if code == PLANNED:
+        adopt(state)
+    return code

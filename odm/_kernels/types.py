@@ -207,7 +207,7 @@ class Own(NamedTuple):
     weights: np.ndarray  # (dof,)
     continuous: np.ndarray  # (dof,)
     h_any: np.ndarray  # (n,) cost to go to the best goal, costs included
-    numbers: np.ndarray  # (8,) see N_FRAME and after
+    numbers: np.ndarray  # (10,) see N_FRAME and after
     dq: np.ndarray  # (dof,) scratch
     spot: np.ndarray  # (dof,) scratch
     still: np.ndarray  # (dof,) zeros
@@ -219,6 +219,7 @@ class Own(NamedTuple):
 
 
 N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS, N_COUNTED = range(6)
-N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME, N_JOINT, N_LOOK = range(7)
+N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME = range(5)
+N_JOINT, N_LOOK, N_BETTER, N_WHERE, N_REST = range(5, 10)
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment

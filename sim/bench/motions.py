@@ -1,7 +1,7 @@
 """`odm bench motions`: contacts, trips and calm beside every scripted motion."""
 
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from odm import ReactivePlanner, load_map
@@ -10,10 +10,11 @@ from sim.bench.header import header
 from sim.demo import DEMO, find_places
 from sim.human_motion import make_motion, motion_names
 from sim.loop import LoopSettings, run_loop
+from sim.run_command import person_of
 from sim.run_result import RunResult
 
 TRIPS = 60.0  # asked of the trips made without a person [%]
-FAST = ("intrusion",)  # of them neither trips nor contacts are asked without braking
+FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed
 MINUTE = 60.0
 
 
@@ -22,7 +23,8 @@ def run(
     *,
     seconds: float = 60.0,
     seeds: int = 2,
-    motions: tuple[str, ...] | None = None,
+    motions: Sequence[str] | None = None,
+    files: Sequence[str | Path] = (),
     execution: str = "kinematic",
     seed: int = 0,
     short: bool = False,
@@ -36,6 +38,7 @@ def run(
         seconds: Simulated time of each run [s].
         seeds: Runs of each motion, from `seed` on.
         motions: Names of motions; None: all scripted ones.
+        files: Recorded motions (CSV, BVH), each played once for its length at most.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
         seed: The first seed.
         short: Few seconds: to see that it runs, not to measure.
@@ -45,12 +48,16 @@ def run(
     Returns:
         Plain data for JSON: "header", "setup", "rows" and "runs".
     """
-    names = motions or motion_names()
+    names = tuple(motions or motion_names())
     for name in names:
         make_motion(name, seed)  # a wrong name is refused before any work
+    files = tuple(str(file) for file in files)
+    for file in files:
+        person_of("mocap", seed, Path(file))
     if short:
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
+    jobs += [(file, seed) for file in files]
     shared = (str(map_dir), seconds, execution)
     (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
     if processes > 1:
@@ -60,7 +67,7 @@ def run(
         runs = [_played((*shared, *job)) for job in jobs]
     alone, runs = runs[0], runs[1:]
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
-    for name in names:
+    for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]
         rows += _rows(name, own, alone["trips_per_minute"], execution)
     setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
@@ -81,11 +88,17 @@ def _played(job: tuple[str, float, str, str | None, int]) -> dict:
     settings = LoopSettings(
         rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
     )
-    human = None if motion is None else make_motion(motion, seed)
+    recorded = motion is not None and motion not in motion_names()
+    if recorded:
+        human = person_of("mocap", seed, Path(motion))
+    else:
+        human = None if motion is None else make_motion(motion, seed)
     places = find_places(planner)
     result = run_loop(planner, planner.robot, places, human, settings)
+    name = {"motion": Path(motion).stem} if recorded else {}
     return {
         **result.summary(),
+        **name,
         "trips_per_minute": result.trips * MINUTE / seconds,
         "changes_per_minute": _changes(result),
     }

@@ -6,16 +6,18 @@ from rich.table import Table
 from sim.bench.clock import TRUTH
 
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
+_VALUES = (0, 1, 2, 6)  # columns of a table without times
 
 
 def print_bench(result: dict, console: Console | None = None) -> None:
     """Print the table of a bench and the lines about its setting."""
     console = console or Console()
     table = Table(title=f"odm bench {result['bench']}", title_justify="left")
-    for k, head in enumerate(_HEAD):
-        table.add_column(head, justify="left" if k < 2 else "right")
-    for row in result["rows"]:
-        table.add_row(*_cells(row))
+    head, *rows = _lines(result)
+    for k, name in enumerate(head):
+        table.add_column(name, justify="left" if k < 2 else "right")
+    for row in rows:
+        table.add_row(*row)
     console.print(table)
     for line in setting_lines(result):
         console.print(line, highlight=False)
@@ -23,9 +25,18 @@ def print_bench(result: dict, console: Console | None = None) -> None:
 
 def markdown(result: dict) -> str:
     """Return the table of a bench and its setting as markdown."""
-    lines = ["| " + " | ".join(_HEAD) + " |", "|" + "---|" * len(_HEAD)]
-    lines += ["| " + " | ".join(_cells(row)) + " |" for row in result["rows"]]
+    head, *rows = ("| " + " | ".join(line) + " |" for line in _lines(result))
+    lines = [head, "|" + "---|" * (head.count("|") - 1), *rows]
     return "\n".join([*lines, "", *setting_lines(result)]) + "\n"
+
+
+def _lines(result: dict) -> list[tuple[str, ...]]:
+    """Return the head and the rows of a table; one of values alone has no times."""
+    lines = [_HEAD, *map(_cells, result["rows"])]
+    if any("value" not in row for row in result["rows"]):
+        return lines
+    values = [tuple(line[k] for k in _VALUES) for line in lines[1:]]
+    return [("what", "asked", "measured", "met?"), *values]
 
 
 def setting_lines(result: dict) -> list[str]:

@@ -91,6 +91,7 @@ def run_keyboard(
     make_loop: Callable[..., Loop] = Loop,
     on_frame: Callable[[Frame], None] | None = None,
     execution: str = "kinematic",
+    record: Path | None = None,
 ) -> KeyboardRun:
     """Run in real time while keys move the person's arm; then print the tables.
 
@@ -101,17 +102,22 @@ def run_keyboard(
         person: Sizes, place and speed limit of the person.
         quiet: Print no tables.
         make_loop: (planner, robot, places, motion, settings) -> loop.
-        on_frame: Called with every frame, for a recording.
+        on_frame: Called with every frame.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
+        record: File for the whole run, to be replayed; written however it ends.
 
     Raises:
         NoTerminal: There is none to read keys from.
-        BadInput: Rate, time or the person's speed limit is not positive.
+        BadInput: Rate, time or the person's speed limit is not positive, or the
+            recording cannot be written.
     """
     from odm import ReactivePlanner, load_map
     from sim.demo import DEMO, find_places
+    from sim.record import check_target, recording
     from sim.terminal import Bars
 
+    if record is not None:
+        check_target(record)
     keys, screen = open_terminal()
     asked = {} if seconds is None else {"duration_s": seconds}
     settings = replace(DEMO, rate_hz=rate, keep_paths=0, execution=execution, **asked)
@@ -121,6 +127,7 @@ def run_keyboard(
     with Bars():
         places = find_places(planner)
         _warm_up(planner, places, settings)
+        planner = ReactivePlanner(cell_map)  # one that knows nothing of all that
         loop = make_loop(planner, planner.robot, places, arm, settings)
     kept = KeptFrames(max(1, round(KEPT_S * rate)))
     setting = Setting(
@@ -130,8 +137,10 @@ def run_keyboard(
         edges=cell_map.roadmap.n_edges,
         blocked=lambda: len(planner.invalid_edges()),
     )
-    session = Session(loop, arm, setting, _both(kept.add, on_frame))
-    ended = session.run(keys, screen)
+    with recording(record, loop, cell_map) as recorder:
+        heard = _all(kept.add, recorder and recorder.add, on_frame)
+        session = Session(loop, arm, setting, heard)
+        ended = session.run(keys, screen)
     run = KeyboardRun(
         result=kept.result(loop),
         events=arm.events,
@@ -157,13 +166,12 @@ def _warm_up(
     planner.invalid_edges()
 
 
-def _both(
-    first: Callable[[Frame], None], second: Callable[[Frame], None] | None
-) -> Callable[[Frame], None]:
+def _all(*listeners: Callable[[Frame], None] | None) -> Callable[[Frame], None]:
+    asked = [listener for listener in listeners if listener is not None]
+
     def call(frame: Frame) -> None:
-        first(frame)
-        if second is not None:
-            second(frame)
+        for listener in asked:
+            listener(frame)
 
     return call
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdf_parts import BALL
 
 from roadmap import load_robot
 
@@ -90,6 +91,17 @@ def joint():
             f'<child link="{child}"/><origin xyz="{xyz}"/><axis xyz="{axis}"/>'
             f"{limit}{inside}</joint>"
         )
+
+    return write
+
+
+@pytest.fixture
+def arm(urdf, link, joint):
+    """Return a function: shape of the moving link -> path of its URDF."""
+
+    def write(shape="", kind="revolute", inside="", name="robot.urdf"):
+        body = link("base", BALL) + link("arm", shape)
+        return urdf(body + joint("turn", kind, "base", "arm", inside=inside), name)
 
     return write
 

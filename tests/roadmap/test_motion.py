@@ -32,7 +32,9 @@ def check_limits(robot, points, dt=DT):
     assert (np.abs(jerk) <= 1.001 * robot.max_jerk + 1e-6).all()
     # what is said of velocity and acceleration is what happens
     assert np.allclose(np.diff(q, axis=0) / dt, 0.5 * (dq[1:] + dq[:-1]), atol=2e-3)
-    assert np.allclose(np.diff(dq, axis=0) / dt, 0.5 * (ddq[1:] + ddq[:-1]), atol=0.5)
+    within = max(0.5, 0.3 * dt * robot.max_jerk.max())  # the jerk may jump meanwhile
+    means = 0.5 * (ddq[1:] + ddq[:-1])
+    assert np.allclose(np.diff(dq, axis=0) / dt, means, atol=within)
 
 
 def sampled(motion):

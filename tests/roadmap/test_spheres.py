@@ -14,6 +14,7 @@ from roadmap.solid_samples import grid, surface
 from roadmap.solids import Solid
 from roadmap.spheres import (
     MAX_SPHERES_PER_LINK,
+    _protrusion,
     cover_excess,
     cover_report,
     cover_solids,
@@ -109,6 +110,17 @@ def test_a_thin_plate_is_covered_on_both_sides(rng):
     spheres = cover_solids([plate], 0.02)
     assert uncovered(inner_points(plate, 3000, rng), spheres) <= 0
     assert cover_excess(spheres, [plate]) <= 0.022
+
+
+def test_what_lies_inside_another_solid_does_not_count_as_surface():
+    outer = Solid(BOX, 0, np.eye(4), (0.2, 0.15, 0.1), NO_POINTS)
+    inner = Solid(CYLINDER, 0, np.eye(4), (0.03, 0.08, 0.0), NO_POINTS)
+    spheres = cover_solids([outer, inner], 0.02)
+    alone = pytest.approx(_protrusion(spheres, [outer]))
+    assert _protrusion(spheres, [outer, inner]) == alone
+    # two that are the same are the surface of each other
+    twins = [outer, Solid(BOX, 0, np.eye(4), (0.2, 0.15, 0.1), NO_POINTS)]
+    assert _protrusion(spheres, twins) == alone
 
 
 def test_the_panda_s_cover_contains_its_links(panda, rng):

@@ -1,5 +1,6 @@
 """A small robot, and planners that stand in for the real one."""
 
+import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from roadmap import load_robot
 from roadmap.kinematics import sphere_centers
+from sim import cli
 from sim.arm import HumanArm
 from sim.arm_path import Person
 from sim.human_motion import make_motion
@@ -124,3 +126,20 @@ def passing_by():
 def retreating(crane):
     """Return a planner that backs off to one side while it holds."""
     return Careful(crane, retreat=np.array([[0.9, 0.0], [2.0, 0.0]]))
+
+
+@pytest.fixture
+def odm(capsys, monkeypatch):
+    """Return a function that runs a command line: (exit code, stdout, stderr)."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["odm", *map(str, words)])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
+
+    return run

@@ -1,24 +1,18 @@
 """The command line as a user meets it: exit codes, one sentence, whole files."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
-import numpy as np
 import pytest
+from command_line import one_sentence, start
 
 from odm import build_map, load_map
 from sim import cli
 from sim.bench_command import bench_names, fill_section
 from sim.cli_build import built_facts
-from sim.recording import BadRecording, read_recording
 from sim.warmup import tiny_recipe
 
-ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup")
 
 
@@ -26,42 +20,6 @@ COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup"
 def map_dir(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli")
     return build_map(tiny_recipe(folder), threads=1).save(folder / "sample")
-
-
-@pytest.fixture(scope="module")
-def recording(map_dir):
-    """Return the arrays of a recording: a hand comes, stays in the way, and goes."""
-    nodes = load_map(map_dir).roadmap.nodes
-    x = 0.35 + np.abs(np.linspace(-0.6, 0.6, 60))
-    hand = np.array([[a, 0.0, 0.1, a + 0.3, 0.0, 0.4, 0.05] for a in x])
-    return {
-        "capsules": hand[:, None],
-        "q_start": nodes[0],
-        "q_goal": nodes[-1],
-        "rate_hz": np.float64(50.0),
-    }
-
-
-@pytest.fixture
-def odm(capsys, monkeypatch):
-    """Return a function that runs a command line: (exit code, stdout, stderr)."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["odm", *map(str, words)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        shown = capsys.readouterr()
-        return code, shown.out, shown.err
-
-    return run
-
-
-def one_sentence(text):
-    lines = [line for line in text.splitlines() if line.startswith("odm: ")]
-    return len(lines) == 1 and "Traceback" not in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -123,6 +81,24 @@ def test_build_makes_a_map_and_does_not_replace_another_one(odm, tmp_path):
     assert code == 1 and "not a map folder" in err
 
 
+def test_a_recipe_is_built_from_another_folder(odm, tmp_path, monkeypatch):
+    home = tmp_path / "home"
+    home.mkdir()
+    tiny_recipe(home)
+    text = '[robot]\nsource = "sample.urdf"\ntip = "hand"\n[roadmap]\nneighbors = 4\n'
+    (home / "tiny.toml").write_text(text)
+    srdf = '<robot><disable_collisions link1="base" link2="hand"/></robot>'
+    (tmp_path / "mine.srdf").write_text(srdf)
+    monkeypatch.chdir(tmp_path)
+    words = ("build", "home/tiny.toml", "--nodes", 30, "--out", "map")
+    assert odm(*words)[0] == 0
+    assert load_map("map").robot.source == "sample.urdf"
+    # what is typed starts at the current folder
+    assert odm(*words, "--srdf", "mine.srdf", "--force")[0] == 0
+    pairs = [pair[:2] for pair in load_map("map").robot.dropped_pairs]
+    assert ("base", "hand") in pairs
+
+
 def test_a_joint_can_be_locked_on_the_command_line(odm, tmp_path):
     urdf = tiny_recipe(tmp_path).robot.source
     words = ("--robot", urdf, "--tip", "hand", "--lock", "b=0.5", "--nodes", 30)
@@ -158,7 +134,11 @@ def test_info_tells_what_the_map_holds(odm, map_dir):
     assert {row["link"] for row in found["cover"]} == set(cell_map.robot.link_names)
     code, text, _ = odm("info", map_dir)
     assert code == 0
-    for word in ("rho", "hand", "sticks out [mm]", "floor", cell_map.hash[:12]):
+    tax = found["clearance_tax"]
+    assert 0 < tax["edges, close test"]["mean"] < tax["edges, cells"]["mean"] < 0.12
+    assert f"from {tax['lines']} approaches" in " ".join(text.split())
+    words = ("close test", "rho", "hand", "sticks out [mm]", "floor")
+    for word in (*words, cell_map.hash[:12]):
         assert word in text
 
 
@@ -170,90 +150,6 @@ def test_an_audit_passes_a_sound_map_and_fails_a_spoiled_one(odm, map_dir):
     assert json.loads(text)["violations"] > 0 and code == 1
     code, _, err = odm("audit", map_dir, "--sabotage", "luck")
     assert code == 1 and one_sentence(err)
-
-
-def test_a_replay_is_the_same_every_time_but_for_the_clock(
-    odm, map_dir, recording, tmp_path
-):
-    np.savez(tmp_path / "f.npz", **recording)
-    records = []
-    for name in ("a.json", "b.json"):
-        words = ("--frames", tmp_path / "f.npz", "--json", tmp_path / name)
-        assert odm("replay", "--map", map_dir, *words)[0] == 0
-        records.append(json.loads((tmp_path / name).read_text()))
-    latency = [record.pop("latency_s") for record in records]
-    assert records[0] == records[1]
-    assert len(records[0]["frames"]) == len(latency[0]["frames"]) == 60
-    assert records[0]["map_hash"] == load_map(map_dir).hash
-    assert set(latency[0]["summary"]["total"]) == {"p50", "p99", "max"}
-
-
-def test_points_with_offsets_replay_like_the_capsules_they_come_from(
-    odm, map_dir, recording, tmp_path
-):
-    np.savez(tmp_path / "f.npz", **recording)
-    sampled = read_recording(tmp_path / "f.npz", load_map(map_dir))
-    plain = {k: v for k, v in recording.items() if k != "capsules"}
-    plain |= {"points": sampled.points, "offsets": sampled.offsets}
-    np.savez(tmp_path / "p.npz", **plain)
-    found = []
-    for name in ("f.npz", "p.npz"):
-        words = ("--frames", tmp_path / name, "--always-replan", "--paths", "--json")
-        code, text, _ = odm("replay", "--map", map_dir, *words)
-        assert code == 0
-        found.append(json.loads(text)["frames"])
-    for a, b in zip(*found, strict=True):
-        assert (a.pop("certified"), b.pop("certified")) == (
-            "whole surface",
-            "visible surface",
-        )
-    assert found[0] == found[1]
-
-
-WRONG = {
-    "no start": lambda f: f.pop("q_start"),
-    "no frames": lambda f: f.pop("capsules"),
-    "both kinds": lambda f: f.update(points=np.zeros((0, 3)), offsets=[0, 0]),
-    "short start": lambda f: f.update(q_start=np.zeros(2)),
-    "start is NaN": lambda f: f.update(q_start=np.full(3, np.nan)),
-    "goal out of limits": lambda f: f.update(q_goal=np.full(3, 9.0)),
-    "words": lambda f: f.update(q_goal=np.array(["a", "b", "c"])),
-    "rate 0": lambda f: f.update(rate_hz=0.0),
-    "rate is NaN": lambda f: f.update(rate_hz=np.nan),
-    "rates": lambda f: f.update(rate_hz=np.ones(2)),
-    "flat capsules": lambda f: f.update(capsules=np.zeros((4, 7))),
-    "six columns": lambda f: f.update(capsules=np.zeros((4, 1, 6))),
-    "radius 0": lambda f: f["capsules"].__setitem__((3, 0, 6), 0.0),
-    "NaN capsule": lambda f: f["capsules"].__setitem__((3, 0, 0), np.nan),
-    "no capsules": lambda f: f.update(capsules=np.zeros((0, 1, 7))),
-}
-
-
-@pytest.mark.parametrize("name", WRONG)
-def test_a_malformed_recording_is_refused(name, odm, map_dir, recording, tmp_path):
-    arrays = {key: np.array(value) for key, value in recording.items()}
-    WRONG[name](arrays)
-    np.savez(tmp_path / "f.npz", **arrays)
-    code, out, err = odm("replay", "--map", map_dir, "--frames", tmp_path / "f.npz")
-    assert code == 1 and out == "" and one_sentence(err), err
-
-
-@pytest.mark.parametrize(
-    "offsets", [[0, 5, 3, 10], [1, 10], [0, 9], [0], [0.0, 10.0], [[0, 10]]]
-)
-def test_offsets_must_ascend_from_0_to_the_end(offsets, map_dir, recording, tmp_path):
-    arrays = {k: v for k, v in recording.items() if k != "capsules"}
-    arrays |= {"points": np.full((10, 3), 5.0), "offsets": np.array(offsets)}
-    np.savez(tmp_path / "f.npz", **arrays)
-    with pytest.raises(BadRecording, match="offsets"):
-        read_recording(tmp_path / "f.npz", load_map(map_dir))
-
-
-def test_what_is_no_npz_is_refused(map_dir, tmp_path):
-    for data in (b"", b"PK\x03\x04 broken", b"\x93NUMPY", b"hello"):
-        (tmp_path / "f.npz").write_bytes(data)
-        with pytest.raises(BadRecording, match="npz"):
-            read_recording(tmp_path / "f.npz", load_map(map_dir))
 
 
 def test_a_damaged_map_is_one_sentence(odm, map_dir, tmp_path):
@@ -294,13 +190,6 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
         fill_section(page, "build", "| new |")
 
 
-def start(words, cwd):
-    """Start a Python process in a folder; the project is on its path."""
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([sys.executable, *words], cwd=cwd, env=env, **pipe)
-
-
 def test_ctrl_c_during_a_build_leaves_nothing_and_says_so(tmp_path):
     urdf = tiny_recipe(tmp_path).robot.source
     words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", "60000")
@@ -311,28 +200,3 @@ def test_ctrl_c_during_a_build_leaves_nothing_and_says_so(tmp_path):
     assert process.returncode == 130, err
     assert "interrupted" in err and "Traceback" not in err
     assert not list(tmp_path.glob("built/*")) and not list(tmp_path.glob("built/.*"))
-
-
-WARM = """
-from sim.warmup import run_warmup
-run_warmup(lambda *_: None)
-"""
-PLAY = """
-import sys
-from sim import cli, warmup
-sys.argv = ["odm", "replay", "--map", sys.argv[1], "--frames", "f.npz"]
-try:
-    cli.main()
-except SystemExit as stop:
-    assert not stop.code
-print("compiled", warmup.cache_misses())
-"""
-
-
-def test_after_a_warmup_a_new_process_compiles_nothing(map_dir, recording, tmp_path):
-    np.savez(tmp_path / "f.npz", **recording)
-    for words in (["-c", WARM], ["-c", PLAY, str(map_dir)]):
-        process = start(words, tmp_path)
-        out, err = process.communicate(timeout=600)
-        assert process.returncode == 0, err
-    assert out.splitlines()[-1] == "compiled 0"

@@ -72,3 +72,14 @@ def test_the_world_is_the_plain_one_where_pybullet_is_missing(map_dir, monkeypat
     monkeypatch.setitem(sys.modules, "pybullet", None)
     world, note = open_world(load_map(map_dir))
     assert isinstance(world, CoverWorld) and "pybullet is not installed" in note
+
+
+def test_the_world_is_the_plain_one_where_the_urdf_is_gone(map_dir):
+    from odm.cell_map import load_map
+
+    pytest.importorskip("pybullet")
+    cell_map = load_map(map_dir)
+    robot = replace(cell_map.recipe.robot, source="gone.urdf")
+    moved = replace(cell_map, recipe=replace(cell_map.recipe, robot=robot))
+    world, note = open_world(moved)
+    assert isinstance(world, CoverWorld) and "'gone.urdf'" in note

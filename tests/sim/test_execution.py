@@ -7,7 +7,7 @@ import pytest
 
 import odm
 from roadmap.errors import BadInput
-from sim.execution import MOVING, Executor
+from sim.execution import BRAKED, MOVING, Executor
 from sim.loop import LoopSettings, run_loop
 from sim.threat import Threat, ThreatSettings, Watcher
 
@@ -90,11 +90,12 @@ def _at_work(small_map):
     planner.set_goals([b])
     executor = Executor(small_map.robot, planner, a, 0.01)
 
-    def frame(capsule, toward):
+    def frame(capsule, velocity):
         points = odm.sample_capsules(np.array([capsule]), 0.03)
         commit = executor.commit()
         answer = planner.step(points, q=commit.q)
-        threat = Threat(np.array([toward]), 0.0, ThreatSettings())
+        speeds = np.tile(np.array(velocity, float), (len(points), 1))
+        threat = Threat(points, speeds, 0.0, ThreatSettings())
         executor.heed(answer, commit, threat)
         stop = executor.motion.stop(executor.t)
         executor.advance()
@@ -107,62 +108,119 @@ def far_capsule(x):
     return [x, -0.4, 0.9, x, 0.4, 0.9, 0.05]
 
 
+AT_REST, COMES, GOES = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+
+
 def test_someone_far_away_does_not_slow_it(at_work):
     frame, executor = at_work
-    states = {frame(far_capsule(5.0), 2.0) and executor.state for _ in range(60)}
+    states = {frame(far_capsule(5.0), COMES) and executor.state for _ in range(60)}
     assert states == {MOVING}
 
 
-def test_who_comes_near_slows_it_more_than_who_stands(small_map):
-    slowest = {}
-    for toward in (0.0, 2.0):
-        frame, executor = _at_work(small_map)
-        speeds, reasons = [], set()
-        for _ in range(160):
-            frame(far_capsule(0.7), toward)
-            speeds.append(executor.motion.speed(executor.t))
-            reasons.add(executor.reason)
-        slowest[toward] = min(speeds[60:])
-        if toward:
-            assert any("nearer" in reason for reason in reasons)
-    assert slowest[2.0] < 0.7 * slowest[0.0]
+def slowest_beside(small_map, velocity):
+    frame, executor = _at_work(small_map)
+    speeds, reasons = [], set()
+    for _ in range(160):
+        frame(far_capsule(0.72), velocity)
+        speeds.append(executor.motion.speed(executor.t))
+        reasons.add(executor.reason)
+    return min(speeds[60:]), reasons
+
+
+def test_who_comes_near_slows_it_and_who_goes_away_does_not(small_map):
+    comes, reasons = slowest_beside(small_map, COMES)
+    rests, _ = slowest_beside(small_map, AT_REST)
+    goes, _ = slowest_beside(small_map, GOES)
+    assert any("in the way of the" in reason for reason in reasons)
+    assert comes < 0.7 * rests
+    assert goes >= rests
 
 
 def test_the_stop_it_holds_is_free_of_the_points_in_every_frame(at_work):
     frame, executor = at_work
     moved = 0
     for k in range(120):
-        answer, stop, _ = frame(far_capsule(1.0 - 0.004 * k), 0.4)
+        answer, stop, _ = frame(far_capsule(1.0 - 0.004 * k), (-0.4, 0.0, 0.0))
         moved += executor.motion.speed(executor.t) > 0.05
         if answer.status != "holding":
             assert executor.planner.blocked_leg(stop.path_from(0.0)) is None
     assert moved > 20
 
 
-def test_a_part_that_goes_away_is_less_of_a_threat_than_one_that_comes():
-    centers = np.zeros((1, 3))
-    reach = {}
-    for name, step in (("comes", -0.01), ("rests", 0.0), ("goes", 0.01)):
-        watcher = Watcher()
-        for k in range(2):
-            x = 0.6 + k * step
-            arm = np.array([[x, 0.0, 0.0, x + 0.3, 0.0, 0.0, 0.05]])
-            threat = watcher.look(arm, centers, 0.01 * k)
-        reach[name] = threat.reach(0.1)
-    s = ThreatSettings()
-    assert reach["comes"] > reach["rests"] + 0.05
-    assert reach["goes"] == pytest.approx(reach["rests"])
-    assert reach["rests"] == pytest.approx(0.5 * s.acceleration * 0.01)
-    assert reach["comes"] <= s.speed * 0.1
+def test_a_frame_that_does_not_come_makes_it_stop_and_the_next_one_go_on(at_work):
+    frame, executor = at_work
+    for _ in range(30):
+        frame(far_capsule(5.0), AT_REST)
+    assert executor.motion.speed(executor.t) > 0.3
+    points = []
+    for _ in range(60):  # the planner is late
+        points.append(executor.set_point)
+        executor.advance()
+    assert executor.state == BRAKED and "in time" in executor.reason
+    assert np.abs(executor.set_point.dq).max() < 1e-9
+    jerk = np.abs(np.diff([p.ddq for p in points], axis=0)) / 0.01
+    assert (jerk <= 1.001 * executor.robot.max_jerk).all()
+    for _ in range(40):
+        frame(far_capsule(5.0), AT_REST)
+    assert executor.state == MOVING and executor.motion.speed(executor.t) > 0.3
+
+
+def seen_twice(velocity, spin=0.0):
+    """Return an arm, the same 10 ms later, and the threat of the second frame."""
+    arm = np.array([[0.6, 0.0, 0.0, 0.9, 0.0, 0.0, 0.05]])
+    moved = arm + 0.01 * np.array([[*velocity, *velocity, 0.0]])
+    moved[0, 4] += 0.01 * spin
+    watcher = Watcher()
+    for k, capsule in enumerate((arm, moved)):
+        points = odm.sample_capsules(capsule, 0.03)
+        threat = watcher.look(capsule, points, np.zeros((1, 3)), 0.01 * k)
+    return moved, threat
+
+
+@pytest.mark.parametrize("velocity", [(0.7, 0.0, 0.2), (-1.0, 0.5, 0.0)])
+def test_a_part_is_expected_where_its_velocity_brings_it(velocity):
+    _, threat = seen_twice(velocity)
+    points, radius = threat.between(0.1, 0.1)
+    assert np.allclose(points, threat.points + 0.1 * np.array(velocity))
+    a = ThreatSettings().acceleration
+    assert radius == pytest.approx(0.5 * a * 0.1**2)
+    middle, more = threat.between(0.0, 0.1)
+    assert np.allclose(middle, threat.points + 0.05 * np.array(velocity))
+    speed = np.linalg.norm(velocity)
+    assert more == pytest.approx(radius + 0.05 * speed)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_balls_hold_whatever_accelerates_no_more_than_it_may(seed):
+    rng = np.random.default_rng(seed)
+    _, threat = seen_twice(rng.normal(size=3), spin=rng.normal())
+    a = ThreatSettings().acceleration
+    for begin, end in ((0.0, 0.05), (0.1, 0.2), (0.05, 0.4)):
+        points, radius = threat.between(begin, end)
+        for t in np.linspace(begin, end, 7):
+            push = rng.normal(size=3)
+            push *= 0.5 * a * t * t / np.linalg.norm(push)
+            there = threat.points + t * threat.velocity + push
+            off = np.linalg.norm(there - points, axis=1)
+            assert (off <= radius + 1e-12).all()
+
+
+def test_a_turning_arm_moves_faster_at_its_end():
+    _, threat = seen_twice((0.0, 0.0, 0.0), spin=1.0)
+    along = (threat.points[:, 0] - 0.6) / 0.3
+    sideways = threat.velocity[:, 1]
+    assert np.allclose(sideways, np.clip(along, 0.0, 1.0), atol=0.01)
 
 
 def test_nobody_near_is_no_threat_and_an_unknown_speed_is_the_worst():
     centers = np.zeros((1, 3))
     far = np.array([[3.0, 0, 0, 3.3, 0, 0, 0.05]])
     near = far - [2.5, 0, 0, 2.5, 0, 0, 0]
-    assert Watcher().look(far, centers, 0.0).reach(0.2) == 0.0
-    assert Watcher().look(near, centers, 0.0).reach(0.2) == pytest.approx(0.4)
-    assert Watcher().look(np.zeros((0, 7)), centers, 0.0).reach(0.2) == 0.0
+    nobody = Watcher().look(far, odm.sample_capsules(far, 0.03), centers, 0.0)
+    assert len(nobody.points) == 0
+    somebody = Watcher().look(near, odm.sample_capsules(near, 0.03), centers, 0.0)
+    points, radius = somebody.between(0.1, 0.2)
+    assert len(points) and radius == pytest.approx(0.4)
 
 
 def test_an_unknown_execution_is_refused():

@@ -1,5 +1,6 @@
 """Work places: free, left and right, pointing down where the tool can."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from roadmap import load_robot
 from roadmap.kinematics import tool_pose
-from sim.work_places import NoWorkPlaces, reach_of, work_places
+from sim.work_places import CANDIDATES, NoWorkPlaces, reach_of, work_places
 
 ARM = """<robot name="scara"><link name="base"/>{links}{joints}</robot>"""
 LINK = """<link name="l{i}"><collision><origin xyz="{half} 0 0"/><geometry>
@@ -71,6 +72,35 @@ def test_a_robot_whose_tool_cannot_point_down_gets_nodes(crane):
     assert left[1] > 0.1 > -0.1 > right[1]
 
 
+def test_first_nodes_that_keep_the_arm_folded_are_not_the_last_word(crane):
+    rng = np.random.default_rng(0)
+    spread = rng.uniform(crane.lower, crane.upper, (300, 2))
+    # a roadmap is sorted by place: its first nodes may be those of one side
+    folded = crane.lower + 0.02 * rng.uniform(size=(CANDIDATES, 2))
+    nodes = np.vstack([folded, spread])
+    left, right = work_places(crane, SimpleNamespace(nodes=nodes), anywhere)
+    tools = [tool_pose(crane, q)[:3, 3] for q in (left, right)]
+    assert tools[0][1] > 0.1 > -0.1 > tools[1][1]
+
+
+def test_an_arm_that_cannot_go_sideways_goes_up_and_down(arm):
+    rng = np.random.default_rng(0)
+    nodes = rng.uniform(arm.lower, arm.upper, (300, arm.dof))
+    nodes[:, [0, 3, 5]] = 0.0  # all in the plane y = 0
+    flat = replace(arm, lower=np.where([1, 0, 0, 1, 0, 1], -1e-9, arm.lower))
+    flat = replace(flat, upper=np.where([1, 0, 0, 1, 0, 1], 1e-9, arm.upper))
+    places = work_places(flat, SimpleNamespace(nodes=nodes), anywhere)
+    tools = np.array([tool_pose(arm, q)[:3, 3] for q in places])
+    assert np.abs(tools[:, 1]).max() < 1e-6
+    assert np.linalg.norm(tools[0] - tools[1]) > 0.3
+
+
+def test_two_places_that_are_one_are_refused(crane):
+    nodes = np.full((CANDIDATES + 5, 2), crane.lower)
+    with pytest.raises(NoWorkPlaces, match="further than 0 cm.*more nodes or a region"):
+        work_places(crane, SimpleNamespace(nodes=nodes), anywhere)
+
+
 def test_the_same_input_gives_the_same_places(arm, roadmap):
     one, two = (work_places(arm, roadmap, anywhere) for _ in range(2))
     assert one.tobytes() == two.tobytes()
@@ -82,4 +112,4 @@ def test_no_free_place_is_an_error_that_says_where(arm, roadmap):
 
 
 def test_the_reach_is_measured_to_the_side(arm, roadmap):
-    assert 0.3 < reach_of(arm, roadmap) < 0.95
+    assert 0.3 < reach_of(arm, roadmap.nodes) < 0.95

@@ -1,6 +1,8 @@
 """The pybullet world agrees with exact geometry, and its absence is explained."""
 
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +49,46 @@ def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkey
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(SimulatorMissing, match="Python 3.11 .* or go without"):
         World(crane_urdf, crane)
+
+
+IMPORT = """
+import os, sys
+from sim.world import _pybullet
+print("before")
+os.write(1, b"below python\\n")
+try:
+    _pybullet()
+except Exception as error:
+    print(repr(error), error.__cause__)
+print("after")
+os.write(2, b"stderr is back\\n")
+"""
+
+
+def import_in_a_new_process(cwd):
+    root = str(Path(__file__).resolve().parents[2])
+    code = f"import sys; sys.path.append({root!r})\n{IMPORT}"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr
+
+
+def test_importing_pybullet_prints_nothing(tmp_path):
+    pytest.importorskip("pybullet")
+    out, err = import_in_a_new_process(tmp_path)
+    assert sorted(out.split("\n")) == ["", "after", "before", "below python"]
+    assert err == "stderr is back\n"
+
+
+def test_what_a_broken_pybullet_says_is_not_lost(tmp_path):
+    said = 'import os\nos.write(1, b"pybullet build time: x\\nof another numpy\\n")\n'
+    broken = said + 'raise ImportError("wrong libstdc++")\n'
+    (tmp_path / "pybullet.py").write_text(broken)
+    out, err = import_in_a_new_process(tmp_path)
+    assert "SimulatorMissing" in out and "wrong libstdc++" in out and "after" in out
+    assert err == "of another numpy\nstderr is back\n"
 
 
 @pytest.mark.parametrize("kind", ["pybullet", "cover"])

@@ -1,0 +1,28 @@
+"""Points laid out for the close test, beside those of the frame."""
+
+import numpy as np
+
+from odm._kernels import occupancy
+from odm.grid import WorkspaceGrid
+
+
+class SortedCloud:
+    """Room for points that are laid out anew as often as one likes.
+
+    Args:
+        grid: The map's grid.
+    """
+
+    def __init__(self, grid: WorkspaceGrid) -> None:
+        """Have no room yet."""
+        self.grid = grid
+        self._cloud = grid.new_cloud(0)
+
+    def of(self, points: np.ndarray) -> object:
+        """Return (n, 3) points [m] as a cloud; the one before is overwritten."""
+        if len(points) > len(self._cloud.where):
+            self._cloud = self.grid.new_cloud(2 * len(points))
+        occupancy.clear(self._cloud)
+        occupancy.mark_points(points, self._cloud)
+        occupancy.sort_points(points, self._cloud)
+        return self._cloud

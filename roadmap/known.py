@@ -1,0 +1,155 @@
+"""Robots known by name: the file each comes in, its tool and its locked joints."""
+
+import difflib
+import importlib.util
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata, resources
+from pathlib import Path
+
+from roadmap.errors import BadRobot
+
+# What brings the files, and the remedy where it is absent.
+_HOW = {
+    "maps": "install odm-planner again",
+    "pybullet": "run \"pip install 'odm-planner[sim]'\" (wheels for Python 3.11 only)",
+    "example-robot-data": "run \"pip install 'odm-planner[robots]'\"",
+}
+_EXAMPLES = "cmeel.prefix/share/example-robot-data/robots"
+
+
+@dataclass(frozen=True)
+class KnownRobot:
+    """A robot that `load_robot` finds by name.
+
+    Attributes:
+        origin: What brings its file: "maps" (this package), "pybullet" or
+            "example-robot-data".
+        file: Path of the URDF inside of it.
+        tip: Link of the tool.
+        locked: Joints that stand still elsewhere than at 0 [rad or m].
+        srdf: File of this package with the link pairs that are not tested, or "".
+        acceleration, jerk: Joint name -> the maker's limit, which no URDF holds
+            [rad/s2, rad/s3].
+    """
+
+    origin: str
+    file: str
+    tip: str
+    locked: Mapping[str, float] = field(default_factory=dict)
+    srdf: str = ""
+    acceleration: Mapping[str, float] = field(default_factory=dict)
+    jerk: Mapping[str, float] = field(default_factory=dict)
+
+
+# Baxter's right arm hangs beside the pedestal; the gripper of the left one is open.
+_BAXTER = {"right_s1": 1.0, "l_gripper_l_finger_joint": 0.02}
+
+# Franka Control Interface documentation, "Limits for Panda": jerk is 500 times this.
+_PANDA = dict(
+    zip(
+        [f"panda_joint{k}" for k in range(1, 8)],
+        [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0],
+        strict=True,
+    )
+)
+
+_ROBOTS = {
+    "panda": KnownRobot(
+        "pybullet",
+        "franka_panda/panda.urdf",
+        "panda_grasptarget",
+        {"panda_finger_joint1": 0.04},
+        acceleration=_PANDA,
+        jerk={name: 500.0 * a for name, a in _PANDA.items()},
+    ),
+    "kuka_iiwa": KnownRobot("pybullet", "kuka_iiwa/model.urdf", "lbr_iiwa_link_7"),
+    "xarm6": KnownRobot("pybullet", "xarm/xarm6_robot.urdf", "link6"),
+    "kawasaki_fs003n": KnownRobot("maps", "kawasaki_fs003n.urdf", "flange"),
+    "rail_arm": KnownRobot("maps", "rail_arm.urdf", "tool", {"left_finger": 0.02}),
+    "plain_arm": KnownRobot("maps", "plain_arm.urdf", "tool"),
+    "ur5": KnownRobot(
+        "example-robot-data",
+        "ur_description/urdf/ur5_joint_limited_robot.urdf",
+        "tool0",
+    ),
+    "baxter_left": KnownRobot(
+        "example-robot-data",
+        "baxter_description/urdf/baxter.urdf",
+        "left_gripper",
+        _BAXTER,
+        "baxter_left.srdf",
+    ),
+    "kinova": KnownRobot(
+        "example-robot-data",
+        "kinova_description/robots/kinova.urdf",
+        "j2s6s200_end_effector",
+    ),
+}
+
+
+def robot_names() -> list[str]:
+    """Return the names that `load_robot` takes in place of a file."""
+    return sorted(_ROBOTS)
+
+
+def known_robot(name: str | os.PathLike) -> KnownRobot | None:
+    """Return what is known of a robot of that name, None for any other source."""
+    return _ROBOTS.get(str(name))
+
+
+def robot_file(source: str | os.PathLike) -> Path:
+    """Return the URDF file of a known name, or the file that `source` itself names.
+
+    Raises:
+        BadRobot: There is no such file or name, lists the names; or what brings the
+            file is not installed, says how to install it.
+    """
+    robot, path = known_robot(source), Path(source)
+    if robot is None:
+        if path.is_file():
+            return path
+        raise BadRobot(_unknown(str(source)))
+    folder = _folder(robot.origin)
+    if folder is None:
+        raise BadRobot(
+            f"the robot {str(source)!r} comes with {robot.origin}, which is not "
+            f"installed here; {_HOW[robot.origin]} or give the path of a URDF"
+        )
+    if not (folder / robot.file).is_file():
+        raise BadRobot(
+            f"the robot {str(source)!r} should be in {robot.file} of {robot.origin}, "
+            f"but the installed version has no such file; {_HOW[robot.origin]} with "
+            "--upgrade or give the path of a URDF"
+        )
+    return folder / robot.file
+
+
+def own_file(name: str) -> Path:
+    """Return a file that this package brings along, a URDF, SRDF or recipe."""
+    return Path(str(resources.files("maps"))) / name
+
+
+def _folder(origin: str) -> Path | None:
+    """Return the folder that `KnownRobot.file` starts from, None if not installed."""
+    if origin == "maps":
+        return own_file("")
+    if origin == "pybullet":
+        spec = importlib.util.find_spec("pybullet_data")
+        places = list(spec.submodule_search_locations or []) if spec else []
+        return Path(places[0]) if places else None
+    try:
+        found = metadata.distribution(origin)
+    except metadata.PackageNotFoundError:
+        return None
+    return Path(str(found.locate_file(_EXAMPLES)))
+
+
+def _unknown(source: str) -> str:
+    near = difflib.get_close_matches(source, robot_names(), n=1)
+    hint = f"did you mean {near[0]!r}? Give" if near else "give"
+    return (
+        f"there is no URDF file at {source!r}, and no known robot has that name; "
+        f"{hint} the path of a .urdf file or one of {', '.join(robot_names())}"
+    )

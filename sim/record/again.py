@@ -1,0 +1,162 @@
+"""A recorded run, run again: the same person, places and settings."""
+
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+
+from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
+from odm.recipe import parse_recipe
+from roadmap.errors import BadInput
+from roadmap.robot import Robot
+from sim.loop import Loop, LoopSettings
+from sim.record.check import BadRecord
+from sim.record.recorder import Recorder
+from sim.record.run_record import NOBODY, RunRecord
+
+Progress = Callable[[str, int, int], None]
+
+
+class RecordedPerson:
+    """The person of a recording, frame by frame; a `sim.human_motion.HumanMotion`.
+
+    Where the recording tells what was seen from what was guessed, it has `guess` too.
+
+    Args:
+        record: The recording.
+    """
+
+    def __init__(self, record: RunRecord) -> None:
+        """Read nothing yet."""
+        motion = record.head["motion"]
+        self.record, self.name = record, motion["name"]
+        self.max_speed, self.notes = motion["max_speed"], tuple(motion["notes"])
+        if "guess" in record.arrays:
+            self.guess = lambda t: self.record.person("guess", self._frame(t))
+
+    def capsules(self, t: float) -> np.ndarray:
+        """Return the (k, 7) capsules of the frame at time `t` [s], in m."""
+        return self.record.person("capsules", self._frame(t))
+
+    def _frame(self, t: float) -> int:
+        frame = round(t * self.record.rate_hz)
+        if not 0 <= frame < self.record.frames:
+            last = self.record.arrays["time_s"][-1]
+            raise BadInput(
+                f"the recorded person was asked for at {t:g} s, but the recording "
+                f"goes from 0 to {last:g} s; run no longer than it"
+            )
+        return frame
+
+
+def run_again(
+    record: RunRecord, cell_map: CellMap, progress: Progress | None = None
+) -> RunRecord:
+    """Run a recorded run again, and return the recording of that.
+
+    Args:
+        record: The recording.
+        cell_map: Its map; see `check_map`.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        BadRecord: The map is another one, or a setting is unknown here.
+    """
+    check_map(record, cell_map)
+    recorder = Recorder(_loop(record, cell_map), cell_map)
+    for i in range(1, record.frames + 1):
+        recorder.add(recorder.loop.frame())
+        if progress is not None and (i % 50 == 0 or i == record.frames):
+            progress("frames", i, record.frames)
+    return recorder.record()
+
+
+def check_map(
+    record: RunRecord, cell_map: CellMap, path: object = "FILE", folder: object = ""
+) -> None:
+    """Refuse another map than the recorded one.
+
+    Args:
+        record: The recording.
+        cell_map: The map.
+        path: Where the recording lies, for the sentence.
+        folder: Where the map lies, for the sentence.
+
+    Raises:
+        BadRecord: The hashes differ; names both and tells how to build the right one.
+    """
+    wanted = record.head["map"]
+    if cell_map.hash == wanted["hash"]:
+        return
+    raise BadRecord(
+        f"the run was recorded on map {wanted['name']} {wanted['hash'][:12]}, but the "
+        f"map{folder and f' in {folder}'} is {cell_map.recipe.name} "
+        f"{cell_map.hash[:12]}; build the right one with `odm replay {path} --build "
+        "DIR`, or write its recipe with --recipe-out"
+    )
+
+
+def check_built(record: RunRecord, cell_map: CellMap, folder: object) -> None:
+    """Refuse a map built from a recording that is not the recorded one.
+
+    Raises:
+        BadRecord: This version builds another map from the same recipe.
+    """
+    wanted, written = record.head["map"]["hash"], record.head["versions"]
+    if cell_map.hash != wanted:
+        raise BadRecord(
+            f"the map built in {folder} has the hash {cell_map.hash[:12]}, not "
+            f"{wanted[:12]}: this version builds another one from the same recipe; "
+            f"use odm-planner {written.get('odm-planner', '')} with numpy "
+            f"{written.get('numpy', '')}, which recorded the run"
+        )
+
+
+def recipe_of(record: RunRecord) -> Recipe:
+    """Return the recipe of the map of a recording."""
+    table = record.head["map"]
+    return parse_recipe(table["recipe"], table["name"])
+
+
+def robot_of(record: RunRecord) -> Robot:
+    """Return the robot of a recording: no URDF is needed."""
+    arrays = record.arrays.items()
+    own = {k.removeprefix("robot."): a for k, a in arrays if k.startswith("robot.")}
+    return Robot.from_store(record.head["robot"], own)
+
+
+def build_again(
+    record: RunRecord, threads: int = 0, progress: Progress | None = None
+) -> CellMap:
+    """Return the map of a recording, built anew; it has a hash once it was saved.
+
+    Args:
+        record: The recording.
+        threads: Worker threads; 0 means one per core.
+        progress: Called with (stage, done, total).
+    """
+    return build_map(recipe_of(record), threads, progress, robot_of(record))
+
+
+def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
+    head = record.head
+    asked = _known(PlannerSettings, head["planner"]["settings"])
+    planner = ReactivePlanner(cell_map, head["planner"]["always_replan"], asked)
+    nobody = head["motion"]["name"] == NOBODY
+    return Loop(
+        planner,
+        planner.robot,
+        record.arrays["places"],
+        None if nobody else RecordedPerson(record),
+        _known(LoopSettings, head["settings"]),
+    )
+
+
+def _known(kind: type, table: dict) -> object:
+    unknown = sorted(set(table) - {f.name for f in fields(kind)})
+    if unknown:
+        raise BadRecord(
+            f"the recording sets {unknown[0]} = {table[unknown[0]]}, which this "
+            "version of odm-planner does not know; replay it with the one that wrote it"
+        )
+    return kind(**table)

@@ -1,0 +1,86 @@
+"""What must hold of the arrays of a recording."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sim.record.run_record import OUTCOME
+from sim.recording import BadRecording
+
+
+class BadRecord(BadRecording):
+    """A recording of a run cannot be used; says what is wrong with it."""
+
+
+def check_arrays(path: str | Path, head: dict, arrays: dict[str, np.ndarray]) -> None:
+    """Refuse arrays that are no run.
+
+    Raises:
+        BadRecord: A clip shorter than the run, time that goes backwards, a shape that
+            does not fit, a number that is none.
+        KeyError: An array is missing.
+    """
+    n, places = head["frames"], arrays["places"]
+    if not isinstance(n, int) or n < 1:
+        raise BadRecord(f"{path} holds {n} frames; record a run of at least one")
+    if places.ndim != 2 or len(places) < 2:
+        raise BadRecord(
+            f"the work places of {path} have the shape {places.shape}; there must be "
+            "at least two configurations (n, dof)"
+        )
+    dof = places.shape[1]
+    wide = {name: (dof,) if name in ("q", "dq", "ddq") else () for name in OUTCOME}
+    for name, shape in {"time_s": (), **wide}.items():
+        _shape(path, name, arrays[name], n, shape)
+    _time(path, arrays["time_s"], head["settings"]["rate_hz"])
+    for name in ("capsules", "guess"):
+        if name == "capsules" or name in arrays:
+            _person(path, name, arrays, n)
+    for name in ("places", "capsules", "guess"):
+        if name in arrays and not np.isfinite(arrays[name]).all():
+            raise BadRecord(f"{name} of {path} holds NaN or infinity; record again")
+
+
+def _shape(path: object, name: str, array: np.ndarray, n: int, shape: tuple) -> None:
+    if array.ndim and array.shape[1:] == shape and len(array) < n:
+        raise BadRecord(
+            f"{name} of {path} is a clip of {len(array)} frames, shorter than the run "
+            f"of {n}; copy the file again or record again"
+        )
+    if array.shape != (n, *shape):
+        raise BadRecord(
+            f"{name} of {path} has the shape {array.shape}, but must have "
+            f"{(n, *shape)}; record again"
+        )
+
+
+def _time(path: object, time: np.ndarray, rate: float) -> None:
+    back = np.flatnonzero(~(np.diff(time) > 0))
+    if len(back):
+        i = int(back[0])
+        raise BadRecord(
+            f"time goes backwards in {path}: {time[i]:g} s in frame {i}, then "
+            f"{time[i + 1]:g} s; the times of frames must ascend"
+        )
+    off = np.abs(time - np.arange(len(time)) / rate) > 1e-9
+    if off.any():
+        i = int(off.argmax())
+        raise BadRecord(
+            f"frame {i} of {path} is at {time[i]:g} s, but at {rate:g} frames per "
+            f"second it must be at {i / rate:g} s"
+        )
+
+
+def _person(path: object, name: str, arrays: dict[str, np.ndarray], n: int) -> None:
+    rows, offsets = arrays[name], arrays.get(f"{name}_at")
+    if offsets is None:
+        _shape(path, name, rows, n, (rows.shape[1] if rows.ndim == 3 else 0, 7))
+        return
+    _shape(path, f"{name}_at", offsets, n + 1, ())
+    sound = offsets.dtype.kind == "i" and offsets[0] == 0
+    sound = sound and (np.diff(offsets) >= 0).all() and offsets[-1] == len(rows)
+    if not sound or rows.shape[1:] != (7,):
+        raise BadRecord(
+            f"{name}_at of {path} must ascend from 0 to the number of rows of {name}, "
+            f"{len(rows)}, and these have 7 columns; record again"
+        )

@@ -1,0 +1,49 @@
+"""A recipe as TOML text, which `odm build` reads back as the same recipe."""
+
+import json
+from typing import Any
+
+from odm.recipe import Recipe
+
+_NOTE = "# The recipe of a recorded run's map; `odm build` makes the map from it.\n"
+
+
+def recipe_text(recipe: Recipe) -> str:
+    """Return the recipe as TOML; what is None is left out, as that is its default."""
+    table = recipe.as_dict()
+    table["safety"] = {k: v for k, v in table["safety"].items() if k != "m"}
+    parts = [_NOTE + f"name = {_value(table['name'])}\n"]
+    parts += [_section(f"[{name}]", table[name]) for name in ("robot", "roadmap")]
+    parts.append(_section("[safety]", table["safety"]))
+    parts += [_section("[[scenery]]", solid) for solid in table["scenery"]]
+    return "\n".join(parts)
+
+
+def _section(head: str, table: dict[str, Any]) -> str:
+    rows = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
+    return "\n".join([head, *rows]) + "\n"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, dict):
+        rows = [f"{_key(k)} = {_value(v)}" for k, v in value.items()]
+        return "{ " + ", ".join(rows) + " }" if rows else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(value)  # inf and nan are the same words in TOML
+    if isinstance(value, int):
+        return str(value)
+    return _string(str(value))
+
+
+def _key(key: str) -> str:
+    plain = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if plain else _string(key)
+
+
+def _string(text: str) -> str:
+    """Return a TOML basic string; JSON's escapes of it are TOML's, but for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,220 @@
+"""Recording a run: every frame as it comes, one file at the end, however it ends."""
+
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from odm.cell_map import CellMap
+from roadmap.errors import BadInput
+from sim.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
+from sim.loop import Frame, Loop
+from sim.record.columns import Column
+from sim.record.file import write_record
+from sim.record.run_record import FORMAT, NOBODY, OUTCOME, RunRecord
+from sim.run_result import STATUS, holds_of, kind_of, new_paths
+
+PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"
+PACKAGES = ("odm-planner", "numpy", "numba", "scipy", "ruckig", "python-fcl")
+_ASK_AGAIN = 0.5  # a long hold is asked for its reason so often [s]
+
+
+class Recorder:
+    """Takes the frames of a loop; about 300 bytes each and 56 for every capsule.
+
+    Args:
+        loop: The loop; not begun.
+        cell_map: The planner's map.
+    """
+
+    def __init__(self, loop: Loop, cell_map: CellMap) -> None:
+        """Hold no frame yet."""
+        self.loop, self.cell_map = loop, cell_map
+        self.frames = 0
+        self._columns = {name: Column(kind) for name, kind in OUTCOME.items()}
+        self._capsules, self._guess = Column(np.float64), Column(np.float64)
+        self._paces = list(PACES)
+        self._reasons: dict[int, str] = {}  # by frame
+        self._brakes: dict[int, str] = {}
+        self._held = 0  # frames of the hold that lasts
+        self._every = max(1, round(_ASK_AGAIN * loop.settings.rate_hz))
+
+    def add(self, frame: Frame) -> None:
+        """Take one frame; one that is interrupted half-way is left out."""
+        if frame.pace not in self._paces:
+            self._paces.append(frame.pace)
+        values = {
+            "status": STATUS.index(frame.answer.status),
+            "pace": self._paces.index(frame.pace),
+        }
+        for name, column in self._columns.items():
+            column.add(values[name] if name in values else getattr(frame, name))
+        self._capsules.add(frame.capsules)
+        if frame.guess is not None:
+            self._guess.add(frame.guess)
+        self._ask(frame)
+        self.frames += 1
+
+    def _ask(self, frame: Frame) -> None:
+        if frame.pace in (SLOWED, BRAKED) and frame.brake:
+            self._brakes[self.frames] = frame.brake
+        if frame.answer.status != "holding":
+            self._held = 0
+            return
+        if self._held % self._every == 0:
+            reason = frame.answer.reason or "no reason was given"
+            self._reasons[self.frames] = reason
+        self._held += 1
+
+    def record(self) -> RunRecord:
+        """Return what was taken so far.
+
+        Raises:
+            BadInput: There is no frame yet.
+        """
+        n, loop = self.frames, self.loop
+        if n == 0:
+            raise BadInput("no frame was run, so there is nothing to record")
+        arrays = {"time_s": np.arange(n) / loop.settings.rate_hz}
+        arrays["places"] = np.array(loop.places)
+        for name, column in (("capsules", self._capsules), ("guess", self._guess)):
+            if column.blocks(n):
+                rows, offsets = column.shapes(n, 7)
+                arrays[name] = rows
+                arrays |= {} if offsets is None else {f"{name}_at": offsets}
+        arrays |= {name: c.rows(n) for name, c in self._columns.items()}
+        robot = self.cell_map.robot
+        arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
+        head = self._head() | {"outcome": self._outcome(arrays)}
+        found = RunRecord(head, arrays)
+        head["outcome"]["trajectory_sha256"] = found.result().fingerprint()
+        return found
+
+    def _head(self) -> dict:
+        loop, cell_map = self.loop, self.cell_map
+        motion, planner = loop.motion, loop.planner
+        return {
+            "kind": "odm run",
+            "format": FORMAT,
+            "frames": self.frames,
+            "motion": {
+                "name": NOBODY if motion is None else motion.name,
+                "max_speed": getattr(motion, "max_speed", None),
+                "notes": list(getattr(motion, "notes", ())),
+            },
+            "settings": asdict(loop.settings),
+            "planner": {
+                "always_replan": planner.always_replan,
+                "settings": asdict(planner.settings),
+            },
+            "map": {
+                "name": cell_map.recipe.name,
+                "hash": cell_map.hash,
+                "recipe": cell_map.recipe.as_dict(),
+            },
+            "robot": cell_map.robot.meta(),
+            "status_names": list(STATUS),
+            "pace_names": list(self._paces),
+            "versions": versions(),
+        }
+
+    def _outcome(self, arrays: dict[str, np.ndarray]) -> dict:
+        rate, status = self.loop.settings.rate_hz, arrays["status"]
+        speed = arrays["joint_speed"]
+        holds = holds_of(status, speed, lambda i: self._reasons.get(i, ""), rate)
+        return {
+            "trips": self.loop.trips,
+            "path_changes": new_paths(status, arrays["place"]),
+            "holds": [asdict(h) | {"later": self._later(h, rate)} for h in holds],
+            "slow": self._slow(arrays["pace"], rate),
+        }
+
+    def _later(self, hold: object, rate: float) -> list[list]:
+        """Return [time [s], reason] where the kind of a hold's reason changed."""
+        first, end = round(hold.start_s * rate), round(hold.end_s * rate)
+        told, kind = [], kind_of(hold.reason)
+        for i in range(first + self._every, end, self._every):
+            reason = self._reasons.get(i, "")
+            if reason and kind_of(reason) != kind:
+                told.append([i / rate, reason])
+                kind = kind_of(reason)
+        return told
+
+    def _slow(self, pace: np.ndarray, rate: float) -> list[dict]:
+        """Return the stretches in which it was slowed or braked, with the reason."""
+        changes = np.flatnonzero(np.r_[True, pace[1:] != pace[:-1]])
+        ends = np.r_[changes[1:], len(pace)]
+        rows = []
+        for a, b in zip(changes.tolist(), ends.tolist(), strict=True):
+            name = self._paces[pace[a]]
+            if name in (SLOWED, BRAKED):
+                told = [self._brakes[i] for i in range(a, b) if i in self._brakes]
+                row = {"start_s": a / rate, "end_s": b / rate, "pace": name}
+                rows.append(row | {"reason": told[0] if told else ""})
+        return rows
+
+
+def versions() -> dict[str, str]:
+    """Return Python, machine and the packages that make the numbers, by name."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def check_target(path: Path) -> None:
+    """Refuse a file that could not be written, before any work.
+
+    Raises:
+        BadInput: It does not end in .npz, is a folder, or its folder takes no file.
+    """
+    if path.suffix != ".npz":
+        raise BadInput(f"the recording {path} does not end in .npz; name it RUN.npz")
+    if path.is_dir():
+        raise BadInput(f"the recording {path} is a folder; give the name of a file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise BadInput(
+            f"the recording {path} cannot be written ({error.strerror}); choose "
+            "another folder"
+        ) from error
+    os.close(handle)
+    os.unlink(made)
+
+
+@contextmanager
+def recording(
+    path: Path | None, loop: Loop, cell_map: CellMap
+) -> Iterator[Recorder | None]:
+    """Yield a recorder; what it took is written at the end, Ctrl-C or an error too.
+
+    Where it went is told on stderr, for one who interrupts reads no summary.
+
+    Args:
+        path: The file; None yields None, and nothing is recorded.
+        loop: The loop; not begun.
+        cell_map: The planner's map.
+    """
+    if path is None:
+        yield None
+        return
+    recorder = Recorder(loop, cell_map)
+    try:
+        yield recorder
+    finally:
+        if recorder.frames:
+            write_record(recorder.record(), path)
+            with suppress(OSError):  # of a terminal that is gone
+                print(f"{recorder.frames:,} frames in {path}", file=sys.stderr)

@@ -1,0 +1,104 @@
+"""What a recording of a run holds."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.run_result import Hold, RunResult
+
+FORMAT = 1
+NOBODY = "none"  # name of the motion of a run without a person
+INPUTS = ("time_s", "places", "capsules", "capsules_at", "guess", "guess_at")
+OUTCOME = {  # by frame, in the order in which differences are told
+    "status": np.uint8,
+    "place": np.int32,
+    "pace": np.uint8,
+    "q": np.float64,
+    "dq": np.float64,
+    "ddq": np.float64,
+    "separation": np.float64,
+    "joint_speed": np.float64,
+    "point_speed": np.float64,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """One run: all that went into it and all that came of it, but no clock's figures.
+
+    Attributes:
+        head: Plain data: "kind", "format", "frames", "motion", "settings", "planner",
+            "map" (name, hash, recipe), "robot", "versions", "outcome" (fingerprint,
+            trips, path changes, holds and slow stretches with their reasons).
+        arrays: By name, with F frames. "time_s" (F,) [s]; "places" (n, dof);
+            "capsules" (F, k, 7) as the planner saw the person [m], or (sum, 7) with
+            offsets "capsules_at" (F + 1,) where k changes; "guess", the same of
+            where the person is, for motions that tell the two apart; the names of
+            `OUTCOME`; and the robot's own, "robot.*".
+        altered: Names of arrays of the outcome that are not as they were written.
+    """
+
+    head: dict[str, Any]
+    arrays: dict[str, np.ndarray]
+    altered: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return self.head["frames"]
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self.head["settings"]["rate_hz"]
+
+    @property
+    def holds(self) -> list[dict]:
+        """All holds: "start_s", "end_s", "reason", "retreating", "later"."""
+        return self.head["outcome"]["holds"]
+
+    @property
+    def slow(self) -> list[dict]:
+        """Stretches in which it was slowed or braked: "start_s", "end_s", ..."""
+        return self.head["outcome"]["slow"]
+
+    def person(self, name: str, i: int) -> np.ndarray:
+        """Return the (k, 7) capsules of frame i [m].
+
+        Args:
+            name: "capsules" or "guess".
+            i: Number of the frame.
+        """
+        offsets = self.arrays.get(f"{name}_at")
+        rows = self.arrays[name]
+        return rows[i] if offsets is None else rows[offsets[i] : offsets[i + 1]]
+
+    def result(self) -> RunResult:
+        """Return the run's result; its clock's figures are all 0."""
+        outcome, n = self.head["outcome"], self.frames
+        known = ("start_s", "end_s", "reason", "retreating")
+        columns = ("q", "separation", "joint_speed", "point_speed", "status", "place")
+        return RunResult(
+            motion=self.head["motion"]["name"],
+            seed=self.head["settings"]["seed"],
+            rate_hz=self.rate_hz,
+            trips=outcome["trips"],
+            path_changes=outcome["path_changes"],
+            holds=tuple(Hold(**{k: h[k] for k in known}) for h in self.holds),
+            capsules=self._padded(),
+            **{name: self.arrays[name] for name in columns},
+            **dict.fromkeys(("wall_s", "cpu_s", "polish_s"), np.zeros(n)),
+            stages={},
+        )
+
+    def _padded(self) -> np.ndarray:
+        """Return the capsules (F, k, 7), NaN where a frame has fewer than others."""
+        offsets = self.arrays.get("capsules_at")
+        if offsets is None:
+            return self.arrays["capsules"]
+        whole = np.full((self.frames, int(np.diff(offsets).max()), 7), np.nan)
+        for i in range(self.frames):
+            rows = self.person("capsules", i)
+            whole[i, : len(rows)] = rows
+        return whole

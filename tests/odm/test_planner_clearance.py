@@ -1,0 +1,76 @@
+"""Every path the planner gives keeps its distance, over its whole length."""
+
+import numpy as np
+import pytest
+from naive_cells import smallest_gap
+from small import AWAY, HOME, draw_arm, draw_valid, wrapped
+
+import odm
+
+
+def test_every_piece_of_a_path_keeps_its_distance(small_map, planner, rng):
+    keep = small_map.safety.rho + small_map.safety.m
+    paths = 0
+    for _ in range(60):
+        q = draw_valid(planner, rng)
+        planner.set_goals([draw_valid(planner, rng)])
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        answer = planner.step(points, q=q)
+        if answer.status == "holding":
+            continue
+        paths += 1
+        assert np.array_equal(answer.path[0], q)
+        inside = points[(small_map.grid.locate(points) >= 0).all(axis=1)]
+        for a, b in zip(answer.path, answer.path[1:], strict=False):
+            assert smallest_gap(small_map, a, b - a, inside, 100) >= keep - 1e-9
+            assert planner.is_free(wrapped(small_map, a), wrapped(small_map, b))
+    assert paths > 25
+
+
+@pytest.mark.parametrize("rounding", [None, 0.04])
+def test_paths_keep_the_clearance_from_the_exact_arm(small_map, planner, rng, rounding):
+    from odm.exact import ExactRobot, obstacles_of
+
+    robot = small_map.robot
+    exact, paths = ExactRobot(robot), 0
+    moving = robot.link_body[robot.solid_link] > 0
+    for _ in range(40):
+        q = draw_valid(planner, rng)
+        planner.set_goals([draw_valid(planner, rng)])
+        arm = draw_arm(rng)
+        shapes = obstacles_of([capsule_of(row) for row in arm])
+        points = odm.sample_capsules(arm, 0.03)
+        if not (small_map.grid.locate(points) >= 0).all():
+            continue
+        answer = planner.step(points, q=q, rounding=rounding)
+        for a, b in zip(answer.path, answer.path[1:], strict=False):
+            paths += 1
+            for t in np.linspace(0, 1, 12):
+                nearest = exact.distance_of(moving, a + t * (b - a), shapes)
+                assert nearest.distance >= small_map.safety.m - 1e-9
+    assert paths > 15
+
+
+def test_a_known_rounding_or_dense_points_cost_less_space(small_map, planner):
+    planner.set_goals([AWAY])
+    arm = np.array([[0.0, 0.3, 0.5, 0.0, 0.4, 0.5, 0.05]])
+    points = odm.sample_capsules(arm, 0.03)
+    planner.step(points, q=HOME)
+    plain = planner.radii.copy()
+    planner.step(points, q=HOME, rounding=0.05)
+    assert (planner.radii < plain - 0.005).all()
+    planner.step(points, q=HOME, covering_radius=0.01)
+    assert np.allclose(planner.radii, plain - 0.02)
+    planner.step(points, q=HOME)
+    assert np.allclose(planner.radii, plain, atol=1e-12)
+
+
+def capsule_of(row):
+    a, b = row[:3], row[3:6]
+    z = (b - a) / np.linalg.norm(b - a)
+    x = np.cross(z, [1.0, 0.2, 0.3])
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    pose[:3, 3] = (a + b) / 2
+    return odm.Capsule(row[6], np.linalg.norm(b - a), pose)

@@ -1,0 +1,147 @@
+"""Bad values hold the robot with a reason; bad programs raise one sentence."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, NOBODY, POST, ball_at
+
+import odm
+from roadmap.errors import BadConfiguration, BadInput
+
+
+def test_points_that_are_not_numbers_hold_with_the_reason(planner):
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    points[3, 1] = np.nan
+    answer = planner.step(points, q=HOME)
+    assert answer.status == "holding"
+    assert len(answer.path) == 0
+    assert "1 obstacle points are NaN" in answer.reason
+
+
+def test_old_data_hold_with_their_age(planner):
+    planner.set_goals([AWAY])
+    answer = planner.step(NOBODY, q=HOME, stamp=1.0, now=1.35)
+    assert answer.status == "holding"
+    assert "350 ms old" in answer.reason
+    assert planner.step(NOBODY, q=HOME, stamp=1.0, now=1.05).status != "holding"
+    assert planner.step(NOBODY, q=HOME, stamp=2.0, now=1.0).status == "holding"
+    assert planner.step(NOBODY, q=HOME, stamp=np.nan, now=1.0).status == "holding"
+
+
+def test_how_old_data_may_be_is_the_users_choice(small_map):
+    settings = odm.PlannerSettings(max_age_s=0.5)
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    planner.set_goals([AWAY])
+    assert planner.step(NOBODY, q=HOME, stamp=1.0, now=1.45).status != "holding"
+    answer = planner.step(NOBODY, q=HOME, stamp=1.0, now=1.6)
+    assert "600 ms old, more than the 500 ms" in answer.reason
+
+
+def test_a_start_out_of_limits_or_unknown_holds(planner):
+    planner.set_goals([AWAY])
+    answer = planner.step(NOBODY, q=np.array([1.6, 0.0, 0.0]))
+    assert "turn = 1.6 lies outside" in answer.reason
+    answer = planner.step(NOBODY, q=np.array([np.nan, 0.0, 0.0]))
+    assert "NaN" in answer.reason
+    assert planner.step(NOBODY, q=np.array([1.5005, 0.2, 0.0])).status != "holding"
+
+
+def test_a_start_in_contact_is_named_with_its_link_and_a_retreat(planner):
+    planner.set_goals([AWAY])
+    answer = planner.step(ball_at([0.3, 0.0, 0.35]), q=HOME)
+    assert answer.status == "holding"
+    assert "start is in contact" in answer.reason
+    assert answer.blockers.link in ("upper", "lower", "hand")
+    assert len(answer.blockers.points) == 1
+
+
+def test_a_start_in_self_collision_or_scenery_holds(small_map, planner):
+    planner.set_goals([AWAY])
+    answer = planner.step(NOBODY, q=np.array([1.5, 1.9, 0.0]))
+    assert answer.status == "holding"
+    assert "start is not free" in answer.reason
+
+
+def test_a_blocked_goal_is_named_with_what_would_help(planner):
+    planner.set_goals([AWAY])
+    answer = planner.step(ball_at([-0.5, 0.0, 0.25], 0.08), q=HOME)
+    assert answer.status == "holding"
+    assert answer.reason.startswith("goal 0 is blocked")
+    assert "away" in answer.reason
+    assert answer.goal is None
+
+
+def test_no_goal_holds(planner):
+    assert "set_goals" in planner.step(NOBODY, q=HOME).reason
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (np.zeros((4, 2)), "shape"),
+        (np.zeros(3), "shape"),
+        (np.array([["a", "b", "c"]]), "dtype"),
+        (np.zeros((2, 3), complex), "dtype"),
+    ],
+)
+def test_points_of_the_wrong_kind_raise(planner, points, words):
+    with pytest.raises(BadInput, match=words):
+        planner.step(points, q=HOME)
+
+
+def test_other_wrong_arguments_raise_one_clear_sentence(planner):
+    with pytest.raises(BadInput, match="3 moving joints"):
+        planner.step(NOBODY, q=np.zeros(7))
+    with pytest.raises(BadInput, match="covering radius of 0.05"):
+        planner.step(NOBODY, q=HOME, covering_radius=0.05)
+    for radius in (-0.01, np.nan):
+        with pytest.raises(BadInput, match="covering radius of"):
+            planner.step(NOBODY, q=HOME, covering_radius=radius)
+    with pytest.raises(BadInput, match="labels"):
+        planner.step(NOBODY, q=HOME, labels=np.zeros(3))
+    with pytest.raises(BadInput, match="dq"):
+        planner.step(NOBODY, q=HOME, dq=np.zeros(2))
+
+
+def test_raw_points_are_certified_as_far_as_they_are_seen(planner):
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    assert planner.step(points, q=HOME).certified == "whole surface"
+    raw = planner.step(points, q=HOME, covering_radius=0.01)
+    assert raw.certified == "visible surface"
+
+
+def test_points_outside_the_grid_are_counted(planner):
+    points = np.array([[9.0, 0, 0], [0, 0, 0.9], [0, -50.0, 0]])
+    assert planner.step(points, q=HOME).work.outside == 2
+
+
+def test_more_points_than_ever_are_taken(small_map):
+    settings = odm.PlannerSettings(max_points=100)
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    planner.set_goals([AWAY])
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-1, -1, 1.3], [1, 1, 2.0], (5000, 3))
+    answer = planner.step(points, q=HOME)
+    assert answer.work.points == 5000
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ([0.0, 0.0], "shape"),
+        ([np.nan, 0.0, 0.0], "NaN"),
+        ([3.0, 0.0, 0.0], "turn = 3"),
+        ([1.5, 1.9, 0.0], "not free"),
+    ],
+)
+def test_goals_that_can_never_be_reached_raise(planner, goal, words):
+    with pytest.raises(BadConfiguration, match=words):
+        planner.set_goals([np.array(goal)])
+
+
+def test_too_many_goals_and_bad_costs_raise(planner):
+    with pytest.raises(BadConfiguration, match="at most 32"):
+        planner.set_goals(np.zeros((33, 3)))
+    with pytest.raises(BadConfiguration, match="costs"):
+        planner.set_goals([AWAY], costs=[-1.0])

@@ -1,0 +1,87 @@
+"""What a planner keeps between frames and goals, and what it must not."""
+
+import numpy as np
+from small import AWAY, HOME, NOBODY, POST, draw_arm, draw_valid, wrapped
+
+import odm
+
+
+def test_a_goal_that_is_a_node_needs_no_attachment(small_map, planner):
+    node = small_map.roadmap.nodes[7]
+    planner.set_goals([node])
+    assert planner.memory.goals.number[0] == 1
+    answer = planner.step(NOBODY, q=small_map.roadmap.nodes[90].copy())
+    assert np.allclose(wrapped(small_map, answer.path[-1] - node), 0)
+
+
+def test_unchanged_goals_are_not_attached_again(planner):
+    planner.set_goals([AWAY])
+    used = planner.memory.pool.used.copy()
+    planner.set_goals([AWAY.copy()])
+    assert np.array_equal(planner.memory.pool.used, used)
+
+
+def test_many_goals_do_not_fill_the_memory(small_map, planner, rng):
+    for _ in range(600):
+        planner.set_goals([draw_valid(planner, rng)])
+        assert planner.step(NOBODY, q=HOME).status != "holding"
+    items, entries = planner.memory.pool.used
+    assert items < len(planner.memory.pool.begin)
+    assert entries < len(planner.memory.pool.block)
+
+
+def test_one_planner_does_not_depend_on_what_another_did(small_map, rng):
+    a, b = odm.ReactivePlanner(small_map), odm.ReactivePlanner(small_map)
+    points = odm.sample_capsules(draw_arm(rng), 0.03)
+    a.set_goals([AWAY])
+    for _ in range(5):
+        b.set_goals([draw_valid(b, rng)])
+        b.step(points, q=draw_valid(b, rng))
+    b.reset()
+    b.set_goals([AWAY])
+    assert np.array_equal(a.step(points, q=HOME).path, b.step(points, q=HOME).path)
+
+
+def test_nothing_is_allocated_in_a_frame_but_the_answer(small_map):
+    import tracemalloc
+
+    planner = odm.ReactivePlanner(small_map, always_replan=True)
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    for _ in range(50):
+        planner.step(points, q=HOME)
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for _ in range(500):
+        planner.step(points, q=HOME)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 4096
+
+
+def test_no_kernel_is_compiled_again_for_another_map(small_map, tmp_path):
+    from odm._kernels import frame, step
+
+    small_map.save(tmp_path / "map")
+    loaded = odm.load_map(tmp_path / "map")
+    kernels = (step.step, frame.take_points)
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    planner.step(odm.sample_capsules(POST, 0.03), q=HOME)
+    seen = [len(k.signatures) for k in kernels]
+    other = odm.ReactivePlanner(loaded)
+    other.set_goals([AWAY])
+    other.step(odm.sample_capsules(POST, 0.03), q=HOME)
+    assert [len(k.signatures) for k in kernels] == seen
+
+
+def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
+    from odm._kernels import frame, step
+
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    planner.step(points, q=HOME)
+    seen = len(step.step.signatures), len(frame.take_points.signatures)
+    points.flags.writeable = False
+    planner.step(points, q=small_map.roadmap.nodes[3])
+    assert (len(step.step.signatures), len(frame.take_points.signatures)) == seen

@@ -1,0 +1,133 @@
+"""Robots that cannot be used are refused with one sentence, a PlanningError."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from urdf_parts import BALL, COARSE, mesh
+
+from roadmap import load_robot
+from roadmap.errors import PlanningError
+
+
+def refuses(source, words, **options):
+    with pytest.raises(PlanningError, match=words) as caught:
+        load_robot(source, **{**COARSE, **options})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    refuses(tmp_path / "no.urdf", "no URDF file at .*no.urdf")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<robot name='x'>", "<robot><link name='a'></robot>", "not xml"]
+)
+def test_broken_xml_is_refused_not_repaired(text, tmp_path):
+    (tmp_path / "r.urdf").write_text(text)
+    refuses(tmp_path / "r.urdf", "not well-formed|not one tree|not a usable")
+
+
+def test_another_kind_of_file_is_refused(tmp_path):
+    (tmp_path / "r.sdf").write_text("<sdf version='1.6'/>")
+    refuses(tmp_path / "r.sdf", "<sdf>, not <robot>")
+
+
+def test_a_missing_mesh_names_link_file_and_places(arm, tmp_path):
+    refuses(arm(mesh("package://p/no.stl")), "'package://p/no.stl' of link 'arm'.*look")
+    refuses(arm(mesh("no.stl")), "no.stl.*package_dirs")
+
+
+def test_an_unreadable_mesh_is_refused(arm, tmp_path):
+    (tmp_path / "t.stl").write_bytes(b"solid nothing")
+    refuses(arm(mesh("t.stl")), "t.stl.*of link 'arm'")
+    (tmp_path / "t.obj").write_bytes(b"v 0 0 nan\nf 1 1 1\n")
+    refuses(arm(mesh("t.obj")), "no finite triangles")
+    (tmp_path / "t.xyz").write_bytes(b"1 2 3")
+    refuses(arm(mesh("t.xyz")), "cannot be read")
+
+
+def test_a_robot_without_a_moving_joint_is_refused(arm):
+    refuses(arm(BALL, "fixed"), "no joint moves")
+    refuses(arm(BALL), "no joint moves", locked={"turn": 0.0})
+    still = '<limit lower="0.3" upper="0.3" velocity="1" effort="1"/>'
+    refuses(arm(BALL, inside=still), "no joint moves")
+
+
+def test_an_unknown_tip_lists_the_links(arm):
+    refuses(arm(BALL), "no link 'hand'.*'base', 'arm'", tip="hand")
+
+
+def test_an_unclear_tip_lists_the_candidates(urdf, link, joint):
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    body += joint("j", "revolute", "base", "a") + joint("k", "revolute", "base", "b")
+    refuses(urdf(body), "tip= one of .*'a', 'b'")
+
+
+def test_locking_what_cannot_be_locked_is_refused(arm, gantry, urdf, link, joint):
+    refuses(arm(BALL), "'elbow'.*'turn'", locked={"elbow": 0})
+    refuses(arm(BALL), "at 2.5.*-2 to 1.5", locked={"turn": 2.5})
+    refuses(arm(BALL), "locked at nan", locked={"turn": np.nan})
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    follow = '<mimic joint="j"/>'
+    body += joint("j", "revolute", "base", "a")
+    body += joint("k", "revolute", "a", "b", inside=follow)
+    refuses(urdf(body), "'k' mimics 'j'; lock 'j'", locked={"k": 0})
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ('lower="1" upper="-1"', "lower 1.0 above upper -1.0"),
+        ('lower="0"', "limits 0.0 to None"),
+        ('lower="-inf" upper="1"', "-inf to 1.0"),
+    ],
+)
+def test_unusable_limits_are_refused(limit, words, arm):
+    refuses(arm(BALL, inside=f'<limit {limit} velocity="1" effort="1"/>'), words)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar", "screw"])
+def test_other_joint_types_are_refused(kind, arm):
+    refuses(arm(BALL, kind), f"'turn'.*'{kind}'")
+
+
+def test_shapes_that_are_not_understood_are_refused_not_skipped(arm):
+    refuses(arm('<capsule radius="1" length="1"/>'), "capsule")
+    refuses(arm('<box size="0.1 0.1"/>'), "sizes must be")
+    refuses(arm('<sphere radius="0"/>'), "sizes must be")
+    refuses(arm('<cylinder radius="-1" length="1"/>'), "sizes must be")
+
+
+def test_broken_trees_are_refused(urdf, link, joint):
+    ends = link("a", BALL) + link("b", BALL)
+    refuses(urdf(ends), "not one tree")
+    refuses(urdf(ends + joint("j", "revolute", "a", "c")), "'c', which the file")
+    loop = joint("j", "revolute", "a", "b") + joint("k", "revolute", "b", "a")
+    refuses(urdf(ends + loop), "not one tree")
+    refuses(urdf(ends + loop + link("root")), "loop through")
+    refuses(urdf(ends + link("a")), "twice")
+
+
+def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):
+    refuses(arm(BALL, inside='<mimic joint="ghost"/>'), "mimics 'ghost'")
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    body += joint("j", "revolute", "base", "a", inside='<mimic joint="k"/>')
+    body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
+    refuses(urdf(body), "itself a follower")
+
+
+def test_a_zero_axis_is_refused(urdf, link, joint):
+    body = link("base") + link("a", BALL)
+    refuses(urdf(body + joint("j", "revolute", "base", "a", axis="0 0 0")), "axis")
+
+
+def test_a_missing_or_broken_srdf_is_refused(arm, tmp_path):
+    refuses(arm(BALL), "no SRDF file", srdf=tmp_path / "no.srdf")
+    (tmp_path / "r.srdf").write_text("<robot>")
+    refuses(arm(BALL), "not well-formed", srdf=tmp_path / "r.srdf")
+
+
+def test_without_pybullet_the_panda_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    refuses("panda", "comes with pybullet, which is not installed.*3.11")

@@ -1,0 +1,258 @@
+"""`odm run --record` and `odm replay` as a user meets them."""
+
+import json
+
+import numpy as np
+import pytest
+from keyboard_pty import User
+from mocap_files import write_bvh
+from recorded import crane_recipe, tampered
+
+from odm import build_map, load_map, load_recipe
+from sim import cli_build
+from sim.loop import Loop
+from sim.record import read_record, run_again, write_record
+from sim.warmup import tiny_recipe
+
+LIVE = """
+import sys
+from pathlib import Path
+import sim.demo
+from sim.keyboard import run_keyboard
+warm_up = sim.demo.warm_up
+def spoil(planner, *options):
+    warm_up(planner, *options)
+    planner.always_replan = True
+sim.demo.warm_up = spoil
+sim.demo.find_places = lambda planner: planner.cell_map.roadmap.nodes[[0, -1]]
+run = run_keyboard(sys.argv[1], rate=50.0, record=Path(sys.argv[2]))
+sys.exit(run.exit_code)
+"""
+
+
+@pytest.fixture(scope="module")
+def map_dir(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    return build_map(tiny_recipe(folder), threads=1).save(folder / "sample")
+
+
+@pytest.fixture(autouse=True)
+def places(monkeypatch):
+    """Let the robot go between two nodes: few are on this map."""
+    monkeypatch.setattr("sim.demo.find_places", _two_nodes)
+
+
+def _two_nodes(planner):
+    return planner.cell_map.roadmap.nodes[[0, -1]]
+
+
+@pytest.fixture
+def file(odm, map_dir, tmp_path):
+    """Return a recorded run of two seconds."""
+    words = ("--map", map_dir, "--seconds", 2, "--record", tmp_path / "run.npz")
+    code, _, err = odm("run", *words)
+    assert code == 0 and f"200 frames in {tmp_path / 'run.npz'}" in err
+    return tmp_path / "run.npz"
+
+
+def sentence(text):
+    (line,) = [line for line in text.splitlines() if line.startswith("odm: ")]
+    assert "Traceback" not in text
+    return line
+
+
+@pytest.mark.parametrize("motion", ["sweep", "mocap"])
+@pytest.mark.parametrize("execution", ["kinematic", "timed"])
+def test_a_recorded_run_replayed_is_the_same_bytes(
+    motion, execution, odm, map_dir, tmp_path
+):
+    words = ["run", "--map", map_dir, "--motion", motion, "--execution", execution]
+    if motion == "mocap":
+        words += ["--file", write_bvh(tmp_path / "clip.bvh")]
+    record, again = tmp_path / "run.npz", tmp_path / "again.npz"
+    shown = tmp_path / "run.json"
+    code, _, err = odm(*words, "--seconds", 2, "--record", record, "--json", shown)
+    assert code == 0, err
+    words = ("--map", map_dir, "--record", again, "--json", tmp_path / "again.json")
+    code, out, err = odm("replay", record, *words)
+    assert code == 0 and out.startswith("same: 200 frames"), err
+    assert again.read_bytes() == record.read_bytes()
+    told = json.loads(shown.read_text())["run"]
+    del told["timing"]
+    replayed = json.loads((tmp_path / "again.json").read_text())
+    assert replayed.pop("holds") is not None and replayed == told
+    assert told["trajectory_sha256"] in out
+    code, text, _ = odm("replay", again, "--map", map_dir, "--json")
+    assert code == 0 and text == (tmp_path / "again.json").read_text()
+
+
+def test_a_flipped_number_ends_with_exit_code_1_and_its_frame(
+    odm, map_dir, file, tmp_path
+):
+    def flip(gap):
+        gap[42] += 1e-12
+
+    path = tampered(file, tmp_path / "bad.npz", "separation.npy", flip)
+    code, out, err = odm("replay", path, "--map", map_dir)
+    assert code == 1 and "same" not in out
+    told = sentence(err)
+    assert "frame 42 (0.420 s)" in told and "separation was" in told
+    assert "altered after the run: separation" in told
+
+
+def test_a_record_of_other_versions_says_so(odm, map_dir, file, tmp_path):
+    record = read_record(file)
+    record.head["versions"]["numpy"] = "0.1"
+    record.head["outcome"]["trips"] += 1
+    path = write_record(record, tmp_path / "old.npz")
+    code, _, err = odm("replay", path, "--map", map_dir)
+    assert code == 1
+    assert f"recorded with numpy 0.1, not {np.__version__}" in sentence(err)
+
+
+def test_holds_are_listed_without_a_map(odm, crane_urdf, tmp_path):
+    from recorded import new_loop, recorded
+
+    folder = tmp_path / "crane"
+    cell_map = load_map(build_map(crane_recipe(crane_urdf), threads=1).save(folder))
+    record = recorded(new_loop(cell_map, duration_s=6.0), cell_map)
+    path = write_record(record, tmp_path / "run.npz")
+    code, out, _ = odm("replay", path, "--holds")
+    lines = out.splitlines()
+    assert code == 0 and f"{len(record.holds)} holds" in lines[0] and record.holds
+    for hold in record.holds:
+        start = f"{hold['start_s']:.3f} s to"
+        (line,) = [line for line in lines if start in line and "later" not in line]
+        assert line.endswith(hold["reason"])
+
+
+def test_another_map_is_refused_with_both_hashes(odm, map_dir, file, tmp_path):
+    other = tiny_recipe(tmp_path, 0.05)
+    folder = build_map(other, threads=1).save(tmp_path / "other")
+    code, _, err = odm("replay", file, "--map", folder)
+    told = sentence(err)
+    assert code == 1
+    for one in (map_dir, folder):
+        assert load_map(one).hash[:12] in told
+    assert f"odm replay {file} --build DIR" in told
+
+
+def test_without_a_map_it_looks_where_maps_are_built(
+    odm, map_dir, file, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("sim.replay_command.MAPS", tmp_path / "none")
+    code, _, err = odm("replay", file)
+    assert code == 1 and "--build" in sentence(err)
+    monkeypatch.setattr("sim.replay_command.MAPS", map_dir.parent)
+    code, out, err = odm("replay", file)
+    assert code == 0 and out.startswith("same"), err
+
+
+def test_recipe_and_map_come_out_of_the_file(odm, map_dir, file, tmp_path):
+    recipe, built = tmp_path / "r.toml", tmp_path / "built"
+    code, _, err = odm("replay", file, "--recipe-out", recipe, "--build", built)
+    assert code == 0, err
+    assert load_recipe(recipe).as_dict() == load_map(map_dir).recipe.as_dict()
+    assert load_map(built).hash == load_map(map_dir).hash
+    assert odm("replay", file, "--map", built)[0] == 0
+
+
+def test_a_truncated_recording_is_one_sentence(odm, map_dir, file, tmp_path):
+    part = tmp_path / "part.npz"
+    part.write_bytes(file.read_bytes()[:5000])
+    code, _, err = odm("replay", part, "--map", map_dir)
+    assert code == 1 and "truncated or damaged" in sentence(err)
+
+
+def test_the_planner_of_the_run_knows_nothing_of_the_warming_up(
+    odm, map_dir, tmp_path, monkeypatch
+):
+    def spoil(planner, *options):
+        planner.always_replan = True
+
+    monkeypatch.setattr("sim.demo.warm_up", spoil)
+    words = ("--map", map_dir, "--seconds", 1, "--record", tmp_path / "run.npz")
+    assert odm("run", *words)[0] == 0
+    head = read_record(tmp_path / "run.npz").head
+    assert not head["planner"]["always_replan"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run.txt",), "does not end in .npz"),
+        (("folder.npz",), "is a folder"),
+        (("file/run.npz",), "cannot be written"),
+    ],
+)
+@pytest.mark.parametrize("motion", ["sweep", "keyboard"])
+def test_a_target_that_cannot_be_written_is_refused_before_the_run(
+    words, told, motion, odm, tmp_path, monkeypatch
+):
+    (tmp_path / "folder.npz").mkdir()
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("sim.keyboard.command.open_terminal", lambda: (None, None))
+    target = ("--record", tmp_path.joinpath(*words))
+    # the map is read after the target was tried
+    words = ("--motion", motion, "--map", tmp_path / "no_map")
+    code, _, err = odm("run", *words, *target)
+    assert code == 1 and told in sentence(err)
+
+
+def test_ctrl_c_writes_what_was_run(odm, map_dir, tmp_path, monkeypatch):
+    frame = Loop.frame
+
+    def interrupted(loop):
+        if loop.index == 123 and loop.settings.duration_s == 10.0:
+            raise KeyboardInterrupt
+        return frame(loop)
+
+    monkeypatch.setattr(Loop, "frame", interrupted)
+    words = ("--map", map_dir, "--seconds", 10, "--record", tmp_path / "run.npz")
+    code, _, err = odm("run", *words)
+    assert code == 130 and "interrupted" in err and "123 frames in" in err
+    assert list(tmp_path.iterdir()) == [tmp_path / "run.npz"]
+    monkeypatch.undo()
+    record = read_record(tmp_path / "run.npz")
+    assert record.frames == 123
+    again = run_again(record, load_map(map_dir))
+    assert (
+        write_record(again, tmp_path / "again.npz").read_bytes()
+        == (tmp_path / "run.npz").read_bytes()
+    )
+
+
+@pytest.mark.parametrize("end", [b"q", b"\x03"])
+def test_a_live_run_with_the_keyboard_is_repeated(end, map_dir, tmp_path):
+    out = tmp_path / "run.npz"
+    with User("-c", LIVE, map_dir, out, columns=100, lines=40) as user:
+        user.see("of [0-9,]+ edges")
+        for keys in (b"\x1b[A" * 6, b"wwww", b"+\x1b[C\x1b[C"):
+            user.type(keys)
+            user.look(0.2)
+        user.see("0:0[1-9]")
+        user.type(end)
+        assert user.end() == (0 if end == b"q" else 130) and user.restored
+    record = read_record(out)
+    assert record.head["motion"]["name"] == "keyboard" and record.frames > 40
+    assert not record.head["planner"]["always_replan"]  # not the one that was spoilt
+    assert len(np.unique(record.arrays["capsules"][:, 0, 0])) > 5
+    again = run_again(record, load_map(map_dir))
+    assert write_record(again, tmp_path / "again.npz").read_bytes() == out.read_bytes()
+
+
+def test_options_of_the_other_kind_of_file_are_refused(odm, map_dir, file, tmp_path):
+    code, _, err = odm("replay", file, "--map", map_dir, "--always-replan")
+    assert code == 1 and "--always-replan goes with recorded obst" in sentence(err)
+    np.savez(tmp_path / "frames.npz", capsules=np.zeros((1, 1, 7)))
+    code, _, err = odm("replay", tmp_path / "frames.npz", "--holds")
+    assert code == 1 and "--holds goes with a recorded run" in sentence(err)
+    assert odm("replay", tmp_path / "frames.npz")[0] == 2
+    assert odm("replay")[0] == 2
+    assert odm("replay", file, "--frames", file)[0] == 2
+
+
+def test_the_default_folder_is_that_of_odm_build():
+    from sim import replay_command
+
+    assert replay_command.MAPS is cli_build.MAPS
