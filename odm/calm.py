@@ -17,7 +17,7 @@ from odm.clouds import SortedCloud
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
-_KEPT = 13  # earlier frames kept
+_KEPT = 26  # earlier frames kept
 _MOST = 1024  # points kept of each
 _PERIOD_S = 0.01  # between two frames where no time is given [s]
 _SHIFTS = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
@@ -49,7 +49,7 @@ class Calm:
         The way in use is judged by the frame's own points. Where a new one is wanted,
         it is looked for among all that `recent` leaves free, then by the points alone.
         """
-        planner, s = self.planner, self.planner.settings
+        planner = self.planner
         code = step.judge(planner.memory.table, points, q, False)
         if code != step.LOOK:
             return code
@@ -58,16 +58,22 @@ class Calm:
             planner.make_room(2 * len(around))
             frame.take_points(planner.memory.table, points)
             code = step.judge(planner.memory.table, points, q, False)
-        table = planner.memory.table
-        frame.take_points(table, around)
-        code = step.look(table, around, s.margin, s.close_tests, s.looks)
-        frame.take_points(table, points)
+        code = self._look(around)
+        if code == step.NO_PATH and self.recent.margin > 0.0:
+            code = self._look(self.recent.lately())
+        frame.take_points(planner.memory.table, points)
         if code == step.NO_PATH:
             return self._barely(points)
         if code == step.PLANNED:
             self._bare, self._wary = False, 0
-            step.adopt(table)
+            step.adopt(planner.memory.table)
         return code
+
+    def _look(self, points: np.ndarray) -> int:
+        """Look for a new way among other points than the frame's, which are gone."""
+        s, table = self.planner.settings, self.planner.memory.table
+        frame.take_points(table, points)
+        return step.look(table, points, s.margin, s.close_tests, s.looks)
 
     def _barely(self, points: np.ndarray) -> int:
         """Look for a way that is only just free.
@@ -133,7 +139,7 @@ class Recent:
             self._time[:] = -np.inf
         self._now, self._points = now, points
         last = self._time[self._next - 1]
-        if now - last < self.memory_s / (_KEPT - 1):
+        if now - last < 0.9 * self.memory_s / (_KEPT - 1):  # 0.9: clocks round
             return
         step = -(-len(points) // _MOST) or 1
         some = points[::step]
@@ -143,16 +149,23 @@ class Recent:
 
     def around(self) -> np.ndarray:
         """Return (m, 3) points: this frame's, those shifted, and the last frames'."""
+        return self._together(_SHIFTS if self.margin > 0.0 else _SHIFTS[:1])
+
+    def lately(self) -> np.ndarray:
+        """Return (m, 3) points: this frame's and the last frames'."""
+        return self._together(_SHIFTS[:1])
+
+    def _together(self, shifts: np.ndarray) -> np.ndarray:
         points = self._points
         n = len(points)
         kept = np.flatnonzero(self._time >= self._now - self.memory_s)
-        total = len(_SHIFTS) * n + int(self._count[kept].sum())
+        total = len(shifts) * n + int(self._count[kept].sum())
         if total > len(self._union):
             self._union = np.zeros((2 * total, 3))
         out = self._union[:total]
-        for k, shift in enumerate(_SHIFTS):
+        for k, shift in enumerate(shifts):
             np.add(points, self.margin * shift, out=out[k * n : (k + 1) * n])
-        end = len(_SHIFTS) * n
+        end = len(shifts) * n
         for k in kept:
             size = int(self._count[k])
             out[end : end + size] = self._ring[k, :size]

@@ -299,15 +299,20 @@ class ReactivePlanner:
             s.looks,
         )
 
-    def polish(self, budget: int = 4) -> int:
+    def polish(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
         """Shorten the path in use between two frames; return how many cuts were made.
 
         Call it after the answer was sent. At most `budget` motions are tested; what
         is found is remembered and used by later frames as long as it is free.
+
+        Args:
+            budget: Motions to test at most.
+            ahead: (dof,) where the next frame will be asked from, if that is known:
+                the path up to there stays. None leaves what the robot reaches soon.
         """
         found, left = self.polisher.run(budget)
         if left > 0 and not self.always_replan:
-            found += self.smoother.run(left)
+            found += self.smoother.run(left, ahead)
         return found
 
     # --- questions -------------------------------------------------------------

@@ -62,20 +62,26 @@ class Smoother:
         """Begin the order of the changes again."""
         self._drawn = 0
 
-    def run(self, budget: int) -> int:
-        """Test at most `budget` new legs; return how many changes were made."""
+    def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
+        """Test at most `budget` new legs; return how many changes were made.
+
+        The way up to `ahead` (dof,) stays; None: what the robot soon comes to.
+        """
         planner = self.planner
         way = planner.memory.way
         if planner.last is None or planner.last.status == HOLDING:
             return 0
-        made = 0
+        made, located = 0, False
         for _ in range(_DRAWS * budget):
-            if budget <= 0 or way.count[0] < 3:
+            # a change alters the segments: what stays is found again
+            located = located or (way.count[0] > 2 and self._begin(ahead))
+            if budget <= 0 or not located:
                 break
             change = self._draw()
             if change is not None:
                 budget -= len(change.corners) - 1
-                made += self._try(change)
+                changed = self._try(change)
+                made, located = made + changed, not changed
         return made
 
     def _draw(self) -> Change | None:
@@ -93,22 +99,33 @@ class Smoother:
         before, after = self._time(corners), self._time(new)
         return change if after < (1.0 - _WORTH) * before else None
 
-    def _rest(self) -> tuple[int, float, np.ndarray]:
-        """Return the first segment, the share of it behind the lead, and corners."""
+    def _begin(self, ahead: np.ndarray | None) -> bool:
+        """Find the first segment and the share of it that stay; False: none is left."""
         planner = self.planner
-        way, robot = planner.memory.way, planner.robot
-        at = int(planner.memory.own.numbers[N_SEGMENT])
-        corners = way.q[at : way.count[0]]
-        leg = corners[1] - corners[0]
-        off = planner._difference(corners[0], planner._q)
+        m, robot = planner.memory, planner.robot
+        at = int(m.own.numbers[N_SEGMENT])
+        if ahead is not None:
+            at = int(ways.locate_on_way(m.table, m.way, at, ahead, m.own.out))
+            self._at, self._share = at, float(m.own.out[0])
+            return at >= 0
+        leg = m.way.q[at + 1] - m.way.q[at]
+        off = planner._difference(m.way.q[at], planner._q)
         done = float(off @ leg) / max(float(leg @ leg), 1e-12)
         done, left = min(max(done, 0.0), 1.0), _LEAD_S
-        while True:
-            time = float((np.abs(corners[1] - corners[0]) / robot.max_velocity).max())
-            if (1.0 - done) * time > left or len(corners) == 2:
-                return at, min(1.0, done + left / max(time, 1e-9)), corners
+        while at < int(m.way.count[0]) - 1:
+            leg = m.way.q[at + 1] - m.way.q[at]
+            time = float((np.abs(leg) / robot.max_velocity).max())
+            if (1.0 - done) * time > left:
+                self._at, self._share = at, done + left / time
+                return True
             left -= (1.0 - done) * time
-            at, done, corners = at + 1, 0.0, corners[1:]
+            at, done = at + 1, 0.0
+        return False
+
+    def _rest(self) -> tuple[int, float, np.ndarray]:
+        """Return the first segment, the share of it that stays, and corners."""
+        way = self.planner.memory.way
+        return self._at, self._share, way.q[self._at : way.count[0]]
 
     def _cut(
         self, rest: tuple[int, float, np.ndarray], u: float, v: float
@@ -147,8 +164,10 @@ class Smoother:
     def _change(self, i: int, j: int, a: bool, b: bool, corners: list) -> Change | None:
         """Return the change with its legs the short way round."""
         planner = self.planner
-        legs = [planner._difference(*pair) for pair in zip(corners, corners[1:], strict=False)]
-        return Change(i, j, a, b, corners[0] + np.cumsum([0.0 * legs[0], *legs], axis=0))
+        pairs = zip(corners, corners[1:], strict=False)
+        legs = np.array([planner._difference(*pair) for pair in pairs])
+        ends = corners[0] + np.cumsum(legs, axis=0)
+        return Change(i, j, a, b, np.vstack([corners[:1], ends]))
 
     def _time(self, corners: np.ndarray) -> float:
         """Return the time that a path takes, about [s]."""

@@ -127,6 +127,18 @@ def lay_way(
     return tuple(p for p in pieces if p.length > SHORTEST), stray
 
 
+def without_gaps(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Return the pieces, each from the end of the one before on.
+
+    Between two of them a piece of no length to speak of may have been dropped.
+    """
+    ends = [pieces[0].begin, *(piece.end for piece in pieces[:-1])]
+    return tuple(
+        piece if piece.begin == end else replace(piece, begin=end)
+        for piece, end in zip(pieces, ends, strict=True)
+    )
+
+
 def _rounded(a: Piece, b: Piece, d: float) -> tuple[list[Piece], Piece]:
     """Return ([rest of a, the blend], rest of b) with the corner rounded."""
     begin = a.end - d

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.blend import Piece, joint_sway, lay_way, scalar_limits
+from roadmap.blend import joint_sway, lay_way
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -25,12 +25,14 @@ from roadmap.timing import (
     after,
     fill,
     junction_speeds,
+    passing,
 )
+from roadmap.way import NEAR, SAME, Way
 
 BLEND = 0.005  # [m] default bound on what the blending of corners gives away
-_SAME = 1e-9
-_NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
 _MEETS = 1e-6  # a phase begins at the end of a piece, give or take that
+_STEADY = 1e-3  # less is no acceleration: a rounding of v by e leaves sqrt(e j) of it
+_OVER = 4  # pieces that a stop may lead over
 _SETTLE = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # shares of a speed that are tried
 
 
@@ -57,53 +59,6 @@ class Commit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """Pieces with the limits of the arc length on them."""
-
-    robot: Robot
-    pieces: tuple[Piece, ...]
-    swift: np.ndarray  # (n,) speed by the joints' velocities
-    turning: np.ndarray  # (n,) speed by what turning on a blend takes
-    a: np.ndarray  # (n,) acceleration
-    j: np.ndarray  # (n,) jerk
-    stray: float
-    home: np.ndarray  # (dof,) where a way without pieces stands
-
-    @classmethod
-    def of(
-        cls, robot: Robot, pieces: tuple[Piece, ...], stray: float, home: np.ndarray
-    ) -> "_Way":
-        if not pieces:
-            none = np.zeros(0)
-            return cls(robot, (), none, none, none, none, 0.0, home)
-        return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
-
-    def index(self, s: float) -> int:
-        """Return the piece that holds arc length `s`."""
-        begins = [p.begin for p in self.pieces]
-        return max(0, bisect_right(begins, s) - 1)
-
-    def index_of(self, state: State) -> int:
-        """Return the piece a state is on; without acceleration, a next one counts."""
-        slack = _NEAR if abs(state.a) < _NEAR else 0.0
-        return self.index(state.s + slack)
-
-    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if not self.pieces:
-            none = np.zeros_like(self.home)
-            return self.home, none, none
-        return self.pieces[self.index(s)].at(s)
-
-    def stops(self) -> np.ndarray:
-        """Return which ends of the pieces (n + 1,) must be passed at rest."""
-        corners = [
-            bool(np.abs(a.w - b.u).max() > _SAME)
-            for a, b in zip(self.pieces, self.pieces[1:], strict=False)
-        ]
-        return np.array([False, *corners, True])
-
-
-@dataclass(frozen=True, eq=False)
 class Motion:
     """A timed path; see `time_path`.
 
@@ -115,7 +70,7 @@ class Motion:
 
     duration: float
     speed_scale: float
-    _way: _Way
+    _way: Way
     _phases: tuple[Phase, ...]
     _end: float
 
@@ -161,7 +116,7 @@ class Motion:
         until = min(length, self._end)
         corners = [self._way.at(s)[0]]
         for piece in self._way.pieces:
-            if piece.end <= s + _SAME:
+            if piece.end <= s + SAME:
                 continue
             if piece.begin >= until:
                 break
@@ -196,22 +151,54 @@ class Motion:
         return self._with(self._way, profiles, self.speed_scale)
 
     def _stopped(self, t: float) -> Profiles:
-        """Return the stop from time `t` on, by the limits of each piece."""
+        """Return the stop from time `t` on, by the limits of the pieces on the way."""
         way = self._way
         profiles = Profiles(self._state(t))
         while profiles.state.v > 0.0 or profiles.state.a != 0.0:
             k = way.index_of(profiles.state)
-            here = (profiles.t, profiles.state, len(profiles.phases))
-            profiles.to_speed(0.0, way.a[k], way.j[k])
-            if profiles.state.s <= way.pieces[k].end + _NEAR:
+            if self._stop_within(profiles, k, k):
                 break
-            profiles.t, profiles.state = here[:2]
-            del profiles.phases[here[2] :]
-            if way.pieces[k].end >= self._end - _NEAR:
+            if way.pieces[k].end >= self._end - NEAR:
                 self._finish(profiles, t + profiles.t)
                 break
+            if self._stop_over(profiles, k):
+                break
             self._repeat(profiles, t + profiles.t, way.pieces[k].end)
+            if way.index_of(profiles.state) <= k:
+                raise NoProfile(f"the end of piece {k} leads to no further one")
         return profiles
+
+    def _stop_over(self, profiles: Profiles, k: int) -> bool:
+        """Stop from piece k on behind its end; False where a limit forbids it."""
+        way = self._way
+        for last in range(k + 1, min(k + 1 + _OVER, len(way.pieces))):
+            if way.corners[last]:
+                return False
+            if self._stop_within(profiles, k, last):
+                return True
+        return False
+
+    def _stop_within(self, profiles: Profiles, k: int, last: int) -> bool:
+        """Stop by what all of the pieces k..last allow, if that is on them."""
+        way, begun = self._way, profiles.t
+        state, n = profiles.state, len(profiles.phases)
+        profiles.to_speed(0.0, way.a[k : last + 1].min(), way.j[k : last + 1].min())
+        end = min(way.pieces[last].end, self._end) + NEAR
+        if profiles.state.s <= end and self._enters(profiles.phases[n:], k, last):
+            return True
+        profiles.t, profiles.state = begun, state
+        del profiles.phases[n:]
+        return False
+
+    def _enters(self, phases: list[Phase], k: int, last: int) -> bool:
+        """Whether phases come into the pieces k + 1..last within their limits."""
+        way = self._way
+        for piece in range(k + 1, last + 1):
+            v, a = passing(phases, way.pieces[piece].begin)
+            fastest = min(way.swift[piece], way.turning[piece])
+            if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * way.a[piece]:
+                return False
+        return True
 
     def rescaled(self, t: float, speed_scale: float) -> "Motion":
         """Return the rest from time `t` on at another share of the velocity limits.
@@ -278,7 +265,7 @@ class Motion:
         scale = self.speed_scale if speed_scale is None else speed_scale
         _check_scale(scale)
         # a little of what is behind stays: the state must lie on a piece of its own
-        before = self._rest(self._way, state.s - 10.0 * _NEAR, commit.s)
+        before = self._way.part(state.s - 10.0 * NEAR, commit.s)
         sway = joint_sway(robot)
         for rounded in (True, False):
             head = before.pieces
@@ -289,7 +276,7 @@ class Motion:
                 room = commit.s - self._settled(state)
                 pieces, stray = lay_way(path, sway, blend, head, room_before=room)
             stray = max(stray, before.stray)
-            way = _Way.of(robot, pieces, stray, commit.q)
+            way = Way.of(robot, pieces, stray, commit.q)
             try:
                 return self._go_on(t, way, scale, commit.s)
             except NoProfile:
@@ -301,7 +288,7 @@ class Motion:
         rest = State(min(halt._end, commit.s), 0.0, 0.0)
         tail, stray = lay_way(path, sway, blend, at=commit.s)
         stray = max(stray, before.stray)
-        way = _Way.of(robot, before.pieces + tail, stray, commit.q)
+        way = Way.of(robot, before.pieces + tail, stray, commit.q)
         return halt._then(self._timed(way, rest, scale), way)
 
     # --- inside ----------------------------------------------------------------
@@ -316,20 +303,8 @@ class Motion:
         s, v, a = after(phase, t - phase.t)
         return State(min(s, self._end), max(v, 0.0), a)
 
-    @staticmethod
-    def _rest(way: _Way, begin: float, end: float) -> _Way:
-        """Return the part of a way between two arc lengths; its limits stay."""
-        kept = [
-            k
-            for k, p in enumerate(way.pieces)
-            if p.end > begin + _SAME and p.begin < end - _SAME
-        ]
-        pieces = tuple(way.pieces[k].cut(begin, end) for k in kept)
-        limits = (array[kept] for array in (way.swift, way.turning, way.a, way.j))
-        return _Way(way.robot, pieces, *limits, way.stray, way.at(end)[0])
-
     @classmethod
-    def _with(cls, way: _Way, profiles: Profiles, scale: float) -> "Motion":
+    def _with(cls, way: Way, profiles: Profiles, scale: float) -> "Motion":
         return cls(
             profiles.t, scale, way, tuple(profiles.phases), float(profiles.state.s)
         )
@@ -345,7 +320,7 @@ class Motion:
     def _repeat(self, profiles: Profiles, t: float, s_end: float) -> None:
         """Add what this motion does from time `t` until arc length `s_end`."""
         phases = self._phases
-        if not any(abs(p.s - s_end) < _MEETS and abs(p.a) < _MEETS for p in phases):
+        if not any(abs(p.s - s_end) < _MEETS and abs(p.a) < _STEADY for p in phases):
             raise NoProfile(f"no piece of the motion ends at arc length {s_end}")
         k = max(0, bisect_right(phases, t, key=_begins) - 1)
         while phases[k].s < s_end - _MEETS:
@@ -372,7 +347,7 @@ class Motion:
         total = begin - t + stop.duration
         return Motion(total, stop.speed_scale, self._way, (*phases, *rest), stop._end)
 
-    def _then(self, later: "Motion", way: _Way) -> "Motion":
+    def _then(self, later: "Motion", way: Way) -> "Motion":
         """Return this motion followed by another on the same way."""
         phases = tuple(p._replace(t=p.t + self.duration) for p in later._phases)
         total = self.duration + later.duration
@@ -394,7 +369,7 @@ class Motion:
         profiles.state = State(self._end, 0.0, 0.0)
 
     def _go_on(
-        self, t: float, way: _Way, scale: float, until: float = math.inf
+        self, t: float, way: Way, scale: float, until: float = math.inf
     ) -> "Motion":
         """Time a way from the state at `t`, or from a later end of a piece.
 
@@ -407,23 +382,26 @@ class Motion:
                 rest = self._timed(way, head.state, scale)
                 break
             except NoProfile:
-                end = way.pieces[way.index_of(head.state)].end
-                if end > until + _SAME:
+                k = way.index_of(head.state)
+                end = way.pieces[k].end
+                if end > until + SAME:
                     raise
                 self._repeat(head, t + head.t, end)
+                if way.index_of(head.state) <= k:
+                    raise
         later = tuple(p._replace(t=p.t + head.t) for p in rest._phases)
         return Motion(
             head.t + rest.duration, scale, way, tuple(head.phases) + later, rest._end
         )
 
     @classmethod
-    def _timed(cls, way: _Way, state: State, scale: float) -> "Motion":
+    def _timed(cls, way: Way, state: State, scale: float) -> "Motion":
         """Time a way from a state on it; raises NoProfile."""
         if not way.pieces:
             return cls._with(way, Profiles(State(state.s, 0.0, 0.0)), scale)
         limits = np.minimum(scale * way.swift, way.turning)
         ends = np.array([p.end for p in way.pieces])
-        stops = way.stops()
+        stops = way.corners
         k = way.index_of(state)
         natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
         if max(state.v, natural) > (1.0 + 1e-6) * min(way.swift[k], way.turning[k]):
@@ -432,15 +410,15 @@ class Motion:
         for share in _SETTLE:
             profiles = Profiles(state)
             v = share * wanted
-            if state.a != 0.0 or abs(v - state.v) > _SAME:
+            if state.a != 0.0 or abs(v - state.v) > SAME:
                 profiles.to_speed(v, way.a[k], way.j[k])
             s = profiles.state.s
-            if s > ends[k] + _NEAR:
+            if s > ends[k] + NEAR:
                 continue
-            lengths = np.diff(ends[k:], prepend=s)
+            lengths = np.diff(np.maximum(ends[k:], s), prepend=s)
             rest = (limits[k:], stops[k:], way.a[k:], way.j[k:])
             speeds = junction_speeds(lengths, *rest)
-            if v > speeds[0] + _SAME:
+            if v > speeds[0] + SAME:
                 continue
             fill(profiles, ends[k:], limits[k:], speeds, way.a[k:], way.j[k:])
             return cls._with(way, profiles, scale)
@@ -473,7 +451,7 @@ def time_path(
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
     path = _unwound(robot, path)
     pieces, stray = lay_way(path, joint_sway(robot), blend)
-    way = _Way.of(robot, pieces, stray, frozen(path[0], np.float64))
+    way = Way.of(robot, pieces, stray, frozen(path[0], np.float64))
     return Motion._timed(way, State(0.0, 0.0, 0.0), speed_scale)
 
 

@@ -13,7 +13,8 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 
 from roadmap.errors import PlanningError
 
-_SLACK = 1.0 - 1e-9
+_SLACK = 1.0 - 1e-6  # ruckig turns back where a length is short by a rounding
+_BACK = 1e-9  # slower than this is at rest, not backwards [rad or m per second]
 _NOTHING = 1e-8  # no way to speak of [rad or m of joint space]
 
 
@@ -89,12 +90,17 @@ class Profiles:
         steps = [*zip(profile.brake.t, profile.brake.j, strict=True)]
         steps += zip(profile.t, profile.j, strict=True)
         left = trajectory.duration
+        before = len(self.phases)
         for dt, j in steps:
             if dt <= 0.0:
                 continue
-            self.phases.append(Phase(t, s, v, a, j))
-            s, v, a = after(self.phases[-1], dt)
+            phase = Phase(t, s, v, a, j)
+            self.phases.append(phase)
+            s, v, a = after(phase, dt)
             t, left = t + dt, left - dt
+            if _slowest(phase, dt) < -_BACK:
+                del self.phases[before:]
+                raise NoProfile(f"the state {self.state} could not but go back")
         if abs(left) > 1e-6:
             raise NoProfile(f"a profile of {trajectory.duration} s has another length")
         self.t = t
@@ -109,6 +115,34 @@ def after(phase: Phase, dt: float) -> State:
         v + dt * (a + 0.5 * dt * j),
         a + dt * j,
     )
+
+
+def _slowest(phase: Phase, dt: float) -> float:
+    """Return the lowest speed within the first `dt` seconds of a phase."""
+    end = after(phase, dt)
+    slowest = min(phase.v, end.v)
+    if phase.a < 0.0 < end.a:
+        slowest = min(slowest, after(phase, -phase.a / phase.j).v)
+    return slowest
+
+
+def passing(phases: list[Phase], s: float) -> tuple[float, float]:
+    """Return speed and acceleration at arc length `s`; of the last phase, its start.
+
+    Speed falls along a stop, so a phase takes it from its begin to the next one's.
+    """
+    for phase, later in zip(phases, phases[1:], strict=False):
+        if phase.s <= s < later.s:
+            low, high = 0.0, later.t - phase.t
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                if after(phase, middle).s < s:
+                    low = middle
+                else:
+                    high = middle
+            state = after(phase, high)
+            return state.v, state.a
+    return phases[-1].v, phases[-1].a
 
 
 def way_to_change(v_a: float, v_b: float, a: float, j: float) -> float:

@@ -24,6 +24,7 @@ _LEVELS = 5
 _RAISE_EVERY = 1  # frames between two tries to be faster
 _SLICE = 0.04  # a motion is tested in pieces of this length [s]
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
+_RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class Executor:
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
+        self._clearance = planner.cell_map.safety.m if self.brakes else 0.0
         self._level = 0
         self._frame = 0
         self._on_path = False
@@ -114,6 +116,12 @@ class Executor:
         least = 0.0 if self.at_rest or not self._on_path else self._begin
         return self.motion.commit(self.t, self.settings.ahead, least)
 
+    def ahead(self) -> np.ndarray:
+        """Return (dof,) where the next frame's path will begin, if nothing changes."""
+        least = self._begin if self._on_path else 0.0
+        t = min(self.t + self.period, self.motion.duration)
+        return self.motion.commit(t, self.settings.ahead, least).q
+
     def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
         """Take an answer planned from `commit`, then brake where it must be.
 
@@ -122,7 +130,7 @@ class Executor:
         self._frame += 1
         self._heeded = True
         if answer.status == "holding":
-            self._hold(answer, commit)
+            self._hold(answer, threat)
         else:
             self._gap = np.inf
             if answer.status == "replanned" or not self._goes_on(answer.path):
@@ -164,25 +172,45 @@ class Executor:
 
     # --- hold, back off, escape -------------------------------------------------
 
-    def _hold(self, answer: object, commit: Commit) -> None:
-        self._on_path, self.reason, self._held = False, "", None
+    def _hold(self, answer: object, threat: Threat | None) -> None:
+        self._on_path, self.reason = False, ""
         wise = self._wise()
-        if self.state == RETREATING:
+        if self.state == RETREATING and not self.at_rest:
             better = self.planner.separation(self.motion.q_end) >= self._gap - 1e-6
-            if wise and better and not self.at_rest:
+            if wise and better and self._untouched(self.motion, self.t, threat):
                 return
+            self._halt()
         elif self.at_rest:
-            retreat = None
+            self.state = STANDING
             if wise and self._frame - self._asked >= RETREAT_EVERY:
-                self._asked, retreat = self._frame, answer.retreat
-            if retreat is not None and self._begins_here(retreat):
-                scale = self.settings.retreat_scale
-                self._take(time_path(self.robot, retreat, blend=0, speed_scale=scale))
+                self._asked = self._frame
+                self._retreat(answer.retreat, threat)
+        elif self.state != STANDING:
+            self._halt()
+
+    def _halt(self) -> None:
+        """Stop, the way that was tested where there is one, and stand."""
+        self._stop_as_tested()
+        self.state = STANDING
+
+    def _retreat(self, path: np.ndarray | None, threat: Threat | None) -> None:
+        """Get out of the way, as fast as the person lets it."""
+        if path is None or not self._begins_here(path):
+            return
+        for share in _RETREATS:
+            scale = share * self.settings.retreat_scale
+            motion = time_path(self.robot, path, blend=0, speed_scale=scale)
+            if self._untouched(motion, 0.0, threat):
+                self._take(motion)
                 self.state = RETREATING
                 return
-        self.state = STANDING
-        if not self.at_rest:
-            self._take(self.motion.stop(self.t))
+
+    def _untouched(self, motion: Motion, t: float, threat: Threat | None) -> bool:
+        """Test a retreat until it can stand: it may come nearer than m, not touch."""
+        if threat is None or not self.brakes:
+            self._held = None
+            return True
+        return self._safe(motion, t, threat, closer=self._clearance)
 
     def _begins_here(self, path: np.ndarray) -> bool:
         """Whether a path begins at the set-point: from elsewhere it proves nothing."""
@@ -255,19 +283,24 @@ class Executor:
         self.state, self.reason = MOVING, ""
 
     def _safe(
-        self, motion: Motion, t: float, threat: Threat, ahead: float = 0.0
+        self,
+        motion: Motion,
+        t: float,
+        threat: Threat,
+        ahead: float = 0.0,
+        closer: float = 0.0,
     ) -> bool:
         """Test the way from `t` to the end of a stop behind the next set-point.
 
         It is cut into pieces by time, and each is tested against where the person
-        can be then. Afterwards the robot rests.
+        can be then. Afterwards the robot rests. It may come `closer` than m [m].
         """
         go = self.period + ahead
         begin = min(t + go, motion.duration)
         stop = motion.stop(begin)
-        if not self._clear(motion, t, begin, 0.0, threat):
+        if not self._clear(motion, t, begin, 0.0, threat, closer):
             return False
-        if not self._clear(stop, 0.0, stop.duration, begin - t, threat):
+        if not self._clear(stop, 0.0, stop.duration, begin - t, threat, closer):
             return False
         # with a look ahead the stop begins later than behind the next set-point
         self._held = stop if ahead == 0.0 else motion.stop(t + self.period)
@@ -275,7 +308,13 @@ class Executor:
         return True
 
     def _clear(
-        self, motion: Motion, begin: float, end: float, later: float, threat: Threat
+        self,
+        motion: Motion,
+        begin: float,
+        end: float,
+        later: float,
+        threat: Threat,
+        closer: float,
     ) -> bool:
         """Test a motion from `begin` to `end`, which is at `later` from now on."""
         n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
@@ -283,7 +322,8 @@ class Executor:
         for a, b in zip(times[:-1], times[1:], strict=True):
             points, radius = threat.between(later + a - begin, later + b - begin)
             corners = motion.path_from(a, motion.place(b))
-            if self.planner.blocked_leg(corners, radius, points) is not None:
+            grown = radius - closer
+            if self.planner.blocked_leg(corners, grown, points) is not None:
                 return False
         return True
 

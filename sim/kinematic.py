@@ -68,6 +68,9 @@ class KinematicMover:
         """A new path may begin where the robot is."""
         return Commit(self._q, 0.0)
 
+    def ahead(self) -> None:
+        """It is not known where the next path will begin: somewhere near."""
+
     def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
         """Take an answer; `commit` and `threat` change nothing."""
         if answer.status != "holding":

@@ -218,7 +218,8 @@ class Loop:
     def _polish(self) -> float:
         begun = time.perf_counter()
         if self.settings.polish:
-            _optional(self.planner, "polish", self.settings.polish)
+            ahead = self.executor.ahead()
+            _optional(self.planner, "polish", self.settings.polish, ahead)
         return time.perf_counter() - begun
 
     def _point_speed(self) -> float:

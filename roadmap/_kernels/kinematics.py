@@ -58,7 +58,7 @@ def body_frames(tree_i, tree_f, q, frames):
 
 @njit(cache=True, nogil=True)
 def place_points(frames, point_body, points, out):
-    """Write the base-frame positions of body-fixed `points` (n, >=3) to `out` (n, 3)."""
+    """Write base-frame positions of body-fixed `points` (n, >=3) to `out` (n, 3)."""
     for i in range(points.shape[0]):
         f = frames[point_body[i]]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]

@@ -1,0 +1,86 @@
+"""The way of a motion: pieces with the limits of the arc length on them."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from roadmap.blend import Piece, scalar_limits, without_gaps
+from roadmap.robot import Robot
+from roadmap.timing import State
+
+SAME = 1e-9
+NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Pieces with the limits of the arc length on them.
+
+    Attributes:
+        robot: Whose limits they are.
+        pieces: In order, each from the end of the one before.
+        swift: (n,) speed by the joints' velocities.
+        turning: (n,) speed by what turning on a blend takes; infinite without one.
+        a, j: (n,) acceleration and jerk.
+        stray: No centre of the cover strays farther from the corner path [m].
+        home: (dof,) where a way without pieces stands.
+    """
+
+    robot: Robot
+    pieces: tuple[Piece, ...]
+    swift: np.ndarray
+    turning: np.ndarray
+    a: np.ndarray
+    j: np.ndarray
+    stray: float
+    home: np.ndarray
+
+    @classmethod
+    def of(
+        cls, robot: Robot, pieces: tuple[Piece, ...], stray: float, home: np.ndarray
+    ) -> "Way":
+        """Return the way over some pieces, with the limits of a robot."""
+        if not pieces:
+            none = np.zeros(0)
+            return cls(robot, (), none, none, none, none, 0.0, home)
+        pieces = without_gaps(pieces)
+        return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
+
+    def index(self, s: float) -> int:
+        """Return the piece that holds arc length `s`."""
+        begins = [p.begin for p in self.pieces]
+        return max(0, bisect_right(begins, s) - 1)
+
+    def index_of(self, state: State) -> int:
+        """Return the piece a state is on; without acceleration, a next one counts."""
+        slack = NEAR if abs(state.a) < NEAR else 0.0
+        return self.index(state.s + slack)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q, dq/ds and d2q/ds2 (dof,) at arc length `s`."""
+        if not self.pieces:
+            none = np.zeros_like(self.home)
+            return self.home, none, none
+        return self.pieces[self.index(s)].at(s)
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Which ends of the pieces (n + 1,) must be passed at rest."""
+        corners = [
+            bool(np.abs(a.w - b.u).max() > SAME)
+            for a, b in zip(self.pieces, self.pieces[1:], strict=False)
+        ]
+        return np.array([False, *corners, True])
+
+    def part(self, begin: float, end: float) -> "Way":
+        """Return the part between two arc lengths; its limits stay."""
+        kept = [
+            k
+            for k, p in enumerate(self.pieces)
+            if p.end > begin + SAME and p.begin < end - SAME
+        ]
+        pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
+        limits = (array[kept] for array in (self.swift, self.turning, self.a, self.j))
+        return Way(self.robot, pieces, *limits, self.stray, self.at(end)[0])
