@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm.answer import HOLDING
 from odm.cell_map import CellMap
 from odm.planner import ReactivePlanner
 from odm.robot_surface import RobotSurface, standing_shapes
@@ -29,7 +30,9 @@ from sim.two_result import TwoResult
 
 ARRIVED = 1e-6  # largest joint difference at which a place is reached
 ASK_AGAIN = (0.1, 0.5)  # [s] between two looks whether a work place is free again
-WAITING = 1  # index of the waiting place among the goals
+WATCHED = 24  # places on the way of a script that are kept free
+LEAVE = 0.3  # [s] without a way before it goes and waits
+PATIENCE, TURN = 1.0, 6.0  # [s] waited before the other gives way, and for how long
 PLANNED, SCRIPTED = "planned", "scripted"
 
 
@@ -44,6 +47,7 @@ class TwoSettings:
             "scripted": it goes to and fro and heeds nothing; only its joints are known.
         speed_scale: Share of the joints' speed limits that they use.
         script_scale: The same for a scripted robot.
+        script_rest_s: Time it rests at each of its places [s].
         polish: Motions a planner may test between two frames to shorten its path.
         heed: False takes the braking away: for the test that it is needed.
     """
@@ -53,6 +57,7 @@ class TwoSettings:
     other: str = PLANNED
     speed_scale: float = 0.5
     script_scale: float = 0.1
+    script_rest_s: float = 5.0
     polish: int = 4
     heed: bool = True
 
@@ -75,37 +80,52 @@ class TwoSettings:
 class Planned:
     """One robot that plans: what it heeds, where it goes, how often it got there.
 
+    It works at its places in turn. Where no way leads to the next one for a while it
+    goes and waits, and asks now and then whether there is a way again.
+
     Args:
-        planner: Its planner; the other's standing links are its scenery.
-        places: (n, dof) work places, visited in turn.
-        wait: (dof,) where it begins, and waits when a work place is taken.
+        planners: One that leads it, one that is asked; the other robot's standing
+            links are their scenery.
+        places: (n, dof) work places.
+        wait: (dof,) where it begins, and waits.
         settings: Rate and speeds.
-        ask_again: Time between two looks whether its work place is free again [s].
-            Two robots that wait for each other must not ask at the same times.
+        ask_again: Time between two questions [s]: not the same for two robots, which
+            could wait for each other otherwise.
+
+    Attributes:
+        q: (dof,) where it is.
+        trips: Times it arrived at a work place.
+        arrived: Whether it arrived in this frame.
+        waited_s: How long it has had no way to work [s].
+        gives_way: Whether it waits although it has a way.
     """
 
     def __init__(
         self,
-        planner: ReactivePlanner,
+        planners: tuple[ReactivePlanner, ReactivePlanner],
         places: np.ndarray,
         wait: np.ndarray,
         settings: TwoSettings,
         ask_again: float,
     ) -> None:
         """Stand at the waiting place."""
-        self.planner, self.robot, self.settings = planner, planner.robot, settings
-        self.places, self.wait = places, wait
-        self.place, self.trips = 0, 0
-        self._every = max(1, round(ask_again * settings.rate_hz))
-        self._frame = self._asked = 0
-        # it does not back off: what a retreat sweeps is not in its intent
-        shares = ExecutionSettings(settings.speed_scale, stand_below=np.inf)
-        period = 1.0 / settings.rate_hz
-        self.executor = Executor(self.robot, planner, wait.copy(), period, shares)
+        self.planner, self._asker = planners
+        self.robot, self.settings = self.planner.robot, settings
+        self.places, self.wait, self.place, self.trips = places, wait, 0, 0
+        self.gives_way, self.waited_s, self.arrived = False, 0.0, False
+        self._period = 1.0 / settings.rate_hz
+        self._ask_again = ask_again
+        self._held_s = self._since_s = 0.0
+        shares = ExecutionSettings(settings.speed_scale)
+        if settings.other == PLANNED:  # the other one leaves; no need to back off
+            shares = ExecutionSettings(settings.speed_scale, stand_below=np.inf)
+        self.executor = Executor(
+            self.robot, self.planner, wait.copy(), self._period, shares
+        )
         self.q = self.executor.set_point.q
         self.status, self.wall_s, self.reason = 0, 0.0, ""
-        planner.reset()
-        planner.set_goals([places[0], wait])
+        self.planner.reset()
+        self._aim(True)
 
     def intent(self) -> tuple:
         """Return all that it may still do without another test."""
@@ -113,20 +133,38 @@ class Planned:
 
     def decide(self, points: np.ndarray, threat: object, now: float) -> None:
         """Answer a frame: the other's points, and what it may still sweep."""
-        begun = time.perf_counter()
-        self._frame += 1
-        last = self.planner.last
-        waits = last is not None and last.goal == WAITING
-        if waits and self._frame - self._asked >= self._every:
-            self._asked = self._frame
-            self.planner.reset()  # a path in use is not given up for a better goal
         commit = self.executor.commit()
+        self._since_s += self._period
+        asks = not (self.works or self.gives_way) and self._since_s >= self._ask_again
+        if asks:
+            self._since_s = 0.0
+            self._asker.set_goals([self.places[self.place]])
+            if len(self._asker.step(points, q=commit.q).path):
+                self._aim(True)
+        begun = time.perf_counter()
         dq = self.executor.set_point.dq
         answer = self.planner.step(points, q=commit.q, dq=dq, stamp=now, now=now)
         self.wall_s = time.perf_counter() - begun
         self.executor.heed(answer, commit, threat)
         self.status = STATUS.index(answer.status)
-        self.reason = answer.reason or "" if answer.status == "holding" else ""
+        held = answer.status == HOLDING
+        self.reason = (answer.reason or "") if held else ""
+        self._held_s = self._held_s + self._period if held else 0.0
+        lost = not self.gives_way and (held or not self.works)
+        self.waited_s = self.waited_s + self._period if lost else 0.0
+        if self.works and self._held_s > LEAVE:
+            self._aim(False)
+
+    def give_way(self, yes: bool) -> None:
+        """Leave the work place to the other robot, or go on working."""
+        self.gives_way = yes
+        self._aim(not yes)
+
+    def _aim(self, works: bool) -> None:
+        """Go to the next work place, or to where it waits."""
+        self.works = works
+        self.planner.set_goals([self.places[self.place] if works else self.wait])
+        self.executor.new_goal()
 
     def advance(self) -> None:
         """Move on by one period; at a work place, take the next one as the goal."""
@@ -135,11 +173,12 @@ class Planned:
         self.executor.advance()
         self.q = self.executor.set_point.q
         off = difference(self.robot, self.q, self.places[self.place])
-        if self.executor.at_rest and np.abs(off).max() <= ARRIVED:
+        self.arrived = self.works and self.executor.at_rest
+        self.arrived = self.arrived and bool(np.abs(off).max() <= ARRIVED)
+        if self.arrived:
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
-            self.planner.set_goals([self.places[self.place], self.wait])
-            self.executor.new_goal()
+            self._aim(True)
 
 
 class Scripted:
@@ -170,7 +209,7 @@ class Scripted:
     def advance(self) -> None:
         """Move on by one period."""
         self.t += 1.0 / self.settings.rate_hz
-        if self.t >= self.motion.duration:
+        if self.t >= self.motion.duration + self.settings.script_rest_s:
             self.t = 0.0
             self.place = (self.place + 1) % len(self.motions)
             self.trips += 1
@@ -208,33 +247,33 @@ class TwoRobots:
             RobotSurface(robot, maps[1 - k].safety.rho, "moving")
             for k, robot in enumerate(robots)
         ]
-        planners = [ReactivePlanner(m) for m in maps]
-        for k, planner in enumerate(planners):
+        planners = [(ReactivePlanner(m), ReactivePlanner(m, True)) for m in maps]
+        for k, pair in enumerate(planners):
             self.surfaces[1 - k].require(maps[k].safety.rho)
-            planner.set_static(standing_shapes(robots[1 - k], self.T_other[k]))
-        places = [places_beside(planner) for planner in planners]
-        self.robots = [self._first(planners, places)]
-        self.robots.append(self._second(maps, planners, places))
+            shapes = standing_shapes(robots[1 - k], self.T_other[k])
+            for planner in pair:
+                planner.set_static(shapes)
+        places = [places_beside(planner) for planner, _ in planners]
         self.index = 0
-
-    def _first(self, planners: list, places: list) -> Planned:
-        busy = self._around(0, places[1])
-        wait = waiting_place(planners[0], places[0], busy)
-        return Planned(planners[0], places[0], wait, self.settings, ASK_AGAIN[0])
-
-    def _second(self, maps: tuple, planners: list, places: list) -> object:
+        self._turn = 0, 0.0  # trips of the one that is given way, and until when
         if self.settings.other == SCRIPTED:
-            ways = _ways_round(planners[1], places[1])
-            return Scripted(maps[1], ways, self.settings)
-        beside = np.vstack([places[0], self.robots[0].wait])
-        busy = self._around(1, beside)
-        wait = waiting_place(planners[1], places[1], busy)
-        return Planned(planners[1], places[1], wait, self.settings, ASK_AGAIN[1])
+            ways = _ways_round(planners[1][0], places[1])
+            script = Scripted(maps[1], ways, self.settings)
+            busy = np.vstack([_places_on(m) for m in script.motions])
+            self.robots = [self._planned(0, planners, places[0], busy), script]
+            return
+        first = self._planned(0, planners, places[0], places[1])
+        beside = np.vstack([places[0], first.wait])
+        self.robots = [first, self._planned(1, planners, places[1], beside)]
 
-    def _around(self, k: int, places: np.ndarray) -> np.ndarray:
-        """Return the other's points at its places, in the base frame of robot k."""
+    def _planned(
+        self, k: int, planners: list, places: np.ndarray, busy: np.ndarray
+    ) -> Planned:
+        """Return robot k, waiting beside the other one at all of `busy` (n, dof)."""
         surface, T = self.surfaces[1 - k], self.T_other[k]
-        return np.concatenate([surface.at(q, T).copy() for q in places])
+        points = np.concatenate([surface.at(q, T).copy() for q in busy])
+        wait = waiting_place(planners[k][0], places, points)
+        return Planned(planners[k], places, wait, self.settings, ASK_AGAIN[k])
 
     def frame(self) -> None:
         """Let the robots decide one after the other, then move both."""
@@ -247,7 +286,18 @@ class TwoRobots:
             robot.decide(points, self._threat(k, other), now)
         for robot in self.robots:
             robot.advance()
+        if self.settings.other == PLANNED:
+            self._take_turns(now)
         self.index += 1
+
+    def _take_turns(self, now: float) -> None:
+        """Let one that arrived give way to one that waits, for one trip of it."""
+        for one, other in (self.robots, self.robots[::-1]):
+            if one.gives_way and (other.trips > self._turn[0] or now > self._turn[1]):
+                one.give_way(False)
+            elif one.arrived and other.waited_s > PATIENCE:
+                self._turn = other.trips, now + TURN
+                one.give_way(True)
 
     def _threat(self, k: int, other: object) -> object:
         surface, T = self.surfaces[1 - k], self.T_other[k]
@@ -313,6 +363,11 @@ def _places_of(robot: object) -> np.ndarray:
     if isinstance(robot, Scripted):
         return np.array([motion.at(0.0).q for motion in robot.motions])
     return robot.places
+
+
+def _places_on(motion: Motion) -> np.ndarray:
+    """Return (n, dof) configurations spread over a motion."""
+    return motion.sample(np.linspace(0.0, motion.duration, WATCHED)).q
 
 
 def _ways_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarray]:
