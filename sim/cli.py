@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command
+from sim import cli_build, replay_command, two_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -225,6 +225,7 @@ def demo(
 
 
 app.command("replay")(guarded(replay_command.replay))
+app.command("run-two")(guarded(two_command.run_two))
 
 
 @app.command()

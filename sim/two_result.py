@@ -23,7 +23,7 @@ class TwoResult:
         status: (F, 2) index into `STATUS`.
         wall_s: (F, 2) time of each planner's step [s].
         places: (n, dof) work places of each.
-        reasons: Reason of a hold -> frames, for each.
+        reasons: For each, the first reason of every kind of hold -> frames.
     """
 
     other: str
@@ -95,7 +95,7 @@ class TwoResult:
             "both_moving_s": float(either.sum() / self.rate_hz),
             "held_s": held.tolist(),
             "hold_reasons": [_most(r) for r in self.reasons],
-            "latency_us": [percentiles(1e6 * self.wall_s[:, k]) for k in range(planned)],
+            "latency_us": [percentiles(1e6 * w) for w in self.wall_s.T[:planned]],
         }
 
 

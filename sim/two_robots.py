@@ -24,7 +24,7 @@ from roadmap.motion import Motion, time_path
 from sim.execution import ExecutionSettings, Executor
 from sim.robot_pair import ExactPair
 from sim.robot_threat import intent_of, intent_threat, limits_threat
-from sim.run_result import STATUS
+from sim.run_result import STATUS, kind_of
 from sim.two_places import places_beside, waiting_place
 from sim.two_result import TwoResult
 
@@ -341,7 +341,8 @@ def run_two(
         rows["wall_s"].append([r.wall_s for r in two.robots])
         for k, robot in enumerate(two.robots):
             if robot.reason:
-                held[k][robot.reason] = held[k].get(robot.reason, 0) + 1
+                first, n = held[k].get(kind_of(robot.reason), (robot.reason, 0))
+                held[k][kind_of(robot.reason)] = first, n + 1
         if on_frame is not None:
             on_frame(index + 1, total)
     return TwoResult(
@@ -355,7 +356,7 @@ def run_two(
         status=np.array(rows["status"]),
         wall_s=np.array(rows["wall_s"]),
         places=tuple(_places_of(r) for r in two.robots),
-        reasons=tuple(held),
+        reasons=tuple(dict(kinds.values()) for kinds in held),
     )
 
 
