@@ -232,7 +232,9 @@ app.command("run-two")(guarded(two_command.run_two))
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(metavar="latency|motions|tax|build|ompl", help="Which one.")
+        str, typer.Argument(
+            metavar="latency|motions|tax|build|ompl|odm-paper", help="Which one."
+        )
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
@@ -259,6 +261,9 @@ def bench(
         list[Path] | None,
         typer.Option(metavar="F", help="A recorded motion, too; again for more."),
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the figures (odm-paper).")
+    ] = None,
     markdown: Annotated[
         str | None,
         typer.Option(
@@ -274,7 +279,7 @@ def bench(
 
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
     options |= {"execution": execution, "seconds": seconds, "seeds": seeds}
-    options |= {"motions": motion or None, "files": file or None}
+    options |= {"motions": motion or None, "files": file or None, "plot": plot}
     run_bench(name, options, json, markdown)
 
 
