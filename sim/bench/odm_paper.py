@@ -16,11 +16,17 @@ from odm import build_map, load_recipe
 from odm.build import robot_of
 from odm.cell_map import CellMap
 from odm.recipe import Recipe
-from sim.bench.clock import value_row
 from sim.bench.frames import RATE_HZ, Pair, make_pairs
 from sim.bench.header import header
 from sim.bench.paper_arm import CylinderPair, Region, cells_of
 from sim.bench.paper_edges import EdgeRule, edge_rule, words_of
+from sim.bench.paper_facts import (
+    audit_facts,
+    by_spacing,
+    figure_rows,
+    map_facts,
+    time_facts,
+)
 from sim.bench.paper_rows import (
     SHORT,
     Audit,
@@ -37,7 +43,6 @@ RECIPE = "kawasaki_fs003n_gross"
 NODES, CELLS_CM = (1000, 2000, 4000, 8000), (2, 3, 4, 5)
 SAMPLINGS = {"uniform": "random", "grid": "grid"}  # ours: the paper's word
 FIGURE = (4000, "uniform", 3)  # nodes, sampling, cells [cm]: the row of the figures
-FRAME_US, FASTER = 10.0, 300.0  # asked of it
 SPACINGS = (0.02, 0.03, 0.04, 0.05, 0.08, 0.12, 0.17, 0.24, 0.34)  # [m]
 FIGURE_SIZES = Sizes(pairs=60, frames=100, fcl_frames=120)
 
@@ -98,34 +103,41 @@ class _Bench:
         self.pairs: list[Pair] = []
         self.sweep: list[dict] = []
         self.audits: dict[int, list[Audit]] = {}
-        self.rules: dict[int, EdgeRule] = {}
-        self.best: tuple[Race, dict] | None = None
+        self.rules: list[dict] = []
+        self.best: tuple[Race, Race, dict] | None = None
 
     def measure(self, n: int, sampling: str, h_cm: int) -> None:
         recipe = paper_recipe(self.recipe, n, sampling, 0.01 * h_cm, self.seed)
         built, took = seconds(lambda: build_map(recipe, robot=self.robot))
+        is_figure = (n, sampling, h_cm) == self.figure
         if not self.pairs:
-            most = (self.sizes, self.figure_sizes)
-            pairs, frames = (max(getattr(s, k) for s in most) for k in _DRAWN)
-            self.pairs = make_pairs(built, pairs, frames, self.seed)
-        rho, is_figure = built.safety.rho, (n, sampling, h_cm) == self.figure
+            self.pairs = self._drawn(built, sided=False)
         asked = self.figure_sizes if is_figure else self.sizes
-        pairs = [CylinderPair.of(p, rho) for p in _thinned(self.pairs, asked)]
+        pairs = _thinned(self.pairs, asked, built.safety.rho)
         times = update_times(built, pairs[: self.sizes.pairs])
         raced = race(built, pairs, asked.fcl_frames)
         rods = np.concatenate([p.capsules for p in pairs])
         k = np.linspace(0, len(rods) - 1, self.sizes.audit_frames).astype(int)
         found = audit(built, rods[k], SPACINGS, self.sizes.audit_edges, self.seed)
         self.audits.setdefault(h_cm, []).append(found)
-        if n == self.figure[0] and sampling == self.figure[1]:
-            self.rules[h_cm] = self._rule(built, rods[k])
+        if sampling == self.figure[1]:
+            rule = {"cell_cm": h_cm, "nodes": n}
+            self.rules.append(rule | vars(self._rule(built, rods[k])))
         self.sweep.append(
             {"nodes": n, "sampling": SAMPLINGS[sampling], "cell_cm": h_cm}
-            | _map_facts(built, took) | _audit_facts(found)
-            | _time_facts(times, raced)
+            | map_facts(built, took) | audit_facts(found)
+            | time_facts(times, raced)
         )  # fmt: skip
         if is_figure:
-            self.best = raced, header(built)
+            across = self._drawn(built, sided=True)
+            across = _thinned(across, asked, built.safety.rho)
+            across = race(built, across, asked.fcl_frames)
+            self.best = raced, across, header(built)
+
+    def _drawn(self, built: CellMap, sided: bool) -> list[Pair]:
+        most = (self.sizes, self.figure_sizes)
+        pairs, frames = (max(getattr(s, k) for s in most) for k in _DRAWN)
+        return make_pairs(built, pairs, frames, self.seed, sided=sided)
 
     def _rule(self, built: CellMap, rods: np.ndarray) -> EdgeRule:
         region, occupied = Region(built.grid), []
@@ -137,17 +149,16 @@ class _Bench:
         return edge_rule(built, np.array(occupied), self.sizes.rule_edges, self.seed)
 
     def result(self, nodes: tuple, cells: tuple) -> dict:
-        raced, head = self.best
-        uninflated = [_by_spacing(h, found) for h, found in self.audits.items()]
-        rules = [{"cell_cm": h} | vars(rule) for h, rule in self.rules.items()]
+        raced, across, head = self.best
+        uninflated = [by_spacing(SPACINGS, *item) for item in self.audits.items()]
         result = {
             "bench": "odm-paper",
             "header": head,
             "setup": self._setup(nodes, cells),
-            "rows": _figure_rows(self.figure, raced, self.sweep),
+            "rows": figure_rows(raced, across, self.sweep),
             "sweep": self.sweep,
             "uninflated": uninflated,
-            "edge_rule": rules,
+            "edge_rule": self.rules,
         }
         return result | {"tables": tables(result)}
 
@@ -164,8 +175,8 @@ class _Bench:
             f"{RATE_HZ:g} Hz",
             "covering radius, clearance m, mu": f"{100 * safety.rho:g}, "
             f"{100 * safety.m:g}, {100 * safety.mu:g} cm",
-            "start and goal": "the tool on either side of the arm, exactly free in "
-            "every frame",
+            "start and goal": "any valid configurations that are exactly free in every "
+            "frame; across the arm: the tool on either side of it",
             "seed": self.seed,
         }
 
@@ -185,108 +196,8 @@ def paper_recipe(
     return replace(recipe, name=name, roadmap=roadmap, safety=safety)
 
 
-def _thinned(pairs: list[Pair], sizes: Sizes) -> list[Pair]:
+def _thinned(pairs: list[Pair], sizes: Sizes, rho: float) -> list[CylinderPair]:
     """Return as many pairs and frames as asked, spread over what was drawn."""
     k = np.linspace(0, len(pairs) - 1, min(sizes.pairs, len(pairs))).astype(int)
-    return [pairs[i].part(slice(0, sizes.frames)) for i in k]
-
-
-def _map_facts(built: CellMap, took: float) -> dict:
-    by_edges, by_blocks = built.arm_cells.bytes_by_view()
-    return {
-        "kept_nodes": built.roadmap.n_nodes,
-        "edges": built.roadmap.n_edges,
-        "build_cpu_s": round(took, 2),
-        "edge_major_bytes": by_edges,
-        "direct_bytes": by_blocks,
-    }
-
-
-def _audit_facts(found: Audit) -> dict:
-    nodes, edges = np.array(found.nodes), np.array(found.edges)
-    ways = ("whole", "surface", "dense")
-    counts = {f"cells_{w}": float(np.mean(getattr(found, w))) for w in ways}
-    counts |= {f"nodes_{w}": float(nodes[:, k].mean()) for k, w in enumerate(ways)}
-    counts |= {f"edges_{w}": float(edges[:, k].mean()) for k, w in enumerate(ways)}
-    return counts | {
-        "asked": found.asked,
-        "contacts": found.contacts,
-        "contacts_missed": found.missed,
-        "within_m": found.near,
-        "within_m_missed": found.near_missed,
-    }
-
-
-def _time_facts(times: dict, raced: Race) -> dict:
-    facts = {f"{n}_us": float(np.median(c.cpu)) * 1e-3 for n, c in times.items()}
-    frame, fcl = (1e-3 * np.array(c.cpu, float) for c in (raced.ours, raced.theirs))
-    wall = 1e-3 * np.array(raced.ours.wall, float)
-    straight = raced.vertices == 2
-    facts |= {
-        "frame_us": _percentiles(wall),
-        "frame_cpu_us": _percentiles(frame),
-        "fcl_cpu_us": _percentiles(fcl),
-        "times_faster": _ratio(raced),
-        "frames": len(wall),
-        "frames_blocked_straight": int((~straight).sum()),
-        "frames_without_path": int((raced.vertices == 0).sum()),
-        "found": raced.found.tolist(),
-        "fcl_contacts_on_our_paths": raced.touching,
-    }
-    return facts
-
-
-def _percentiles(values: np.ndarray) -> dict | None:
-    if not len(values):
-        return None
-    p50, p99 = np.percentile(values, [50, 99])
-    return {"p50": float(p50), "p99": float(p99), "max": float(values.max())}
-
-
-def _ratio(raced: Race) -> float:
-    """Return how many times faster the same frames are, by median CPU time."""
-    return float(np.median(raced.theirs.cpu) / np.median(raced.same.cpu))
-
-
-def _by_spacing(h_cm: int, found: list[Audit]) -> dict:
-    contacts = sum(a.on_nodes for a in found)
-    missed = {s: sum(a.uninflated[s] for a in found) for s in SPACINGS}
-    shares = {f"{s:g}": n / contacts if contacts else None for s, n in missed.items()}
-    counts = {f"{s:g}": n for s, n in missed.items()}
-    return {"cell_cm": h_cm, "contacts": contacts, "missed": counts, "share": shares}
-
-
-def _figure_rows(figure: tuple, raced: Race, sweep: list[dict]) -> list[dict]:
-    blocked = raced.vertices != 2
-    missed = sum(row["contacts_missed"] for row in sweep)
-    near = sum(row["within_m_missed"] for row in sweep)
-    contacts = sum(row["contacts"] for row in sweep)
-    stages = 1e6 * np.median(raced.stages, axis=0)
-    tests = np.median(raced.work, axis=0)
-    note = (
-        f"of the median frame, occupancy of the points takes {stages[0]:.1f} us, the "
-        f"search {stages[1]:.1f} us: {tests[0]:.0f} cell lists compared, "
-        f"{tests[1]:.0f} close tests"
-    )
-    lost = raced.vertices == 0
-    share = 100.0 * float(blocked.mean())
-    return [
-        raced.ours.row("points to path", note, p50=FRAME_US),
-        raced.ours.row("... straight motion blocked", "", blocked & ~lost),
-        raced.ours.row("... straight motion free", "", ~blocked),
-        raced.ours.row("... no path", "", lost),
-        value_row("frames with the straight motion blocked", share, "%"),
-        value_row("frames without a path", 100.0 * float(lost.mean()), "%"),
-        raced.theirs.row("A* with online python-fcl", _what()),
-        value_row("... times faster at p50", _ratio(raced), "", least=FASTER),
-        value_row("... contacts it finds on our paths", raced.touching, "", most=0),
-        value_row("exact contacts found, all maps", contacts, ""),
-        value_row("... missed by the surface's cells", missed, "", most=0),
-        value_row("... or within the clearance m", near, "", most=0),
-    ]
-
-
-def _what() -> str:
-    from sim.bench.paper_rows import PaperFcl
-
-    return PaperFcl.what
+    parts = [pairs[i].part(slice(0, sizes.frames)) for i in k]
+    return [CylinderPair.of(part, rho) for part in parts]

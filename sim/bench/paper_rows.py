@@ -224,7 +224,7 @@ class Race:
         found: (2, 2) frames by (we found a path, they found one).
         touching: Of our paths, those python-fcl finds in contact.
         stages: (n, 2) occupancy and search [s].
-        work: (n, 3) edge tests, close tests, searches.
+        work: (n, 4) edge tests, vertices closed, close tests, searches.
     """
 
     ours: Clock
@@ -273,9 +273,9 @@ def race(cell_map: CellMap, pairs: list[CylinderPair], fcl_frames: int) -> Race:
     )  # fmt: skip
 
 
-def _work(answer: object) -> tuple[int, int, int]:
+def _work(answer: object) -> tuple[int, int, int, int]:
     work = answer.work
-    return work.edge_tests, work.close_tests, work.searches
+    return work.edge_tests, work.popped, work.close_tests, work.searches
 
 
 def seconds(function: object, *args: object) -> tuple[object, float]:

@@ -14,16 +14,15 @@ def tables(result: dict) -> list[dict]:
 def _obstacles(sweep: list[dict]) -> dict:
     """Cells of the arm, what they invalidate, and what is missed."""
     head = (
-        "cells", "nodes", "roadmap", "arm's cells: whole", "a cell apart", "rho",
-        "invalid nodes: whole", "rho", "invalid edges: whole", "rho", "contacts",
-        "missed",
+        "map", "cells: whole arm", "a cell apart", "surface, rho",
+        "invalid nodes: whole / surface", "edges: whole / surface",
+        "contacts", "missed",
     )  # fmt: skip
     rows = [
         (
-            *_row(r), _n(r["cells_whole"]), _n(r["cells_dense"]),
-            _n(r["cells_surface"]), _n(r["nodes_whole"]), _n(r["nodes_surface"]),
-            _n(r["edges_whole"]), _n(r["edges_surface"]), f"{r['contacts']:,}",
-            str(r["contacts_missed"]),
+            _map(r), _n(r["cells_whole"]), _n(r["cells_dense"]),
+            _n(r["cells_surface"]), _pair(r, "nodes"), _pair(r, "edges"),
+            _n(r["contacts"]), str(r["contacts_missed"]),
         )
         for r in sweep
     ]  # fmt: skip
@@ -33,22 +32,24 @@ def _obstacles(sweep: list[dict]) -> dict:
 
 def _times(sweep: list[dict]) -> dict:
     head = (
-        "cells", "nodes", "roadmap", "region expansion", "its direct map",
-        "direct map of the surface", "by changes", "frame p50", "p99",
-        "A* python-fcl p50", "times", "build", "MB",
+        "map", "region expansion", "direct map: whole", "surface", "by changes",
+        "frame p50 / p99", "A* with fcl p50", "times", "build", "MB",
     )  # fmt: skip
     rows = [
         (
-            *_row(r), _us(r["expand_us"]), _us(r["whole_us"]), _us(r["surface_us"]),
-            _us(r["changes_us"]), _us(r["frame_us"]["p50"]), _us(r["frame_us"]["p99"]),
-            _us(r["fcl_cpu_us"]["p50"]) if r["fcl_cpu_us"] else "",
-            f"{r['times_faster']:,.0f}", f"{r['build_cpu_s']:.1f} s",
+            _map(r), _us(r["expand_us"]), _us(r["whole_us"]), _us(r["surface_us"]),
+            _us(r["changes_us"]), " / ".join(_us(r["frame_us"][k]) for k in _SHARES),
+            _us(r["fcl_cpu_us"]["p50"]), f"{r['times_faster']:,.0f}",
+            f"{r['build_cpu_s']:.1f} s",
             f"{1e-6 * (r['edge_major_bytes'] + r['direct_bytes']):.1f}",
         )
         for r in sweep
     ]  # fmt: skip
     title = "Update and search, median CPU time (the frame: by the clock)"
     return {"title": title, "head": head, "rows": rows}
+
+
+_SHARES = ("p50", "p99")
 
 
 def _uninflated(by_cell: list[dict]) -> dict:
@@ -65,12 +66,13 @@ def _uninflated(by_cell: list[dict]) -> dict:
 
 def _edges(rules: list[dict]) -> dict:
     head = (
-        "cells", "edges", "that lack a cell", "swept cells missed", "looked at",
-        "wrongly free of the arm", "missed by the motion bound", "its cells",
+        "map", "edges", "that lack a cell", "swept cells missed", "middles",
+        "wrongly free of the arm", "motion bound misses", "its cells",
     )  # fmt: skip
     rows = [
         (
-            f"{r['cell_cm']} cm", str(r["edges"]), _percent(r["short"], r["edges"]),
+            f"{r['cell_cm']} cm, {r['nodes']:,}", str(r["edges"]),
+            _percent(r["short"], r["edges"]),
             _percent(r["missed"], r["cells"]), f"{r['middles']:.1f}",
             f"{r['passed']:,} of {r['asked']:,}", str(r["bound_missed"]),
             f"+{_percent(r['bound_cells'] - r['cells'], r['cells'])}",
@@ -81,8 +83,12 @@ def _edges(rules: list[dict]) -> dict:
     return {"title": title, "head": head, "rows": rows}
 
 
-def _row(r: dict) -> tuple[str, ...]:
-    return f"{r['cell_cm']} cm", f"{r['nodes']:,}", r["sampling"]
+def _map(r: dict) -> str:
+    return f"{r['cell_cm']} cm, {r['nodes']:,} {r['sampling']}"
+
+
+def _pair(r: dict, kind: str) -> str:
+    return f"{_n(r[f'{kind}_whole'])} / {_n(r[f'{kind}_surface'])}"
 
 
 def _n(value: float) -> str:
