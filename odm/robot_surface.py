@@ -108,8 +108,9 @@ class RobotSurface:
         if T_world_base is None:
             return self._placed
         T = solid._check_pose(T_world_base)
-        np.matmul(self._placed, T[:3, :3].T, out=self._turned)
-        self._turned += T[:3, 3]
+        np.dot(self._placed, np.ascontiguousarray(T[:3, :3].T), out=self._turned)
+        for k in range(3):  # a row added to all points at once allocates them again
+            self._turned[:, k] += T[k, 3]
         return self._turned
 
     def parts(

@@ -74,7 +74,8 @@ def ratio(raced: Race) -> float:
     for _ in range(2000):
         empty(_nothing)
     own = np.median(empty.cpu)
-    return float((np.median(raced.theirs.cpu) - own) / (np.median(raced.same.cpu) - own))
+    ours, theirs = (np.median(c.cpu) - own for c in (raced.same, raced.theirs))
+    return float(theirs / ours)
 
 
 def _nothing() -> None:
