@@ -1,4 +1,4 @@
-"""A robot as an obstacle: every part closed and covered, moved rigidly by its joints."""
+"""A robot as an obstacle: every part closed and covered, moved by its joints."""
 
 import tracemalloc
 
@@ -94,7 +94,7 @@ def fine_points(robot, i, rng):
 
 
 @pytest.mark.parametrize("spacing", [0.03, 0.012])
-def test_every_surface_is_within_the_covering_radius_of_its_samples(mixed, rng, spacing):
+def test_all_of_a_surface_is_near_its_samples(mixed, rng, spacing):
     assert set(mixed.solid_kind.tolist()) == {HULL, BOX, CYLINDER, 3}
     surface = RobotSurface(mixed, spacing)
     assert surface.covering_radius <= spacing
