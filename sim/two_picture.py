@@ -190,11 +190,11 @@ def _framed(
     low = np.minimum(tools.min(axis=0), np.minimum(p_other, 0.0)) - 0.25
     high = np.maximum(tools.max(axis=0), np.maximum(p_other, 0.0)) + 0.25
     middle, span = 0.5 * (low + high), float(max(high[:2] - low[:2]))
-    target = (middle[0], middle[1], 0.20 * span)
+    target = (middle[0], middle[1], 0.14 * span)
     eye = (middle[0] + 0.55 * span, middle[1] - 1.75 * span, 1.30 * span)
     far = 6.0 * span + 2.0
     extent = ((low[0], high[0]), (low[1], high[1]))
-    return replace(camera, eye=eye, target=target, fov_deg=32.0, far=far), extent
+    return replace(camera, eye=eye, target=target, fov_deg=29.0, far=far), extent
 
 
 def _seen_from(camera: Camera, T_world_base: np.ndarray) -> Camera:
