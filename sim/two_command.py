@@ -62,7 +62,7 @@ def run_two(
     Exit code 1: the exact audit of every frame found a contact of a robot that plans.
     """
     from odm import load_map
-    from sim.two_robots import TwoSettings
+    from sim.two_members import TwoSettings
     from sim.two_robots import run_two as run
 
     settings = TwoSettings(rate_hz=rate, duration_s=seconds, other=other)
@@ -118,7 +118,7 @@ def _alone(maps: tuple, settings: object) -> list[float]:
     from dataclasses import replace
 
     from roadmap.transforms import pose_of
-    from sim.two_robots import PLANNED
+    from sim.two_members import PLANNED
     from sim.two_robots import run_two as run
 
     brief = min(ALONE_S, settings.duration_s)

@@ -1,5 +1,6 @@
 """Pictures of a run of two robots: both, with their work places, and what they do."""
 
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,7 +58,9 @@ def write_two_animation(
     path.parent.mkdir(parents=True, exist_ok=True)
     with _Stage(maps, result, camera) as stage:
         pictures = [stage.paint(i) for i in shown]
-    return write_gif(pictures, path, settings)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        write_gif(pictures, Path(folder) / path.name, settings).replace(path)
+    return path
 
 
 def _liveliest(result: TwoResult, length: int) -> int:
