@@ -5,6 +5,7 @@ from odm.build import build_map
 from odm.cell_map import CellMap, load_map
 from odm.planner import PlannerSettings, ReactivePlanner
 from odm.recipe import Recipe, load_recipe
+from odm.robot_surface import RobotSurface, robot_surface
 from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.surfaces import Surface, sample_capsules, surface_of
 
@@ -20,11 +21,13 @@ __all__ = [
     "PlannerSettings",
     "ReactivePlanner",
     "Recipe",
+    "RobotSurface",
     "Sphere",
     "Surface",
     "build_map",
     "load_map",
     "load_recipe",
+    "robot_surface",
     "sample_capsules",
     "surface_of",
 ]

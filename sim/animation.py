@@ -73,7 +73,7 @@ def write_animation(
     first = liveliest(result, step * settings.frames)
     shown = range(first, min(first + step * settings.frames, result.frames), step)
     pictures = [painter.paint(result, i) for i in shown]
-    return _write_gif(pictures, Path(path), settings)
+    return write_gif(pictures, Path(path), settings)
 
 
 def paint_frame(
@@ -113,9 +113,9 @@ class _Painter:
         self.goals = np.array([tool_pose(robot, q)[:3, 3] for q in places])
         self.unit = camera.height / 480  # line widths and letters scale with it
         size = round(14.5 * self.unit)
-        self.font = ImageFont.truetype(_font_file("DejaVuSans.ttf"), size)
-        self.bold = ImageFont.truetype(_font_file("DejaVuSans-Bold.ttf"), size)
-        self.ground = _ground(camera)
+        self.font = ImageFont.truetype(font_file("DejaVuSans.ttf"), size)
+        self.bold = ImageFont.truetype(font_file("DejaVuSans-Bold.ttf"), size)
+        self.ground = draw_ground(camera)
 
     def paint(self, result: RunResult, frame: int) -> object:
         from PIL import Image, ImageDraw
@@ -245,7 +245,11 @@ def _shown_status(result: RunResult, frame: int) -> str:
     return "replanned" if new else now
 
 
-def _ground(camera: Camera) -> np.ndarray:
+def draw_ground(
+    camera: Camera,
+    along: tuple[float, float] = TABLE_X,
+    across: tuple[float, float] = TABLE_Y,
+) -> np.ndarray:
     """Return (h, w, 3) the empty scene: a table with a grid of 0.2 m."""
     from PIL import Image, ImageDraw
 
@@ -257,7 +261,7 @@ def _ground(camera: Camera) -> np.ndarray:
         flat = np.array([(x, y, 0.0) for x, y in points])
         return [tuple(2 * p) for p in camera.project(flat)[0]]
 
-    (x0, x1), (y0, y1) = TABLE_X, TABLE_Y
+    (x0, x1), (y0, y1) = along, across
     draw.polygon(pixels((x0, y0), (x1, y0), (x1, y1), (x0, y1)), TABLE)
     for x in np.arange(x0 + 0.15, x1, 0.2):
         draw.line(pixels((x, y0), (x, y1)), GRID, 3)
@@ -267,7 +271,8 @@ def _ground(camera: Camera) -> np.ndarray:
     return np.asarray(small, np.float32)
 
 
-def _write_gif(pictures: list, path: Path, settings: FilmSettings) -> Path:
+def write_gif(pictures: list, path: Path, settings: FilmSettings) -> Path:
+    """Write pictures (PIL) as an animated GIF no larger than the settings say."""
     from PIL import Image
 
     size = (settings.width, settings.height)
@@ -299,7 +304,8 @@ def _save_gif(pictures: list, path: Path, colours: int, fps: float) -> None:
     flat[0].save(path, save_all=True, append_images=flat[1:], **options)
 
 
-def _font_file(name: str) -> str:
+def font_file(name: str) -> str:
+    """Return the path of a font that comes with matplotlib."""
     from matplotlib import get_data_path
 
     return str(Path(get_data_path()) / "fonts" / "ttf" / name)

@@ -12,13 +12,17 @@ _FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
 
 
 def bench_names() -> list[str]:
-    """Return the benches that are there: modules of `sim.bench` with a `run`."""
+    """Return the benches that are there: modules of `sim.bench` with a `run`.
+
+    `sim/bench/odm_paper.py` is called odm-paper.
+    """
     import sim.bench
 
     folder = Path(sim.bench.__path__[0])
     modules = [m.name for m in pkgutil.iter_modules([str(folder)])]
     texts = {m: (folder / f"{m}.py").read_text(encoding="utf-8") for m in modules}
-    return sorted(name for name, text in texts.items() if "\ndef run(" in text)
+    runs = [name for name, text in texts.items() if "\ndef run(" in text]
+    return sorted(name.replace("_", "-") for name in runs)
 
 
 def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> None:
@@ -36,7 +40,7 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
     if name not in bench_names():
         known = ", ".join(bench_names())
         raise BadInput(f"there is no bench {name!r}; choose one of {known}")
-    run = importlib.import_module(f"sim.bench.{name}").run
+    run = importlib.import_module(f"sim.bench.{name.replace('-', '_')}").run
     given = {k: v for k, v in options.items() if v is not None}
     _check_options(name, run, given)
     from sim.bench import table

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command
+from sim import cli_build, replay_command, two_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -225,13 +225,16 @@ def demo(
 
 
 app.command("replay")(guarded(replay_command.replay))
+app.command("run-two")(guarded(two_command.run_two))
 
 
 @app.command()
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(metavar="latency|motions|tax|build|ompl", help="Which one.")
+        str, typer.Argument(
+            metavar="latency|motions|tax|build|ompl|odm-paper", help="Which one."
+        )
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
@@ -258,6 +261,9 @@ def bench(
         list[Path] | None,
         typer.Option(metavar="F", help="A recorded motion, too; again for more."),
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the figures (odm-paper).")
+    ] = None,
     markdown: Annotated[
         str | None,
         typer.Option(
@@ -273,7 +279,7 @@ def bench(
 
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
     options |= {"execution": execution, "seconds": seconds, "seeds": seeds}
-    options |= {"motions": motion or None, "files": file or None}
+    options |= {"motions": motion or None, "files": file or None, "plot": plot}
     run_bench(name, options, json, markdown)
 
 

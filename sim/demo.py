@@ -137,8 +137,8 @@ def warm_up(
 
 def open_world(cell_map: CellMap) -> tuple[World | CoverWorld, str]:
     """Return pybullet's world, or the plain one and a sentence that says why."""
-    robot, source = cell_map.robot, cell_map.recipe.robot.source
+    robot, asked = cell_map.robot, cell_map.recipe.robot
     try:
-        return World(source, robot), "Drawn by pybullet."
+        return World(asked.source, robot, asked.locked), "Drawn by pybullet."
     except (SimulatorMissing, BadRobot) as error:
         return CoverWorld(robot), f"Drawn from the sphere cover: {error}."

@@ -117,6 +117,7 @@ def run_motion(
     from sim.demo import DEMO as SETTINGS
     from sim.demo import find_places, warm_up
     from sim.loop import Loop, run_frames, run_loop
+    from sim.person_place import before_work_places
     from sim.record import check_target, recording
     from sim.report import print_report, setting
 
@@ -131,6 +132,7 @@ def run_motion(
     planner = ReactivePlanner(cell_map)
     with Bars() as tell:
         places = find_places(planner)
+        motion = before_work_places(motion, planner.robot, places)
         warm_up(planner, places, motion, settings)
         tell(f"{seconds:g} s of {motion.name}", 0, 1)
         planner = ReactivePlanner(cell_map)  # one that knows nothing of all that

@@ -3,21 +3,28 @@
 import contextlib
 import ctypes
 import os
+import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from roadmap.errors import PlanningError
-from roadmap.known import robot_file
+from roadmap.known import known_robot, robot_file
 from roadmap.robot import Robot
 from sim.camera import Camera
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
-GREETING = b"pybullet build time"
+# what the library says when it is imported, and of links without masses
+GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
+INERTIA = re.compile(
+    rb"b3Warning\[[^\]]*\]:\s*No inertial data for link.*?inertial frame\s*"
+    rb"b3Warning\[[^\]]*\]:\s*\S*?\s*(?=b3Warning|\Z|\n)",
+    re.DOTALL,
+)
 LIGHT = {
     "lightDirection": [1.0, -1.2, 2.4],
     "lightColor": [1.0, 1.0, 1.0],
@@ -45,22 +52,32 @@ class World:
     Args:
         urdf: Path of the robot's URDF, or a known name such as "panda".
         robot: Names and order of the joints.
+        locked: Joint name -> value of joints that stand still [rad or m]; a known
+            robot's own count, too, and others stand at 0 or the limit next to it.
 
     Raises:
         SimulatorMissing: pybullet is not installed.
         BadRobot: There is no such file.
     """
 
-    def __init__(self, urdf: str | Path, robot: Robot) -> None:
+    def __init__(
+        self,
+        urdf: str | Path,
+        robot: Robot,
+        locked: Mapping[str, float] | None = None,
+    ) -> None:
         """Connect to pybullet and load the robot."""
         self._bullet = _pybullet()
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
-        self._robot = self._call("loadURDF", path, useFixedBase=True)
+        with _without(INERTIA):
+            self._robot = self._call("loadURDF", path, useFixedBase=True)
         count = self._call("getNumJoints", self._robot)
         infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
         index = {info[1].decode(): info[0] for info in infos}
         self._joints = [index[name] for name in robot.joint_names]
+        known = known_robot(urdf)
+        self._lock(infos, {**(known.locked if known else {}), **(locked or {})})
         self._person: list[int] = []
         self._sizes = np.zeros((0, 2))
 
@@ -122,6 +139,16 @@ class World:
         empty = np.reshape(body, shape) < 0
         return colour, camera.metres(np.reshape(depth, shape)), empty
 
+    def _lock(self, infos: list, locked: Mapping[str, float]) -> None:
+        """Put the joints that no `place` moves where they stand."""
+        for info in infos:
+            joint, name, lower, upper = info[0], info[1].decode(), info[8], info[9]
+            if joint in self._joints or info[2] == self._bullet.JOINT_FIXED:
+                continue
+            rest = min(max(0.0, lower), upper) if lower < upper else 0.0
+            value = locked.get(name, rest)
+            self._call("resetJointState", self._robot, joint, float(value))
+
     def _call(self, name: str, *args: object, **kwargs: object) -> object:
         kwargs["physicsClientId"] = self._client
         return getattr(self._bullet, name)(*args, **kwargs)
@@ -174,23 +201,22 @@ def capsule_mesh(
 
 def _pybullet() -> ModuleType:
     try:
-        with _without_greeting():
-            import pybullet
+        if "pybullet" not in sys.modules:
+            with _without(GREETING):
+                import pybullet
+        import pybullet
     except ImportError as error:
         raise SimulatorMissing from error
     return pybullet
 
 
 @contextlib.contextmanager
-def _without_greeting() -> Iterator[None]:
-    """Drop the "pybullet build time" that the library prints when it is imported.
+def _without(noise: re.Pattern) -> Iterator[None]:
+    """Drop what the library says below Python that no user can do anything about.
 
-    It writes to the process's own output, below Python. All else that is said
-    meanwhile is said afterwards, to stderr.
+    It writes to the process's own output. All else that is said meanwhile is said
+    afterwards, to stderr.
     """
-    if "pybullet" in sys.modules:
-        yield
-        return
     with tempfile.TemporaryFile() as heard:
         ctypes.CDLL(None).fflush(None)  # what C said before is not ours to keep
         kept = _redirected(heard.fileno())
@@ -202,8 +228,7 @@ def _without_greeting() -> Iterator[None]:
                 os.dup2(copy, stream)
                 os.close(copy)
             heard.seek(0)
-            lines = heard.read().splitlines(keepends=True)
-            said = b"".join(k for k in lines if not k.startswith(GREETING))
+            said = noise.sub(b"", heard.read())
             sys.stderr.write(said.decode(errors="replace"))
 
 

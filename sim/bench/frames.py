@@ -74,6 +74,7 @@ def make_pairs(
     frames: int = 200,
     seed: int = 1,
     condition: str = "every",
+    sided: bool = True,
 ) -> list[Pair]:
     """Draw pairs of configurations and a moving arm for each.
 
@@ -85,11 +86,13 @@ def make_pairs(
         condition: What start and goal must be, see CONDITIONS. "every" is how the
             competitors of GOALS were measured, and does not depend on how tight
             cover and samples are; "clear" is what the planner calls free.
+        sided: Start and goal have the tool on either side of the arm; False: they
+            are any valid configurations.
 
     Raises:
         NoFeasiblePair: None was found in many draws.
     """
-    draw = _Draw(cell_map, np.random.default_rng(seed))
+    draw = _Draw(cell_map, np.random.default_rng(seed), sided)
     return [
         draw.pair(MOTIONS[k % len(MOTIONS)], frames, condition) for k in range(pairs)
     ]
@@ -98,12 +101,14 @@ def make_pairs(
 class _Draw:
     """Draws pairs for one map from one stream of random numbers."""
 
-    def __init__(self, cell_map: CellMap, rng: np.random.Generator) -> None:
+    def __init__(
+        self, cell_map: CellMap, rng: np.random.Generator, sided: bool
+    ) -> None:
         self.robot, self.rng = cell_map.robot, rng
         self.m = cell_map.safety.m
         self.exact = ExactRobot(cell_map.robot)
         self.planner = ReactivePlanner(cell_map)
-        self.sided = True
+        self.sided = sided
         self.keep = cell_map.safety.rho + cell_map.safety.m
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1

@@ -10,6 +10,7 @@ from sim.bench.header import header
 from sim.demo import DEMO, find_places
 from sim.human_motion import make_motion, motion_names
 from sim.loop import LoopSettings, run_loop
+from sim.person_place import before_work_places
 from sim.run_command import person_of
 from sim.run_result import RunResult
 
@@ -94,6 +95,8 @@ def _played(job: tuple[str, float, str, str | None, int]) -> dict:
     else:
         human = None if motion is None else make_motion(motion, seed)
     places = find_places(planner)
+    if human is not None:
+        human = before_work_places(human, planner.robot, places)
     result = run_loop(planner, planner.robot, places, human, settings)
     name = {"motion": Path(motion).stem} if recorded else {}
     return {

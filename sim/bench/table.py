@@ -19,15 +19,33 @@ def print_bench(result: dict, console: Console | None = None) -> None:
     for row in rows:
         table.add_row(*row)
     console.print(table)
+    for more in result.get("tables", ()):
+        _print_more(more, console)
     for line in setting_lines(result):
         console.print(line, highlight=False)
 
 
+def _print_more(more: dict, console: Console) -> None:
+    table = Table(title=more["title"], title_justify="left")
+    for k, name in enumerate(more["head"]):
+        table.add_column(name, justify="left" if k < 1 else "right")
+    for row in more["rows"]:
+        table.add_row(*row)
+    console.print(table)
+
+
 def markdown(result: dict) -> str:
     """Return the table of a bench and its setting as markdown."""
-    head, *rows = ("| " + " | ".join(line) + " |" for line in _lines(result))
-    lines = [head, "|" + "---|" * (head.count("|") - 1), *rows]
+    lines = _markdown_table(_lines(result))
+    for more in result.get("tables", ()):
+        head, *rows = _markdown_table([more["head"], *more["rows"]])
+        lines += ["", f"**{more['title']}**", "", head, *rows]
     return "\n".join([*lines, "", *setting_lines(result)]) + "\n"
+
+
+def _markdown_table(rows: list) -> list[str]:
+    head, *rest = ("| " + " | ".join(line) + " |" for line in rows)
+    return [head, "|" + "---|" * (head.count("|") - 1), *rest]
 
 
 def _lines(result: dict) -> list[tuple[str, ...]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roadmap import load_robot
 from sim.camera import Camera
 from sim.cover_world import CoverWorld
 from sim.loop import exact_audit
@@ -43,6 +44,22 @@ def test_distances_of_pybullet_agree_within_its_margins(crane, crane_urdf):
             world.place([slew, 0.2], HAND)
             truth = exact([slew, 0.2], HAND)
             assert world.separation() == pytest.approx(truth, abs=4e-3)
+
+
+def test_locked_joints_stand_where_they_are_locked(crane_urdf):
+    pytest.importorskip("pybullet")
+    locked = {"luff": 0.8}
+    robot = load_robot(crane_urdf, tip="jib", locked=locked)
+    exact = exact_audit(robot)
+    with World(crane_urdf, robot, locked) as world:
+        for slew in np.linspace(0.2, 1.0, 7):
+            world.place([slew], HAND)
+            truth = exact(np.array([slew]), HAND)
+            assert world.separation() == pytest.approx(truth, abs=4e-3)
+    low = HAND - [0, 0, 0.3, 0, 0, 0.3, 0]
+    with World(crane_urdf, robot) as world:  # at 0 the jib is elsewhere
+        world.place([-0.1], low)
+        assert abs(world.separation() - exact(np.array([-0.1]), low)) > 0.02
 
 
 def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkeypatch):

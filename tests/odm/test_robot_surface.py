@@ -1,0 +1,192 @@
+"""A robot as an obstacle: every part closed and covered, moved by its joints."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from small import DATA
+
+import odm
+from odm.exact import ExactRobot
+from odm.mesh_surface import cover_densely
+from odm.robot_surface import RobotSurface, robot_surface, solids_of, standing_shapes
+from roadmap import load_robot
+from roadmap.errors import BadInput
+from roadmap.kinematics import body_frames
+from roadmap.robot import BOX, CYLINDER, HULL
+from roadmap.transforms import pose_of
+
+MIXED = """<robot name="mixed">
+<link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision>
+</link>
+<link name="turret"><collision><origin xyz="0 0 0.1" rpy="0.3 0 0"/><geometry>
+<cylinder radius="0.05" length="0.2"/></geometry></collision></link>
+<link name="slide"><collision><origin xyz="0.1 0 0"/><geometry>
+<mesh filename="wedge.obj"/></geometry></collision></link>
+<link name="ball"><collision><geometry><sphere radius="0.06"/></geometry></collision>
+</link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="turret"/>
+<origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="push" type="prismatic"><parent link="turret"/><child link="slide"/>
+<origin xyz="0.05 0 0.2" rpy="0 0.4 0"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="0.3" velocity="1" effort="1"/></joint>
+<joint name="nod" type="revolute"><parent link="slide"/><child link="ball"/>
+<origin xyz="0.25 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+</robot>
+"""
+WEDGE = """v 0 0 0
+v 0.2 0 0
+v 0 0.1 0
+v 0 0 0.15
+v 0.2 0.05 0.1
+f 1 2 3
+f 1 3 4
+f 1 4 2
+f 2 5 3
+f 3 5 4
+f 4 5 2
+"""
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory):
+    """A robot of a box, a cylinder, a hull and a ball, with a slide."""
+    folder = tmp_path_factory.mktemp("mixed")
+    (folder / "wedge.obj").write_text(WEDGE)
+    (folder / "mixed.urdf").write_text(MIXED)
+    return load_robot(folder / "mixed.urdf", tip="ball")
+
+
+@pytest.fixture(scope="module")
+def arm3():
+    return load_robot(DATA / "arm3.urdf", tip="tool")
+
+
+def draw(robot, rng):
+    return rng.uniform(robot.lower, robot.upper)
+
+
+def fine_points(robot, i, rng):
+    """Return many points of the surface of solid i, in its own frame."""
+    kind, size = robot.solid_kind[i], robot.solid_size[i]
+    if kind == HULL:
+        from scipy.spatial import ConvexHull
+
+        points = robot.solid_points[robot.solid_ptr[i] : robot.solid_ptr[i + 1]]
+        return cover_densely(points, ConvexHull(points).simplices, 0.003)
+    if kind == BOX:
+        points = rng.uniform(-0.5, 0.5, (4000, 3))
+        axis = rng.integers(0, 3, 4000)
+        points[np.arange(4000), axis] = np.where(rng.random(4000) < 0.5, -0.5, 0.5)
+        return points * size
+    ball = rng.normal(size=(4000, 3))
+    if kind == CYLINDER:
+        ball[:, :2] /= np.linalg.norm(ball[:, :2], axis=1)[:, None]
+        ball[:, 2] = rng.uniform(-0.5, 0.5, 4000)
+        lid = rng.random(4000) < 0.4
+        ball[lid, 2] = np.sign(ball[lid, 2]) * 0.5
+        ball[lid, :2] *= np.sqrt(rng.random(int(lid.sum())))[:, None]
+        return ball * [size[0], size[0], size[1]]
+    return ball / np.linalg.norm(ball, axis=1)[:, None] * size[0]
+
+
+@pytest.mark.parametrize("spacing", [0.03, 0.012])
+def test_all_of_a_surface_is_near_its_samples(mixed, rng, spacing):
+    assert set(mixed.solid_kind.tolist()) == {HULL, BOX, CYLINDER, 3}
+    surface = RobotSurface(mixed, spacing)
+    assert surface.covering_radius <= spacing
+    q = draw(mixed, rng)
+    points, frames = surface.at(q), body_frames(mixed, q)
+    for i in range(len(mixed.solid_kind)):
+        T = frames[mixed.link_body[mixed.solid_link[i]]] @ mixed.solid_pose[i]
+        fine = fine_points(mixed, i, rng) @ T[:3, :3].T + T[:3, 3]
+        own = points[surface.labels == i]
+        far, _ = cKDTree(own).query(fine)
+        assert far.max() <= surface.covering_radius + 1e-9
+
+
+def test_samples_lie_on_the_solids(mixed, rng):
+    exact = ExactRobot(mixed, base=True)
+    q = draw(mixed, rng)
+    for p in RobotSurface(mixed).at(q)[::7]:
+        near = exact.distance(q, [odm.Sphere(1e-4, pose_of(p))])
+        assert near.distance < 1e-6
+
+
+def test_the_base_pose_moves_all_points(mixed, rng):
+    q, T = draw(mixed, rng), pose_of((0.4, -0.2, 0.1), (0.1, 0.2, 2.0))
+    surface = RobotSurface(mixed)
+    own = surface.at(q).copy()
+    moved = surface.at(q, T)
+    assert np.allclose(moved, own @ T[:3, :3].T + T[:3, 3], atol=1e-12)
+
+
+def test_parts_are_closed_and_carry_the_names_of_their_links(mixed):
+    parts = robot_surface(mixed, np.zeros(3))
+    assert [p.label for p in parts] == ["base", "turret", "slide", "ball"]
+    assert all(p.closed and p.covering_radius <= 0.03 for p in parts)
+    assert sum(len(p.points) for p in parts) == len(RobotSurface(mixed))
+
+
+def test_moving_and_standing_links_make_the_whole(mixed):
+    counts = [len(RobotSurface(mixed, parts=p)) for p in ("all", "moving", "standing")]
+    assert counts[0] == counts[1] + counts[2] and min(counts) > 0
+    standing = RobotSurface(mixed, parts="standing")
+    before = standing.at(np.zeros(3)).copy()
+    assert np.array_equal(before, standing.at(np.array([1.0, 0.2, 0.5])))
+    assert not standing.sway.any()
+
+
+def test_standing_shapes_stand_at_the_base(mixed):
+    T = pose_of((0.5, 0.0, 0.0), (0.0, 0.0, 1.0))
+    (box,) = standing_shapes(mixed, T)
+    assert np.allclose(box.T_base_shape, T) and np.allclose(box.size, [0.2, 0.2, 0.1])
+    assert len(solids_of(mixed)) == 4
+
+
+def test_no_point_moves_farther_than_its_sway(mixed, arm3, rng):
+    for robot in (mixed, arm3):
+        surface = RobotSurface(robot, parts="moving")
+        for _ in range(40):
+            q, other = draw(robot, rng), draw(robot, rng)
+            one = surface.at(q).copy()
+            moved = np.linalg.norm(surface.at(other) - one, axis=1)
+            assert (moved <= surface.sway @ np.abs(other - q) + 1e-9).all()
+
+
+def test_a_frame_allocates_no_points(arm3):
+    surface, T = RobotSurface(arm3, 0.01), pose_of((1.0, 0.0, 0.0))
+    q = np.zeros(3)
+    first = surface.at(q, T)
+    tracemalloc.start()
+    again = surface.at(q + 0.1, T)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert again is first
+    assert peak < first.nbytes / 2
+
+
+def test_a_q_of_wrong_length_is_refused(arm3):
+    with pytest.raises(BadInput, match="3 moving joints"):
+        RobotSurface(arm3).at(np.zeros(6))
+    with pytest.raises(BadInput, match="nowhere"):
+        RobotSurface(arm3).at(np.array([0.0, np.nan, 0.0]))
+
+
+def test_a_covering_radius_above_rho_is_refused(arm3):
+    surface = RobotSurface(arm3, 0.05)
+    surface.require(0.05)
+    with pytest.raises(BadInput, match=r"0.05 m of 'arm3' is larger than .* 0.03 m"):
+        surface.require(0.03)
+
+
+def test_bad_spacing_parts_and_poses_are_refused(arm3):
+    with pytest.raises(BadInput, match="spacing"):
+        RobotSurface(arm3, 0.0)
+    with pytest.raises(BadInput, match="moving"):
+        RobotSurface(arm3, parts="some")
+    with pytest.raises(BadInput, match="rigid"):
+        RobotSurface(arm3).at(np.zeros(3), 2.0 * np.eye(4))

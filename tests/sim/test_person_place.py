@@ -1,0 +1,46 @@
+"""The scripted person stands before the work places of every robot."""
+
+import numpy as np
+
+from sim.human_motion import make_motion
+from sim.person_place import SCRIPTED_FOR, Moved, before_work_places
+
+
+class Recorded:
+    """A motion that is not scripted."""
+
+    name, max_speed = "clip", 1.0
+
+    def capsules(self, t):
+        return np.zeros((1, 7))
+
+
+def tools_of(robot, places):
+    from roadmap.kinematics import tool_pose
+
+    return np.array([tool_pose(robot, q)[:3, 3] for q in places])
+
+
+def test_the_person_moves_along_with_the_work_places(crane, places):
+    motion = make_motion("sweep", 1)
+    moved = before_work_places(motion, crane, places)
+    offset = tools_of(crane, places).mean(axis=0) - SCRIPTED_FOR
+    assert isinstance(moved, Moved) and np.linalg.norm(offset) > 0.1
+    assert (moved.name, moved.max_speed) == (motion.name, motion.max_speed)
+    for t in (0.0, 0.7, 3.1):
+        here, there = motion.capsules(t), moved.capsules(t)
+        assert np.allclose(there[:, :3] - here[:, :3], offset)
+        assert np.allclose(there[:, 3:6] - here[:, 3:6], offset)
+        assert np.array_equal(there[:, 6], here[:, 6])
+
+
+def test_near_the_place_it_was_written_for_nothing_changes(crane, places, monkeypatch):
+    middle = tools_of(crane, places).mean(axis=0)
+    monkeypatch.setattr("sim.person_place.SCRIPTED_FOR", middle + 0.05)
+    motion = make_motion("reach", 1)
+    assert before_work_places(motion, crane, places) is motion
+
+
+def test_a_person_who_was_told_where_to_stand_stays(crane, places):
+    recorded = Recorded()
+    assert before_work_places(recorded, crane, places) is recorded
