@@ -1,4 +1,4 @@
-"""A person's upper body as closed, labelled capsules from the places of its joints."""
+"""A person's body as closed, labelled capsules from the places of its joints."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -6,6 +6,17 @@ from enum import IntEnum
 
 import numpy as np
 
+from handover.anthropometry import (
+    HAND,
+    NECK_TO_SKULL,
+    PELVIS_TO_HIP,
+    PELVIS_TO_TRUNK,
+    RADII,
+    SKULL_TO_CROWN,
+    TRUNK_TO_NECK,
+    check_height,
+    check_thickness,
+)
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
@@ -21,6 +32,8 @@ class Part(IntEnum):
     RIGHT_UPPER_ARM = 5
     TORSO = 6
     HEAD = 7
+    LEFT_LEG = 8
+    RIGHT_LEG = 9
 
     @property
     def words(self) -> str:
@@ -37,15 +50,6 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
-HEIGHTS = (1.2, 2.2)  # [m] where the fractions still describe an adult
-
-# Radii [m]. Arm: ANSUR II circumferences, 95th percentile of men and 10 mm of clothing,
-# or the mean of men. Trunk and head hold its chest breadth 0.289, waist breadth 0.326
-# and head length 0.200 (means of men); "conservative" adds 35 and 20 mm.
-_RADII = {
-    "conservative": (0.060, 0.065, 0.075, 0.200, 0.090, 0.120),
-    "mean": (0.044, 0.049, 0.057, 0.165, 0.070, 0.100),
-}
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ class BodySizes:
         hand_length: Wrist to finger tips of a straight hand [m].
         crown: Base of the neck to the top of the head [m].
         trunk: Hip to base of the neck [m], used where no hip is known.
+        thigh, shank, foot: Radii [m].
     """
 
     hand: float
@@ -68,6 +73,9 @@ class BodySizes:
     hand_length: float
     crown: float
     trunk: float
+    thigh: float = RADII["conservative"][6]
+    shank: float = RADII["conservative"][7]
+    foot: float = RADII["conservative"][8]
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no closed solid."""
@@ -83,8 +91,8 @@ class BodySizes:
     ) -> "BodySizes":
         """Return the sizes of an adult; lengths are fractions of `height` [m].
 
-        Hand 0.108, lower neck to crown 0.160, hip to lower neck 0.310 of the height
-        (MMM reference model of KIT). Thickness hardly depends on height.
+        The fractions are those of `handover.anthropometry`. Thickness hardly depends
+        on height.
 
         Args:
             height: Body height [m], 1.2 to 2.2.
@@ -93,17 +101,12 @@ class BodySizes:
         Raises:
             BadInput: The height is out of range or the thickness unknown.
         """
-        if not HEIGHTS[0] <= height <= HEIGHTS[1]:
-            raise BadInput(
-                f"a body height of {height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} "
-                "m; give BodySizes with your own numbers instead"
-            )
-        if thickness not in _RADII:
-            raise BadInput(
-                f"no thickness {thickness!r} of a body; "
-                f"choose one of {', '.join(_RADII)}"
-            )
-        return cls(*_RADII[thickness], 0.108 * height, 0.160 * height, 0.310 * height)
+        check_height(height, "give BodySizes with your own numbers instead")
+        radii = RADII[check_thickness(thickness)]
+        crown = NECK_TO_SKULL + SKULL_TO_CROWN
+        trunk = PELVIS_TO_HIP + PELVIS_TO_TRUNK + TRUNK_TO_NECK
+        lengths = (HAND * height, crown * height, trunk * height)
+        return cls(*radii[:6], *lengths, *radii[6:])
 
 
 @dataclass(frozen=True, eq=False)
