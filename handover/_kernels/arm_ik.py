@@ -149,7 +149,7 @@ def _forbid_wrist(arm, work):
 
 @njit(cache=True, nogil=True)
 def _forbid_sine(arm, work, n, joint, row, side):
-    """Forbid where the joint, within 90 deg of 0, is below (side 1) or above its range."""
+    """Forbid where the joint, within 90 deg of 0, is below (1) or above its range."""
     if n < 0:
         return n
     end = arm[SIN_LOWER + joint] if side > 0.0 else -arm[SIN_UPPER + joint]

@@ -109,8 +109,9 @@ def safety_cost(obstacles, settings, ex, ey, ez, v, fore, x, y, z):
 @njit(cache=True, nogil=True)
 def _off_capsule(rods, i, x, y, z):
     """Return the distance of a point from capsule i; negative inside."""
-    dx, dy, dz = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1], rods[i, 5] - rods[i, 2]
-    px, py, pz = x - rods[i, 0], y - rods[i, 1], z - rods[i, 2]
+    dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
+    dy, py = rods[i, 4] - rods[i, 1], y - rods[i, 1]
+    dz, pz = rods[i, 5] - rods[i, 2], z - rods[i, 2]
     square = dx * dx + dy * dy + dz * dz
     t = 0.0
     if square > 0.0:
@@ -122,7 +123,8 @@ def _off_capsule(rods, i, x, y, z):
 @njit(cache=True, nogil=True)
 def _cut(rods, i, ax, ay, az, bx, by, bz):
     """Return whether the line from a to b enters capsule i."""
-    rx, ry, rz = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1], rods[i, 5] - rods[i, 2]
+    rx, ry = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1]
+    rz = rods[i, 5] - rods[i, 2]
     sx, sy, sz = bx - ax, by - ay, bz - az
     # balls around both lines first: most are far apart
     cx = 0.5 * (ax + bx) - rods[i, 0] - 0.5 * rx
@@ -154,8 +156,7 @@ def _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss):
     k = 0.0
     if ss > 0.0:
         k = (rs * t - so) / ss
-    if k < 0.0 or k > 1.0 or rr == 0.0:
-        k = min(max(k, 0.0), 1.0)
+    k = min(max(k, 0.0), 1.0)
     t = 0.0
     if rr > 0.0:
         t = min(max((ro + k * rs) / rr, 0.0), 1.0)
