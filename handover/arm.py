@@ -164,12 +164,10 @@ class Arm:
                 f"a swivel step of {step} rad is too small; give 0.001 rad or more"
             )
         room = 2 * MAX_SPANS + int(2.0 * math.pi / step) + 1
-        work, q, swivel = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty(room)
-        n, k = solve_arm(self.packed, flat_pose(T), float(step), work, q, swivel)
+        work, q, at = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))
+        n, k = solve_arm(self.packed, flat_pose(T), float(step), work, q, at)
         spans = work[SPANS : SPANS + k, :2].copy()
-        pieces = np.ceil((spans[:, 1] - spans[:, 0] - 1e-12) / step)
-        span = np.repeat(np.arange(k), pieces.astype(int) + 1)
-        return ArmSolutions(q[:n].copy(), swivel[:n].copy(), span, spans)
+        return ArmSolutions(q[:n].copy(), at[:n, 0], at[:n, 1].astype(int), spans)
 
     def solvable(self, T_shoulder_hand: np.ndarray) -> np.ndarray:
         """Return (n,) bool: whether each of the poses (n, 4, 4) has a solution."""
@@ -181,7 +179,8 @@ class Arm:
         poses = self.mirrored(poses)
         flat = np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]])
         answer = np.empty(len(poses), np.bool_)
-        solvable_poses(self.packed, flat, np.empty((WORK_ROWS, 3)), answer)
+        work, q = np.empty((WORK_ROWS, 3)), np.empty(7)
+        solvable_poses(self.packed, flat, work, q, answer)
         return answer
 
     def mirrored(self, T: np.ndarray) -> np.ndarray:

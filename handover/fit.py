@@ -8,7 +8,7 @@ import numpy as np
 from handover import anthropometry as body
 from handover.anthropometry import ARM_RANGES
 from handover.arm import MIRROR, SIDES
-from handover.body import ARM, JOINTS
+from handover.body import ARM, JOINTS, BodySizes
 from handover.human import Human
 from handover.skeleton import Skeleton
 from roadmap.errors import BadInput
@@ -58,7 +58,8 @@ def human_from_joints(
         height = _height(at, sides)
     body.check_height(height, "check the unit of the places: metres")
     R, neck, hip = _trunk(at, height)
-    skeleton = _skeleton(at, sides, height, R, neck, hip)
+    palm = BodySizes.sized(height, thickness).hand
+    skeleton = _skeleton(at, sides, height, palm, (R, neck, hip))
     joints = {}
     for side in sides:
         told = None if hands is None else hands.get(side)
@@ -201,11 +202,15 @@ def _skeleton(
     at: dict[str, np.ndarray],
     sides: list[str],
     height: float,
-    R: np.ndarray,
-    neck: np.ndarray,
-    hip: np.ndarray,
+    palm: float,
+    trunk: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> Skeleton:
-    """Return the lengths as measured, those of the height where nothing was."""
+    """Return the lengths as measured, those of the height where nothing was.
+
+    palm: radius of the hand, by which it reaches beyond a measured tip; trunk: what
+    `_trunk` returned.
+    """
+    R, neck, hip = trunk
     usual = Skeleton.of_height(height)
     origin = hip + R @ (np.array([0.0, 0.0, usual.trunk]) - usual.hips.mean(axis=0))
     shoulders, arms = np.array(usual.shoulders), np.array(usual.arms)
@@ -221,6 +226,8 @@ def _skeleton(
                     f"shoulder, elbow and hand of the {side} arm are within 2 cm; "
                     "check the places"
                 )
+        if side in sides and f"{side}_tip" in at:
+            hands[i] = palm + np.linalg.norm(at[f"{side}_tip"] - at[f"{side}_hand"])
     skull = R.T @ (at["head"] - neck) if "head" in at else usual.skull
     return replace(
         usual,

@@ -128,8 +128,8 @@ def swivel_spans(arm, work):
     if not wide:
         return n_spans
     k, p, q = work[SIN_A, 0] - arm[SIN_UPPER + 1], work[SIN_A, 1], work[SIN_A, 2]
-    if k < -TINY and k * k > p * p + q * q:
-        return n_spans
+    if k + TINY < 0.0 and (k + TINY) ** 2 >= p * p + q * q:
+        return n_spans  # most poses: the arm is never that far out
     n = _forbid(work, _forbid_wrist(arm, work), k, p, q)
     n = _forbid_hinge(arm, work, n, 0, COS_F, SIN_F, -1.0)
     n = _forbid_hinge(arm, work, n, 2, COS_R, SIN_R, -1.0)
