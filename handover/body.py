@@ -237,6 +237,40 @@ class UpperBody:
         return rods
 
 
+def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the places of the joints that made labelled capsules.
+
+    The inverse of `UpperBody.capsules`, for a motion that tells capsules only: its
+    places give the same capsules again. A head's end stands for the head joint.
+
+    Args:
+        capsules: (k, 7) ends a, b and radius, as `UpperBody.capsules` orders them [m].
+        labels: (k,) `Part` of each.
+
+    Returns:
+        (11, 3) places of `JOINTS` [m]; NaN where no capsule tells.
+    """
+    rods = zip(labels[::-1], capsules[::-1], strict=True)
+    first = {Part(label): rod for label, rod in rods}  # of several, the first
+    places = np.full((len(JOINTS), 3), np.nan)
+    ends = [(Part.TORSO, "hip", None), (Part.HEAD, "neck", "head")]
+    for side in SIDES:
+        hand, fore, upper = (
+            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
+        )
+        ends += [
+            (upper, f"{side}_shoulder", f"{side}_elbow"),
+            (fore, None, f"{side}_hand"),
+            (hand, None, f"{side}_tip"),
+        ]
+    for part, near, far in ends:
+        if part in first:
+            for name, end in ((near, first[part][:3]), (far, first[part][3:6])):
+                if name is not None:
+                    places[COLUMN[name]] = end
+    return places
+
+
 def _rod(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
     return np.concatenate([a, b, np.full((*a.shape[:-1], 1), radius)], axis=-1)
 

@@ -37,7 +37,8 @@ def human_from_joints(
         places: (11, 3) places of `handover.body.JOINTS` in a frame with z up [m], NaN
             where not known, or joint name -> (3,). One whole arm, and the neck or both
             shoulders, must be known.
-        height: Of the body [m]; None: estimated by the trunk's and arms' lengths.
+        height: Of the body [m]; None: estimated by the trunk's and arms' lengths, and
+            kept within 1.2 to 2.2 m. It only tells what was not measured.
         hands: Side -> (3, 3) rotation of the hand frame, see `handover/arm.py`.
         posture: Of the legs only, and of an arm that is not known.
         gaze: Direction (3,), if known.
@@ -56,7 +57,7 @@ def human_from_joints(
         )
     if height is None:
         height = _height(at, sides)
-    body.check_height(height, "check the unit of the places: metres")
+    body.check_height(height, "leave it out to have it estimated")
     R, neck, hip = _trunk(at, height)
     palm = BodySizes.sized(height, thickness).hand
     skeleton = _skeleton(at, sides, height, palm, (R, neck, hip))
@@ -171,7 +172,13 @@ def _height(at: dict[str, np.ndarray], sides: list[str]) -> float:
     if "neck" in at and "hip" in at:
         trunk = body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
         guesses.append(np.linalg.norm(at["neck"] - at["hip"]) / trunk)
-    return float(np.mean(guesses))
+    guess = float(np.mean(guesses))
+    if not 0.6 * body.HEIGHTS[0] <= guess <= 1.5 * body.HEIGHTS[1]:
+        raise BadInput(
+            f"arms and trunk are those of a person of {guess:.3g} m; check the unit of "
+            "the places, metres, or give the height"
+        )
+    return float(np.clip(guess, *body.HEIGHTS))
 
 
 def _trunk(

@@ -93,11 +93,11 @@ def _inside(q, ranges, slack):
     return ((turns >= low) & (turns <= high)).any(axis=1).all()
 
 
-def pinocchio_arm(lengths, moments=None):
+def pinocchio_arm(lengths, masses=None):
     """Return a pinocchio model of the right arm and its data.
 
-    moments: first moments (3,) along upper arm, forearm and hand [kg m]; each becomes
-    one point mass of 1 kg on its segment.
+    masses: mass and distance of its centre from the near joint, of upper arm, forearm
+    and hand [kg, m].
     """
     import pinocchio as pin
 
@@ -112,8 +112,8 @@ def pinocchio_arm(lengths, moments=None):
         parent = model.addJoint(parent, joint, at, f"j{n}")
     tip = pin.SE3(HAND, np.array([0.0, 0.0, -lengths[2]]))
     model.addFrame(pin.Frame("grip", parent, tip, pin.FrameType.OP_FRAME))
-    if moments is not None:
-        for joint, moment in zip((3, 4, 7), moments, strict=True):
-            point = pin.Inertia(1.0, np.array([0.0, 0.0, -moment]), np.zeros((3, 3)))
+    if masses is not None:
+        for joint, (mass, centre) in zip((3, 4, 7), masses, strict=True):
+            point = pin.Inertia(mass, np.array([0.0, 0.0, -centre]), np.zeros((3, 3)))
             model.appendBodyToJoint(joint, point, pin.SE3.Identity())
     return model, model.createData()
