@@ -210,7 +210,7 @@ def check_side(side: str) -> str:
 
 def check_joints(q: np.ndarray) -> np.ndarray:
     """Return q as (7,) float, or refuse another shape, NaN and infinity."""
-    q = np.ascontiguousarray(q, dtype=float)
+    q = np.array(q, dtype=float)  # a copy: to numba a frozen array is another type
     if q.shape != (7,) or not np.isfinite(q).all():
         raise BadInput(
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "

@@ -67,7 +67,7 @@ POSTURES = {
         "on the second step of a ladder (0.56 m), one foot a step higher",
         pelvis=5.0,
         left_leg=(5.0, 0.0, 90.0),
-        right_leg=(53.5, 71.5, 113.0),
+        right_leg=(72.6, 82.6, 105.0),
         arm=(60.0, 12.0, 10.0, 60.0, 0.0, 0.0, 0.0),
         step=0.56,
     ),

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command
+from sim import cli_build, human_command, replay_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -21,6 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("build")(guarded(cli_build.build))
+app.add_typer(human_command.app, name="human")
 
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[

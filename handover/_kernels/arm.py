@@ -76,6 +76,13 @@ def arm_pose(arm, q, pose):
 
 
 @njit(cache=True, nogil=True)
+def arm_poses(arm, joints, poses):
+    """Write `arm_pose` of every row of joints (n, 7) to poses (n, 12)."""
+    for i in range(joints.shape[0]):
+        arm_pose(arm, joints[i], poses[i])
+
+
+@njit(cache=True, nogil=True)
 def arm_jacobian(arm, q, jacobian):
     """Write the Jacobian (6, 7) at the grip: its velocity (3), then the hand's spin."""
     u, elbow, v, d, w, h, (cf, sf) = arm_axes(q)
