@@ -141,7 +141,8 @@ class Arm:
 
     def places(self, q: np.ndarray) -> np.ndarray:
         """Return (3, 3) elbow, wrist and grip in the shoulder frame [m]."""
-        directions = np.array([arm_axes(check_joints(q))[i] for i in (0, 2, 5)])
+        u, _, v, _, _, h, _ = arm_axes(check_joints(q))
+        directions = np.array((u, v, h))
         places = np.cumsum(self.lengths[:, None] * directions, axis=0)
         return places @ MIRROR if self.side == "left" else places
 

@@ -1,5 +1,6 @@
 """A `Human` from measured joints: where a tracker or a recording saw them."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -13,6 +14,12 @@ from handover.human import Human
 from handover.skeleton import Skeleton
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, rotation_rpy
+
+# What a degree outside the range counts, of the first four joints: an elbow that bends
+# back is far less likely than a rotation beyond the textbook's, which a few centimetres
+# of a marker make.
+_BEYOND = np.array([1.0, 1.0, 1.0, 5.0])
+_FLEXION_SEAM = ARM_RANGES[0].mean() - np.pi  # [rad] angles are told from here on
 
 
 def human_from_joints(
@@ -96,7 +103,7 @@ def arm_joints(
     for over_shoulder, back_elbow in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         q = _reading(u, v, over_shoulder, back_elbow)
         off = np.maximum(ARM_RANGES[:4, 0] - q[:4], q[:4] - ARM_RANGES[:4, 1])
-        off = np.maximum(off, 0.0).sum()
+        off = np.maximum(off, 0.0) @ _BEYOND
         if off < least:
             best, least = q, off
     R = _shoulder(best[:3]) @ _about_y(-best[3])
@@ -113,19 +120,18 @@ def arm_joints(
 
 def _reading(u: np.ndarray, v: np.ndarray, shoulder: int, elbow: int) -> np.ndarray:
     """Return the joints with one of two readings each of shoulder and elbow."""
-    q = np.zeros(7)
-    lateral = np.hypot(u[0], u[2])
-    if lateral > 1e-9:
-        q[0] = np.arctan2(shoulder * u[0], -shoulder * u[2])
-    if q[0] < ARM_RANGES[0].mean() - np.pi:
-        q[0] += 2.0 * np.pi
-    q[1] = np.arctan2(-u[1], shoulder * lateral)
-    x, y, z = _shoulder(q[:3]).T @ v
-    bent = np.hypot(x, y)
-    if bent > 1e-9:
-        q[2] = np.arctan2(elbow * y, elbow * x)
-    q[3] = np.arctan2(elbow * bent, -z)
-    return q
+    lateral = math.hypot(u[0], u[2])
+    f = math.atan2(shoulder * u[0], -shoulder * u[2]) if lateral > 1e-9 else 0.0
+    if f < _FLEXION_SEAM:
+        f += 2.0 * math.pi
+    a = math.atan2(-u[1], shoulder * lateral)
+    # v in the frame Ry(-f) Rx(-a): what is left is Rz(r) and the elbow
+    cf, sf, ca, sa = math.cos(f), math.sin(f), math.cos(a), math.sin(a)
+    x, z = cf * v[0] + sf * v[2], cf * v[2] - sf * v[0]
+    y, z = ca * v[1] - sa * z, sa * v[1] + ca * z
+    bent = math.hypot(x, y)
+    r = math.atan2(elbow * y, elbow * x) if bent > 1e-9 else 0.0
+    return np.array([f, a, r, math.atan2(elbow * bent, -z), 0.0, 0.0, 0.0])
 
 
 def _shoulder(q: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ another `Human`, and reachability maps, which are in units of arm length, stay v
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Human:
     @property
     def sizes(self) -> BodySizes:
         """Thickness of the parts."""
-        return BodySizes.sized(self.height, self.thickness)
+        return _upper_body(self.height, self.thickness).sizes
 
     @property
     def p_world_eyes(self) -> np.ndarray:
@@ -99,12 +100,13 @@ class Human:
     def labels(self) -> np.ndarray:
         """(k,) `handover.body.Part` of each of `capsules()`, int64."""
         legs = np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3)
-        upper = UpperBody(JOINTS, self.sizes).labels
+        upper = _upper_body(self.height, self.thickness).labels
         return np.concatenate([upper, legs.astype(np.int64)])
 
     def arm(self, side: str) -> Arm:
         """Return the arm "left" or "right", without its place."""
-        return Arm(side, self.skeleton.arms[SIDES.index(check_side(side))])
+        lengths = self.skeleton.arms[SIDES.index(check_side(side))]
+        return _arm(side, tuple(lengths.tolist()))
 
     def T_world_shoulder(self, side: str) -> np.ndarray:
         """Return the (4, 4) pose of a shoulder frame; it follows pelvis and trunk."""
@@ -170,12 +172,13 @@ class Human:
         Hands, forearms, upper arms, torso, shoulders and head as `UpperBody` makes
         them of the joints, then thigh, shank and foot of both legs; see `labels`.
         """
-        return self.capsules_of(self.sizes)
+        return self.capsules_of(self.thickness)
 
-    def capsules_of(self, sizes: BodySizes) -> np.ndarray:
+    def capsules_of(self, thickness: str) -> np.ndarray:
         """Return `capsules` of another thickness."""
-        upper = UpperBody(JOINTS, sizes).capsules(self.places)
-        return np.concatenate([upper, self._leg_capsules(sizes)])
+        body_of = _upper_body(self.height, thickness)
+        legs = self._leg_capsules(body_of.sizes)
+        return np.concatenate([body_of.capsules(self.places), legs])
 
     def surface_points(
         self, spacing: float = 0.03, T_world_base: np.ndarray | None = None
@@ -246,6 +249,17 @@ class Human:
                 (heel + inset, toes - inset, sizes.foot),
             ]
         return np.array([[*a, *b, radius] for a, b, radius in rods])
+
+
+# what depends on a few numbers only, kept for the next frame of the same person
+@lru_cache(maxsize=64)
+def _upper_body(height: float, thickness: str) -> UpperBody:
+    return UpperBody(JOINTS, BodySizes.sized(height, thickness))
+
+
+@lru_cache(maxsize=64)
+def _arm(side: str, lengths: tuple[float, ...]) -> Arm:
+    return Arm(side, np.array(lengths))
 
 
 def _joints(

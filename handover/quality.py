@@ -14,7 +14,7 @@ import numpy as np
 from handover import anthropometry as body
 from handover._kernels import quality as kernel
 from handover.arm import MIRROR, check_joints
-from handover.body import BodySizes, Part
+from handover.body import Part
 from handover.human import Human
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -252,7 +252,7 @@ def _first_moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
 
 def _own_body(human: Human, side: str) -> np.ndarray:
     """Return the capsules of the own body without the arm itself, mean thickness."""
-    rods = human.capsules_of(BodySizes.sized(human.height, "mean"))
+    rods = human.capsules_of("mean")
     own = {Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")}
     keep = [Part(label) not in own for label in human.labels]
     return rods[np.array(keep)]

@@ -1,6 +1,7 @@
 """Lengths between a person's joints: of a body height, or measured."""
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,11 +64,15 @@ class Skeleton:
     def of_height(cls, height: float) -> "Skeleton":
         """Return the skeleton of a person of `height` [m], 1.2 to 2.2."""
         body.check_height(height, "give a Skeleton with the person's own lengths")
+        return _of_height(float(height))
+
+    @classmethod
+    def _fractions(cls) -> "Skeleton":
         side = np.array([[1.0], [-1.0]])
         shoulder = [0.0, body.SHOULDER_HALF_BREADTH, body.TRUNK_TO_SHOULDER]
         hip = [0.0, body.HIP_HALF_BREADTH, -body.PELVIS_TO_HIP]
         mirror = np.hstack([side * side, side, side * side])
-        fractions = cls(
+        return cls(
             trunk=body.PELVIS_TO_TRUNK,
             shoulders=mirror * shoulder,
             neck=np.array([0.0, 0.0, body.TRUNK_TO_NECK]),
@@ -77,9 +82,13 @@ class Skeleton:
             hands=np.full(2, body.HAND),
             legs=np.array([body.THIGH, body.SHANK, body.ANKLE, body.FOOT]),
         )
-        return fractions.scaled(height)
 
     def scaled(self, factor: float) -> "Skeleton":
         """Return the skeleton with all lengths times `factor`."""
         lengths = {f.name: factor * getattr(self, f.name) for f in fields(self)}
         return Skeleton(**lengths)
+
+
+@lru_cache(maxsize=64)
+def _of_height(height: float) -> Skeleton:
+    return Skeleton._fractions().scaled(height)

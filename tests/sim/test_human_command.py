@@ -16,7 +16,8 @@ def test_figures_are_those_of_the_model(odm):
     rows = {row["segment"]: row for row in facts["segments"]}
     assert rows["upper arm"]["length_m"] == pytest.approx(0.186 * 1.6, abs=1e-4)
     assert rows["forearm"]["mass_kg"] == pytest.approx(0.016 * 60)
-    assert sum(rows[n]["of_height"] for n in ("upper arm", "forearm", "hand")) == 0.44
+    parts = [rows[n]["of_height"] for n in ("upper arm", "forearm", "hand")]
+    assert sum(parts) == pytest.approx(0.44)
     assert len(facts["joints"]) == 7
     assert facts["joints"][3]["upper_deg"] == 150.0
     assert facts["reach"]["arm_length_m"] == pytest.approx(0.383 * 1.6, abs=1e-4)
