@@ -232,7 +232,10 @@ app.command("replay")(guarded(replay_command.replay))
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(metavar="latency|motions|tax|build|ompl|human", help="Which one.")
+        str,
+        typer.Argument(
+            metavar="latency|motions|tax|build|ompl|human", help="Which one."
+        ),
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")

@@ -1,4 +1,4 @@
-"""`odm bench human`: the person's arm: inverse kinematics, quality, a frame's set-up."""
+"""`odm bench human`: inverse kinematics of an arm, quality, a frame's set-up."""
 
 from collections.abc import Callable
 
@@ -47,13 +47,13 @@ def run(
         value_row("IK: a pose, all swivels", found["pose_us"], "us", ask, most=A_POSE),
         value_row("IK: a solution", found["solution_us"], "us", ask, most=A_SOLUTION),
         value_row("IK: can it be reached", found["solvable_us"], "us"),
-        value_row("IK: poses missed", found["missed"], "", f"of {n}", most=0),
+        value_row("IK: poses missed", found["missed"], "", f"of {n} poses of its own forward kinematics", most=0),
         value_row("IK: largest residual", worst, "m, rad", most=RESIDUAL),
         value_row("quality of a posture", _quality_us(human, rng, n // 4), "us"),
         *_frame_rows(human, 100 if short else 1000),
     ]
     setup = {"poses": n, "step of the swivel": "15 deg", "seed": seed}
-    setup["clock"] = "CPU time of the thread, best of the chunks' medians"
+    setup["clock"] = f"CPU time of the thread, median over chunks of {CHUNK} poses"
     return {"bench": "human", "header": header(), "setup": setup, "rows": rows}
 
 
