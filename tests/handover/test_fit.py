@@ -120,3 +120,11 @@ def test_nonsense_is_refused():
         human_from_joints(1000.0 * good)
     with pytest.raises(BadInput, match="left hand's rotation is not a rigid"):
         human_from_joints(good, 1.75, hands={"left": 2 * np.eye(3)})
+
+
+def test_an_arm_raised_a_little_too_far_does_not_jump_by_a_turn():
+    high = np.radians([188, 10, -20, 30, 0, 0, 0])
+    human = Human(1.75, arms={"right": high, "left": high})
+    fitted = human_from_joints(human.places, 1.75)
+    for side in ("left", "right"):
+        np.testing.assert_allclose(fitted.arms[side][:4], high[:4], atol=1e-9)
