@@ -37,6 +37,9 @@ _ROOM_DEG = (
     (-90.0, 90.0),
     (-180.0, 180.0),
 )
+# axes of the hinges and the hand's rotation, all joints zero, canonical shoulder frame
+_AXES = ((0, -1, 0), (-1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1), (0, -1, 0), (1, 0, 0))
+_HAND = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 MIRROR = frozen(np.diag([1.0, -1.0, 1.0]), np.float64)
 
 
@@ -184,6 +187,24 @@ class Arm:
         solvable_poses(self.packed, flat, work, q, answer)
         return answer
 
+    def fixed_frames(self) -> np.ndarray:
+        """Return the arm as a chain of hinges about their own z axes, (8, 12).
+
+        In the canonical shoulder frame and units of `length`. Row k leads from the
+        frame of hinge k - 1 (the first from the shoulder), turned by its joint, to that
+        of hinge k; the last row leads to the hand. Each is a rotation (9, by rows) and
+        an origin (3).
+        """
+        upper, fore, grip = self.lengths / self.length
+        drops = (0.0, 0.0, 0.0, upper, fore, 0.0, 0.0, grip)
+        turns = [_z_along(axis) for axis in _AXES] + [_HAND]
+        rows, before = [], np.eye(3)
+        for drop, turn in zip(drops, turns, strict=True):
+            origin = before.T @ [0.0, 0.0, -drop]
+            rows.append(np.concatenate([(before.T @ turn).ravel(), origin]))
+            before = turn
+        return np.array(rows)
+
     def mirrored(self, T: np.ndarray) -> np.ndarray:
         """Return poses (..., 4, 4) in the canonical shoulder frame, or back from it.
 
@@ -193,6 +214,13 @@ class Arm:
             return T
         mirror = np.diag([1.0, -1.0, 1.0, 1.0])
         return mirror @ T @ mirror
+
+
+def _z_along(axis: tuple[float, ...]) -> np.ndarray:
+    """Return a rotation whose z axis is the axis of coordinates `axis`."""
+    z = np.asarray(axis, float)
+    x = np.array([0.0, 0.0, 1.0]) if z[2] == 0.0 else np.array([1.0, 0.0, 0.0])
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 def packed_arm(lengths: np.ndarray, ranges: np.ndarray) -> np.ndarray:

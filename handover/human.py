@@ -135,6 +135,18 @@ class Human:
         T_shoulder_world = _inverse(self.T_world_shoulder(side))
         return self.arm(side).ik(T_shoulder_world @ T_world_hand, step)
 
+    def reach_pose(self, side: str, T_world_hand: np.ndarray) -> np.ndarray:
+        """Return a hand pose as reachability maps of a person's arm hold it, (4, 4).
+
+        In the shoulder frame, so that it follows bending, crouching and turning; a left
+        arm's is mirrored, since one map serves both; in units of the arm's length.
+        """
+        arm = self.arm(side)
+        T_world_hand = check_pose(T_world_hand, "T_world_hand")
+        T = arm.mirrored(_inverse(self.T_world_shoulder(side)) @ T_world_hand)
+        T[:3, 3] /= arm.length
+        return T
+
     def moved(self, T_world_pelvis: np.ndarray) -> "Human":
         """Return the person with the pelvis elsewhere, all joints alike."""
         return replace(self, T_world_pelvis=T_world_pelvis)

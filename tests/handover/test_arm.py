@@ -286,6 +286,20 @@ def test_the_unit_arm_is_one_long_and_its_own_scale(rng):
         np.testing.assert_allclose(flat[9:] * tall.length, tall.fk(q)[:3, 3])
 
 
+def test_the_arm_as_a_chain_of_hinges_is_the_same_arm(rng):
+    frames = RIGHT.fixed_frames()
+    assert frames.shape == (8, 12)
+    for q in drawn(rng, 20):
+        T = np.eye(4)
+        for k in range(8):
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = frames[k, :9].reshape(3, 3), frames[k, 9:]
+            T = T @ step
+            T = T @ pose_of((0, 0, 0), (0, 0, q[k])) if k < 7 else T
+        T[:3, 3] *= RIGHT.length
+        np.testing.assert_allclose(T, RIGHT.fk(q), atol=1e-14)
+
+
 @pytest.mark.parametrize(
     "call, words",
     [

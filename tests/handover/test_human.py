@@ -108,6 +108,21 @@ def test_arm_ik_finds_the_hand_in_the_world(side, rng):
             assert np.abs(there - T).max() < 1e-10
 
 
+def test_a_reach_map_sees_the_hand_alike_for_every_person_place_and_side(rng):
+    q = rng.uniform(ARM_RANGES[:, 0], ARM_RANGES[:, 1])
+    seen = []
+    for human in (
+        Human(1.3),
+        Human(2.0, "bending", TURNED),
+        Human(1.75, "lying", bend=np.array([0.1, 0.5, 0.2])),
+    ):
+        for side in ("left", "right"):
+            there = human.with_arm(side, q)
+            seen.append(there.reach_pose(side, there.T_world_hand(side)))
+    for other in seen[1:]:
+        np.testing.assert_allclose(other, seen[0], atol=1e-12)
+
+
 def test_another_height_keeps_feet_and_joints():
     small, tall = Human(1.5, "ladder"), Human(1.9, "ladder")
     np.testing.assert_allclose(small.resized(1.9).places, tall.places, atol=1e-12)
