@@ -38,7 +38,15 @@ _ROOM_DEG = (
     (-180.0, 180.0),
 )
 # axes of the hinges and the hand's rotation, all joints zero, canonical shoulder frame
-_AXES = ((0, -1, 0), (-1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1), (0, -1, 0), (1, 0, 0))
+_AXES = (
+    (0, -1, 0),
+    (-1, 0, 0),
+    (0, 0, 1),
+    (0, -1, 0),
+    (0, 0, 1),
+    (0, -1, 0),
+    (1, 0, 0),
+)
 _HAND = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 MIRROR = frozen(np.diag([1.0, -1.0, 1.0]), np.float64)
 

@@ -50,6 +50,7 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
+LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 
 @dataclass(frozen=True)
@@ -235,6 +236,27 @@ class UpperBody:
         reach = np.maximum(_length(towards), crown) if "head" in at else crown
         rods.append((neck, neck + reach * _unit(towards), sizes.head))
         return rods
+
+
+def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
+    """Return thigh, shank and foot of both legs, labelled by `LEG_LABELS`.
+
+    Args:
+        places: (2, 5, 3) hip, knee, ankle, heel and toes; left leg first [m].
+        sizes: Their radii.
+
+    Returns:
+        (6, 7) ends a, b and radius [m]; the foot's round ends touch heel and toes from
+        inside.
+    """
+    rods = []
+    for hip, knee, ankle, heel, toes in places:
+        length = max(float(np.linalg.norm(toes - heel)), 1e-9)
+        inset = min(sizes.foot / length, 0.5) * (toes - heel)
+        rods.append([*hip, *knee, sizes.thigh])
+        rods.append([*knee, *ankle, sizes.shank])
+        rods.append([*(heel + inset), *(toes - inset), sizes.foot])
+    return np.array(rods)
 
 
 def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:

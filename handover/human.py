@@ -14,7 +14,15 @@ import numpy as np
 
 from handover import anthropometry as body
 from handover.arm import SIDES, STEP, Arm, ArmSolutions, check_joints, check_side
-from handover.body import COLUMN, JOINTS, BodySizes, Part, UpperBody
+from handover.body import (
+    COLUMN,
+    JOINTS,
+    LEG_LABELS,
+    BodySizes,
+    Part,
+    UpperBody,
+    leg_capsules,
+)
 from handover.postures import Posture, floor_pose, leg_places, posture_named
 from handover.skeleton import Skeleton
 from odm.surfaces import Surface, sample_capsules
@@ -99,9 +107,8 @@ class Human:
     @property
     def labels(self) -> np.ndarray:
         """(k,) `handover.body.Part` of each of `capsules()`, int64."""
-        legs = np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3)
         upper = _upper_body(self.height, self.thickness).labels
-        return np.concatenate([upper, legs.astype(np.int64)])
+        return np.concatenate([upper, LEG_LABELS])
 
     def arm(self, side: str) -> Arm:
         """Return the arm "left" or "right", without its place."""
@@ -251,16 +258,7 @@ class Human:
     def _leg_capsules(self, sizes: BodySizes) -> np.ndarray:
         T = self.T_world_pelvis
         legs = leg_places(self.skeleton, posture_named(self.posture))
-        rods = []
-        for hip, knee, ankle, heel, toes in legs @ T[:3, :3].T + T[:3, 3]:
-            # the round ends of the foot touch heel and toes from inside
-            inset = min(sizes.foot / self.skeleton.legs[3], 0.5) * (toes - heel)
-            rods += [
-                (hip, knee, sizes.thigh),
-                (knee, ankle, sizes.shank),
-                (heel + inset, toes - inset, sizes.foot),
-            ]
-        return np.array([[*a, *b, radius] for a, b, radius in rods])
+        return leg_capsules(legs @ T[:3, :3].T + T[:3, 3], sizes)
 
 
 # what depends on a few numbers only, kept for the next frame of the same person
