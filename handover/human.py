@@ -158,6 +158,15 @@ class Human:
         """Return the person with the pelvis elsewhere, all joints alike."""
         return replace(self, T_world_pelvis=T_world_pelvis)
 
+    def placed(self, x: float, y: float, yaw: float) -> "Human":
+        """Return the person resting on the floor at x, y [m], facing `yaw` [rad]."""
+        place = (float(x), float(y), float(yaw))
+        if not np.isfinite(place).all():
+            raise BadInput(f"nobody stands at {place}; give finite x, y [m], yaw [rad]")
+        sizes, posture = self.sizes, posture_named(self.posture)
+        radii = sizes.shank, sizes.torso
+        return self.moved(floor_pose(self.skeleton, posture, radii, place))
+
     def resized(self, height: float) -> "Human":
         """Return a person of another height [m] in the same place and posture.
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small import AWAY, HOME
 
 import handover
 from handover import POSTURES, Human, Part, Skeleton
@@ -81,6 +82,30 @@ def test_the_shoulder_follows_bending_and_crouching():
     down = human.moved(pose_of((0, 0, -0.4)) @ TURNED)
     drop = human.T_world_shoulder("right") - down.T_world_shoulder("right")
     np.testing.assert_allclose(drop[:3, 3], [0, 0, 0.4], atol=1e-12)
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+def test_a_person_is_placed_on_the_floor(posture):
+    human = Human(1.6, posture)
+    there = human.placed(1.0, -2.0, 0.8)
+    T = pose_of((1.0, -2.0, 0.0), (0, 0, 0.8))
+    for at in (slice(0, 3), slice(3, 6)):
+        moved = human.capsules()[:, at] @ T[:3, :3].T + T[:3, 3]
+        np.testing.assert_allclose(there.capsules()[:, at], moved, atol=1e-12)
+
+
+def test_the_planner_heeds_the_person(planner):
+    """Far away nothing is blocked, on the robot everything is."""
+    q, goal = HOME, [AWAY]
+    human = Human(1.75)
+    planner.set_goals(goal)
+    far = human.placed(5.0, 0.0, np.pi).surface_points(0.03)
+    assert planner.step(far, q=q).status != "holding"
+    n_far = int(planner.invalid_nodes().sum())
+    base = pose_of((0.0, 0.0, 0.9))
+    near = human.placed(0.2, 0.0, np.pi).surface_points(0.03, T_world_base=base)
+    planner.step(near, q=q)
+    assert n_far == 0 and planner.invalid_nodes().sum() > 10
 
 
 def test_the_whole_body_moves_with_the_pelvis():
@@ -210,6 +235,7 @@ NAN = np.eye(4) * np.nan
         (lambda: Human(arms={"left": np.zeros(6)}), "give seven finite angles"),
         (lambda: Human(gaze=np.zeros(3)), "is no direction"),
         (lambda: Human(gaze=np.array([1.0, np.nan, 0])), "is no direction"),
+        (lambda: Human().placed(np.nan, 0, 0), "nobody stands at"),
         (lambda: Human(mass=-3.0), "mass of -3.0 kg"),
         (lambda: Human(bend=np.array([0, 3.0, 0])), "bend of the trunk"),
         (lambda: Human().surface_points(T_world_base=NAN), "T_world_base holds NaN"),
