@@ -8,7 +8,7 @@ import numpy as np
 
 from handover import anthropometry as body
 from handover.anthropometry import ARM_RANGES
-from handover.arm import MIRROR, SIDES
+from handover.arm import MIRROR, SIDES, check_side
 from handover.body import ARM, JOINTS, BodySizes
 from handover.human import Human
 from handover.skeleton import Skeleton
@@ -68,10 +68,8 @@ def human_from_joints(
     R, neck, hip = _trunk(at, height)
     palm = BodySizes.sized(height, thickness).hand
     skeleton = _skeleton(at, sides, height, palm, (R, neck, hip))
-    joints = {}
-    for side in sides:
-        told = None if hands is None else hands.get(side)
-        joints[side] = _arm_joints(side, at, R, told)
+    hands = {check_side(side): turn for side, turn in (hands or {}).items()}
+    joints = {s: _arm_joints(s, at, R, hands.get(s)) for s in sides}
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, hip - R @ skeleton.hips.mean(axis=0)
     straight = np.zeros(3)  # the bend of the trunk is in R already

@@ -118,6 +118,8 @@ def test_nonsense_is_refused():
         human_from_joints(bad, 1.75)
     with pytest.raises(BadInput, match="check the unit of the places, metres"):
         human_from_joints(1000.0 * good)
+    with pytest.raises(BadInput, match="no 'lefft' arm"):
+        human_from_joints(good, 1.75, hands={"lefft": np.eye(3)})
     with pytest.raises(BadInput, match="left hand's rotation is not a rigid"):
         human_from_joints(good, 1.75, hands={"left": 2 * np.eye(3)})
 
