@@ -1,4 +1,4 @@
-"""A person's upper body as closed, labelled capsules from the places of its joints."""
+"""A person's body as closed, labelled capsules from the places of its joints."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -6,6 +6,17 @@ from enum import IntEnum
 
 import numpy as np
 
+from handover.anthropometry import (
+    HAND,
+    NECK_TO_SKULL,
+    PELVIS_TO_HIP,
+    PELVIS_TO_TRUNK,
+    RADII,
+    SKULL_TO_CROWN,
+    TRUNK_TO_NECK,
+    check_height,
+    check_thickness,
+)
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
@@ -21,6 +32,8 @@ class Part(IntEnum):
     RIGHT_UPPER_ARM = 5
     TORSO = 6
     HEAD = 7
+    LEFT_LEG = 8
+    RIGHT_LEG = 9
 
     @property
     def words(self) -> str:
@@ -37,15 +50,7 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
-HEIGHTS = (1.2, 2.2)  # [m] where the fractions still describe an adult
-
-# Radii [m]. Arm: ANSUR II circumferences, 95th percentile of men and 10 mm of clothing,
-# or the mean of men. Trunk and head hold its chest breadth 0.289, waist breadth 0.326
-# and head length 0.200 (means of men); "conservative" adds 35 and 20 mm.
-_RADII = {
-    "conservative": (0.060, 0.065, 0.075, 0.200, 0.090, 0.120),
-    "mean": (0.044, 0.049, 0.057, 0.165, 0.070, 0.100),
-}
+LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,7 @@ class BodySizes:
         hand_length: Wrist to finger tips of a straight hand [m].
         crown: Base of the neck to the top of the head [m].
         trunk: Hip to base of the neck [m], used where no hip is known.
+        thigh, shank, foot: Radii [m].
     """
 
     hand: float
@@ -68,6 +74,9 @@ class BodySizes:
     hand_length: float
     crown: float
     trunk: float
+    thigh: float = RADII["conservative"][6]
+    shank: float = RADII["conservative"][7]
+    foot: float = RADII["conservative"][8]
 
     def __post_init__(self) -> None:
         """Refuse sizes that make no closed solid."""
@@ -83,8 +92,8 @@ class BodySizes:
     ) -> "BodySizes":
         """Return the sizes of an adult; lengths are fractions of `height` [m].
 
-        Hand 0.108, lower neck to crown 0.160, hip to lower neck 0.310 of the height
-        (MMM reference model of KIT). Thickness hardly depends on height.
+        The fractions are those of `handover.anthropometry`. Thickness hardly depends
+        on height.
 
         Args:
             height: Body height [m], 1.2 to 2.2.
@@ -93,17 +102,12 @@ class BodySizes:
         Raises:
             BadInput: The height is out of range or the thickness unknown.
         """
-        if not HEIGHTS[0] <= height <= HEIGHTS[1]:
-            raise BadInput(
-                f"a body height of {height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} "
-                "m; give BodySizes with your own numbers instead"
-            )
-        if thickness not in _RADII:
-            raise BadInput(
-                f"no thickness {thickness!r} of a body; "
-                f"choose one of {', '.join(_RADII)}"
-            )
-        return cls(*_RADII[thickness], 0.108 * height, 0.160 * height, 0.310 * height)
+        check_height(height, "give BodySizes with your own numbers instead")
+        radii = RADII[check_thickness(thickness)]
+        crown = NECK_TO_SKULL + SKULL_TO_CROWN
+        trunk = PELVIS_TO_HIP + PELVIS_TO_TRUNK + TRUNK_TO_NECK
+        lengths = (HAND * height, crown * height, trunk * height)
+        return cls(*radii[:6], *lengths, *radii[6:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,6 +236,61 @@ class UpperBody:
         reach = np.maximum(_length(towards), crown) if "head" in at else crown
         rods.append((neck, neck + reach * _unit(towards), sizes.head))
         return rods
+
+
+def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
+    """Return thigh, shank and foot of both legs, labelled by `LEG_LABELS`.
+
+    Args:
+        places: (2, 5, 3) hip, knee, ankle, heel and toes; left leg first [m].
+        sizes: Their radii.
+
+    Returns:
+        (6, 7) ends a, b and radius [m]; the foot's round ends touch heel and toes from
+        inside.
+    """
+    rods = []
+    for hip, knee, ankle, heel, toes in places:
+        length = max(float(np.linalg.norm(toes - heel)), 1e-9)
+        inset = min(sizes.foot / length, 0.5) * (toes - heel)
+        rods.append([*hip, *knee, sizes.thigh])
+        rods.append([*knee, *ankle, sizes.shank])
+        rods.append([*(heel + inset), *(toes - inset), sizes.foot])
+    return np.array(rods)
+
+
+def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the places of the joints that made labelled capsules.
+
+    The inverse of `UpperBody.capsules`, for a motion that tells capsules only: its
+    places give the same capsules again. A head's end stands for the head joint.
+
+    Args:
+        capsules: (k, 7) ends a, b and radius, as `UpperBody.capsules` orders them [m].
+        labels: (k,) `Part` of each.
+
+    Returns:
+        (11, 3) places of `JOINTS` [m]; NaN where no capsule tells.
+    """
+    rods = zip(labels[::-1], capsules[::-1], strict=True)
+    first = {Part(label): rod for label, rod in rods}  # of several, the first
+    places = np.full((len(JOINTS), 3), np.nan)
+    ends = [(Part.TORSO, "hip", None), (Part.HEAD, "neck", "head")]
+    for side in SIDES:
+        hand, fore, upper = (
+            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
+        )
+        ends += [
+            (upper, f"{side}_shoulder", f"{side}_elbow"),
+            (fore, None, f"{side}_hand"),
+            (hand, None, f"{side}_tip"),
+        ]
+    for part, near, far in ends:
+        if part in first:
+            for name, end in ((near, first[part][:3]), (far, first[part][3:6])):
+                if name is not None:
+                    places[COLUMN[name]] = end
+    return places
 
 
 def _rod(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:

@@ -4,16 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.anthropometry import (
+    FOREARM,
+    HAND,
+    RADII,
+    UPPER_ARM,
+    check_height,
+    check_thickness,
+)
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of, rotation_rpy
-
-UPPER_ARM, FOREARM, HAND = 0.186, 0.146, 0.108  # of body height [Winter, table 4.1]
-RADII = {  # upper arm, forearm with hand [m]
-    "conservative": (0.075, 0.065),  # 95th percentile of men, 1 cm of clothing
-    "mean": (0.057, 0.049),  # mean of men, flexed [ANSUR II]
-}
-HEIGHTS = (1.2, 2.2)  # [m] where the fractions still describe an adult
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +63,10 @@ class HumanArm:
         Raises:
             BadInput: The height is out of range or the thickness unknown.
         """
-        if not HEIGHTS[0] <= height <= HEIGHTS[1]:
-            raise BadInput(
-                f"a body height of {height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} "
-                "m; give the arm its own lengths and radii instead"
-            )
-        if thickness not in RADII:
-            raise BadInput(
-                f"no arm thickness {thickness!r}; choose one of {', '.join(RADII)}"
-            )
+        check_height(height, "give the arm its own lengths and radii instead")
+        _, forearm, upper_arm, *_ = RADII[check_thickness(thickness, "an arm")]
         lengths = np.array([UPPER_ARM, FOREARM + HAND]) * height
-        return cls(lengths, np.array(RADII[thickness]))
+        return cls(lengths, np.array([upper_arm, forearm]))
 
     @property
     def reach(self) -> float:

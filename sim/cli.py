@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command, two_command
+from sim import cli_build, human_command, replay_command, two_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -21,6 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("build")(guarded(cli_build.build))
+app.add_typer(human_command.app, name="human")
 
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[
@@ -232,9 +233,11 @@ app.command("run-two")(guarded(two_command.run_two))
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(
-            metavar="latency|motions|tax|build|ompl|odm-paper", help="Which one."
-        )
+        str,
+        typer.Argument(
+            metavar="latency|motions|tax|build|ompl|odm-paper|human",
+            help="Which one.",
+        ),
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")

@@ -65,11 +65,11 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     """
     begun, before = time.perf_counter(), cache_misses()
     sizes = (COARSE, FINE) if fine else (COARSE,)
-    stages = 6 * len(sizes)
+    stages = 7 * len(sizes)
     for k, h in enumerate(sizes):
         with tempfile.TemporaryDirectory() as folder:
             jobs = _jobs(Path(folder), h)
-            for i, job in enumerate(jobs, 6 * k + 1):
+            for i, job in enumerate(jobs, 7 * k + 1):
                 job()
                 progress("kernels", i, stages)
     return time.perf_counter() - begun, cache_misses() - before
@@ -92,6 +92,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         lambda: _ask(loaded[0]),
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
+        _person,
     ]
 
 
@@ -195,13 +196,26 @@ def _measure(cell_map: CellMap) -> None:
     exact_audit(cell_map.robot)(q, np.array([[1.0, 0, 0, 1.0, 0, 0.3, 0.05]]))
 
 
+def _person() -> None:
+    from handover import ArmState, Human, QualitySettings, posture_quality
+    from sim.human_command import grip_points
+
+    human = Human()
+    T, arm = human.T_world_hand("left"), human.arm("left")
+    joints = human.arm_ik("left", T).q[0]
+    arm.solvable(np.eye(4)[None])
+    arm.jacobian(joints)
+    grip_points(human, 8)
+    posture_quality(ArmState.of(human, "left", QualitySettings()), joints)
+
+
 def cache_misses() -> int:
     """Return how many kernels this process has compiled so far."""
     from numba.core.dispatcher import Dispatcher
 
     kernels = {}
     for name, module in list(sys.modules.items()):
-        if name.split(".")[0] in ("roadmap", "odm", "sim"):
+        if name.split(".")[0] in ("roadmap", "odm", "handover", "sim"):
             found = [v for v in vars(module).values() if isinstance(v, Dispatcher)]
             kernels |= {id(kernel): kernel for kernel in found}
     return sum(sum(k.stats.cache_misses.values()) for k in kernels.values())

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from handover.body import ARM, COLUMN, HEIGHTS, JOINTS, SIDES, BodySizes, UpperBody
+from handover.anthropometry import HEIGHTS
+from handover.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
 from sim.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.mocap.bvh import parse_bvh
 from sim.mocap.defects import defects

@@ -80,11 +80,10 @@ def _draw_moment(
     guess, known = motion.guess(t), motion.capsules(t)
     order = np.argsort(guess[:, [3 - i - j, 6 - i - j]].mean(axis=1))
     for k in order if j == 1 else order[::-1]:  # what is nearer covers
-        part = Part(int(motion.labels[k]))
-        colour = _COLOURS.get(part, LEFT if part.name.startswith("LEFT") else RIGHT)
-        axis.add_patch(_outline(guess[k], plane, fc=colour, ec="white", lw=0.6))
+        colour = part_colour(Part(int(motion.labels[k])))
+        axis.add_patch(outline(guess[k], plane, fc=colour, ec="white", lw=0.6))
         if known[k, 6] > guess[k, 6] + 1e-6:
-            axis.add_patch(_outline(known[k], plane, fc="none", ec=GROWN, lw=0.9))
+            axis.add_patch(outline(known[k], plane, fc="none", ec=GROWN, lw=0.9))
     corner, sides = (box[i][0], box[j][0]), (np.ptp(box[i]), np.ptp(box[j]))
     axis.add_patch(Rectangle(corner, *sides, fc="none", ec=INK, ls="--", lw=0.9))
     axis.add_patch(Circle((0, 0), 0.08, fc=INK, ec="none"))
@@ -92,7 +91,12 @@ def _draw_moment(
     tidy(axis)
 
 
-def _outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
+def part_colour(part: Part) -> str:
+    """Return the colour of a part of the body in our pictures."""
+    return _COLOURS.get(part, LEFT if part.name.startswith("LEFT") else RIGHT)
+
+
+def outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
     """Return a capsule seen along the third axis: two half circles and their sides."""
     from matplotlib.patches import Polygon
 

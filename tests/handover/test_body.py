@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 from mocap_files import STANDING
 
-from handover.body import COLUMN, JOINTS, BodySizes, Part, UpperBody
+from handover.body import COLUMN, JOINTS, BodySizes, Part, UpperBody, joint_places
 from odm import sample_capsules
 from roadmap.errors import BadInput
 from roadmap.transforms import rotation_rpy
 
 SIZES = BodySizes.sized()
+LEGS = {Part.LEFT_LEG, Part.RIGHT_LEG}
 
 
 def standing(**moved):
@@ -24,7 +25,7 @@ def capsules_of(body, places):
 def test_a_whole_body_has_every_part_and_closed_capsules():
     body = UpperBody(STANDING, SIZES)
     capsules = body.capsules(standing())
-    assert set(body.labels) == set(Part) and len(capsules) == 9
+    assert set(body.labels) == set(Part) - LEGS and len(capsules) == 9
     assert np.isfinite(capsules).all() and (capsules[:, 6] > 0).all()
     assert len(sample_capsules(capsules)) > 100
 
@@ -92,6 +93,26 @@ def test_frames_are_done_at_once():
     places = np.stack([standing(), standing(right_hand=(0.3, 0.3, 1.0))])
     both = body.capsules(places)
     np.testing.assert_array_equal(both, [body.capsules(p) for p in places])
+
+
+def test_capsules_give_their_joints_back():
+    places = standing(right_tip=(0.1, 0.35, 1.0))
+    body = UpperBody([*STANDING, "right_tip"], SIZES)
+    capsules = body.capsules(places)
+    found = joint_places(capsules, body.labels)
+    known = [n for n in (*STANDING, "right_tip") if n != "head"]
+    at = [COLUMN[name] for name in known]
+    np.testing.assert_array_equal(found[at], places[at])
+    again = UpperBody(JOINTS, SIZES).capsules(found)
+    np.testing.assert_allclose(again, capsules, atol=1e-15)
+
+
+def test_what_no_capsule_tells_has_no_place():
+    arm = ("right_shoulder", "right_elbow", "right_hand")
+    body = UpperBody(arm, SIZES)
+    found = joint_places(body.capsules(standing()), body.labels)
+    known = np.isfinite(found).all(axis=1)
+    assert {n for n, k in zip(JOINTS, known, strict=True) if k} == {*arm, "right_tip"}
 
 
 def test_the_body_turns_and_moves_with_its_joints():

@@ -14,6 +14,7 @@ from sim.cli_build import built_facts
 from sim.warmup import tiny_recipe
 
 COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup")
+COMMANDS += ("human",)
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,9 @@ def test_a_wrong_option_is_a_usage_error(odm):
         ("build", "--robot", "no_such.urdf", "--tip", "tool0"),
         ("build", "demo", "--h", "-1"),
         ("bench", "nothing"),
+        ("human", "info", "--height", "2.3"),
+        ("human", "info", "--posture", "flying"),
+        ("human", "info", "--mass", "0"),
     ],
 )
 def test_a_mistake_is_told_in_one_sentence(odm, words):

@@ -1,0 +1,119 @@
+"""Slow twins of the human arm: forward kinematics by matrices, IK by sampling."""
+
+import numpy as np
+
+from roadmap.transforms import rotation_rpy
+
+HAND = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def rot_x(angle):
+    return rotation_rpy(angle, 0.0, 0.0)
+
+
+def rot_y(angle):
+    return rotation_rpy(0.0, angle, 0.0)
+
+
+def rot_z(angle):
+    return rotation_rpy(0.0, 0.0, angle)
+
+
+def naive_fk(lengths, q):
+    """Return T_shoulder_hand of a right arm."""
+    f, a, r, e, p, d, w = q
+    down = np.array([0.0, 0.0, -1.0])
+    upper = rot_y(-f) @ rot_x(-a) @ rot_z(r)
+    fore = upper @ rot_y(-e)
+    hand = fore @ rot_z(p) @ rot_y(-d) @ rot_x(w)
+    T = np.eye(4)
+    T[:3, :3] = hand @ HAND
+    T[:3, 3] = lengths[0] * upper @ down + lengths[1] * fore @ down
+    T[:3, 3] += lengths[2] * hand @ down
+    return T
+
+
+def swivels_that_work(lengths, ranges, T, n, slack=0.0):
+    """Return phi (n,) and whether each has joints in the ranges, by trying them all.
+
+    Nothing of the kernels' algebra is used: the elbow is put on its circle, the two
+    readings of the shoulder's angles and of the wrist's are tried.
+    """
+    wrist = T[:3, 3] - lengths[2] * T[:3, 2]
+    distance = np.linalg.norm(wrist)
+    a, b = lengths[:2]
+    phi = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    cos_e = (distance**2 - a**2 - b**2) / (2 * a * b)
+    works = np.zeros(n, bool)
+    if abs(cos_e) > 1:
+        return phi, works
+    e = np.arccos(cos_e)
+    w = wrist / distance
+    along = (a**2 + distance**2 - b**2) / (2 * distance)
+    radius = np.sqrt(max(a**2 - along**2, 0.0))
+    up = np.array([0.0, 0.0, 1.0])
+    below = -(up - (up @ w) * w)
+    below /= np.linalg.norm(below)
+    for i, angle in enumerate(phi):
+        out = np.cos(angle) * below + np.sin(angle) * np.cross(w, below)
+        elbow = along * w + radius * out
+        z = -elbow / a
+        x = (wrist - elbow) / b - ((wrist - elbow) / b @ z) * z
+        x /= np.linalg.norm(x)
+        upper = np.column_stack([x, np.cross(z, x), z])
+        works[i] = _fits(upper, e, T, ranges, slack)
+    return phi, works
+
+
+def _fits(upper, e, T, ranges, slack):
+    hand = rot_y(e) @ upper.T @ T[:3, :3] @ HAND.T
+    for s in (1, -1):
+        ca = s * np.hypot(upper[1, 0], upper[1, 1])
+        q = [
+            np.arctan2(-s * upper[0, 2], s * upper[2, 2]),
+            np.arctan2(upper[1, 2], ca),
+            np.arctan2(s * upper[1, 0], s * upper[1, 1]),
+            e,
+        ]
+        for t in (1, -1):
+            cd = t * np.hypot(hand[0, 0], hand[1, 0])
+            wrist = [
+                np.arctan2(t * hand[1, 0], t * hand[0, 0]),
+                np.arctan2(hand[2, 0], cd),
+                np.arctan2(t * hand[2, 1], t * hand[2, 2]),
+            ]
+            if _inside(np.array([*q, *wrist]), ranges, slack):
+                return True
+    return False
+
+
+def _inside(q, ranges, slack):
+    turns = q[:, None] + 2 * np.pi * np.array([-1, 0, 1])
+    low, high = ranges[:, :1] - slack, ranges[:, 1:] + slack
+    return ((turns >= low) & (turns <= high)).any(axis=1).all()
+
+
+def pinocchio_arm(lengths, masses=None):
+    """Return a pinocchio model of the right arm and its data.
+
+    masses: mass and distance of its centre from the near joint, of upper arm, forearm
+    and hand [kg, m].
+    """
+    import pinocchio as pin
+
+    axes = [(0, -1, 0), (-1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1), (0, -1, 0)]
+    axes.append((1, 0, 0))
+    drops = {3: lengths[0], 4: lengths[1]}
+    model = pin.Model()
+    parent = 0
+    for n, axis in enumerate(axes):
+        at = pin.SE3(np.eye(3), np.array([0.0, 0.0, -drops.get(n, 0.0)]))
+        joint = pin.JointModelRevoluteUnaligned(np.array(axis, float))
+        parent = model.addJoint(parent, joint, at, f"j{n}")
+    tip = pin.SE3(HAND, np.array([0.0, 0.0, -lengths[2]]))
+    model.addFrame(pin.Frame("grip", parent, tip, pin.FrameType.OP_FRAME))
+    if masses is not None:
+        for joint, (mass, centre) in zip((3, 4, 7), masses, strict=True):
+            point = pin.Inertia(mass, np.array([0.0, 0.0, -centre]), np.zeros((3, 3)))
+            model.appendBodyToJoint(joint, point, pin.SE3.Identity())
+    return model, model.createData()
