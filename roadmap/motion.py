@@ -143,15 +143,29 @@ class Motion:
         Raises:
             BadInput: `t` is negative or not a number.
         """
-        try:
-            profiles = self._stopped(t)
-        except NoProfile:  # as planned to the end, which is a stop, too
+        found = []
+        for over in (False, True):
+            try:
+                profiles = self._stopped(t, over)
+            except NoProfile:
+                continue
+            found.append(profiles)
+            k = self._way.index_of(self._state(t))
+            if not self._way.pieces or profiles.state.s <= self._way.pieces[k].end:
+                break
+        if found:
+            profiles = min(found, key=_ends)
+        else:  # as planned to the end, which is a stop, too
             profiles = Profiles(self._state(t))
             self._finish(profiles, t)
         return self._with(self._way, profiles, self.speed_scale)
 
-    def _stopped(self, t: float) -> Profiles:
-        """Return the stop from time `t` on, by the limits of the pieces on the way."""
+    def _stopped(self, t: float, over: bool) -> Profiles:
+        """Return the stop from time `t` on, by the limits of the pieces on the way.
+
+        With `over` it may begin on one piece and end on a later one; else it goes on
+        as planned to the end of a piece that is too short.
+        """
         way = self._way
         profiles = Profiles(self._state(t))
         while profiles.state.v > 0.0 or profiles.state.a != 0.0:
@@ -161,7 +175,7 @@ class Motion:
             if way.pieces[k].end >= self._end - NEAR:
                 self._finish(profiles, t + profiles.t)
                 break
-            if self._stop_over(profiles, k):
+            if over and self._stop_over(profiles, k):
                 break
             self._repeat(profiles, t + profiles.t, way.pieces[k].end)
             if way.index_of(profiles.state) <= k:
@@ -475,3 +489,7 @@ def _check_scale(speed_scale: float) -> None:
 
 def _begins(phase: Phase) -> float:
     return phase.t
+
+
+def _ends(profiles: Profiles) -> float:
+    return profiles.t

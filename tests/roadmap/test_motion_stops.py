@@ -1,0 +1,86 @@
+"""Motions that are changed every few milliseconds: never back, and quick to stop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import roadmap
+from roadmap import motion as motions
+from roadmap.timing import after
+
+PERIOD = 0.01
+
+
+def crooked_path(robot, rng, corners):
+    """A path of many short legs, as a planner's is while it is being smoothed."""
+    start = 0.6 * rng.uniform(robot.lower, robot.upper)
+    legs = rng.uniform(-0.3, 0.3, (corners - 1, robot.dof))
+    legs *= rng.choice([0.02, 0.3, 1.0], (corners - 1, 1))
+    return start + np.vstack([np.zeros(robot.dof), np.cumsum(legs, axis=0)])
+
+
+def changed_each_frame(robot, rng, frames=60):
+    """Yield motions, each made of the one before a frame later."""
+    motion = roadmap.time_path(robot, crooked_path(robot, rng, 12), blend=0.004)
+    level = 1.0
+    for _ in range(frames):
+        yield motion
+        t = min(PERIOD, motion.duration)
+        if rng.random() < 0.5:
+            commit = motion.commit(t, 0.05)
+            path = crooked_path(robot, rng, 9)
+            path += commit.q - path[0]
+            motion = motion.join(t, commit, path, blend=0.004, speed_scale=level)
+        else:
+            level = float(rng.choice([1.0, 0.6, 0.36]))
+            motion = motion.rescaled(t, level)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_motion_ever_goes_back(panda, seed):
+    rng = np.random.default_rng(seed)
+    for motion in changed_each_frame(panda, rng):
+        stop = motion.stop(min(PERIOD, motion.duration))
+        for one in (motion, stop):
+            ends = [*(phase.t for phase in one._phases[1:]), one.duration]
+            for phase, end in zip(one._phases, ends, strict=True):
+                times = np.linspace(0.0, end - phase.t, 5)
+                speeds = [after(phase, dt).v for dt in times]
+                assert min(speeds) > -1e-6
+            assert one._phases == () or one._phases[-1].s <= one._end + 1e-6
+
+
+def bent_path(robot, rng, corners):
+    """A long way with small bends, through which it goes at full speed."""
+    along = rng.uniform(-0.2, 0.2, robot.dof)
+    legs = along + rng.uniform(-0.01, 0.01, (corners - 1, robot.dof))
+    return np.vstack([np.zeros(robot.dof), np.cumsum(legs, axis=0)])
+
+
+def test_a_stop_is_within_limits_where_it_leads_over_blends(panda, rng, monkeypatch):
+    shorter = 0
+    quick = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+    panda = replace(panda, max_acceleration=quick, max_jerk=500.0 * quick)
+    for _ in range(12):
+        motion = roadmap.time_path(panda, bent_path(panda, rng, 8), blend=0.004)
+        for t in rng.uniform(0.0, motion.duration, 5):
+            stop = motion.stop(t)
+            with monkeypatch.context() as patch:
+                patch.setattr(motions, "_OVER", 0)
+                late = motion.stop(t)
+            assert stop.duration <= late.duration + 1e-9
+            shorter += stop.duration < 0.8 * late.duration
+            points = stop.sample(np.arange(0.0, stop.duration, 1e-3))
+            assert (np.abs(points.dq) <= 1.000001 * panda.max_velocity).all()
+            assert (np.abs(points.ddq) <= 1.000001 * panda.max_acceleration).all()
+            jerk = np.abs(np.diff(points.ddq, axis=0)) / 1e-3
+            assert (jerk <= 1.001 * panda.max_jerk + 1e-6).all()
+    assert shorter > 5
+
+
+def test_pieces_of_a_way_leave_no_gap(panda, rng):
+    for motion in changed_each_frame(panda, rng, 30):
+        pieces = motion._way.pieces
+        for piece, later in zip(pieces, pieces[1:], strict=False):
+            assert piece.end == later.begin
