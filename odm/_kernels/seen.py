@@ -1,0 +1,187 @@
+"""Which cells a camera sees to be free, and which lie behind a seen surface.
+
+A cube is seen free when every ray that may pass it, and those next to it, is known to
+be free to behind it. Let O be a union of balls of radius kappa z / (1 - kappa) or more
+at depth z, with kappa = sqrt(1/2) / f, P a point of O in the cube at depth z, and B a
+ball of just that radius in O that holds P, with its centre C at depth c. The disc
+through C parallel to the image has a radius of sqrt(1/2) pixels in the image at least,
+so it holds the pixel centre next to the image of C: that ray meets O, and its reading
+is at most c <= z / (1 - kappa). The pixel lies within half a pixel of the image of C,
+which lies within f |P - C| sec(angle) / c of that of P. So if the readings of all
+pixels within
+
+    pad = 1/2 + sqrt(1/2) (f / f_least) sec(angle) / (1 - 2 kappa)
+
+of the cube's image exceed its largest depth / (1 - kappa), the cube holds no point of O.
+"""
+
+import math
+
+from numba import njit
+
+from odm._kernels.windows import cover, least, none_above
+
+HIDDEN, PARTLY, WHOLE = 0, 1, 2  # how much of a cube's image lies in the picture
+CUT = 3  # a hidden block with cells that are not: it reaches behind the camera
+UNSEEN, FREE, SHADOW, OCCUPIED, REMEMBERED, UNKNOWN, BEYOND = 0, 1, 2, 3, 4, 5, 6
+NEAREST = 0.02  # [m] a cube nearer than that to the camera's plane is not looked at
+NOTHING = 65535
+
+
+@njit(cache=True, nogil=True)
+def limit_of(depth, lens):
+    """Return the reading that must be exceeded behind `depth` [m]."""
+    limit = (depth / (1.0 - lens[7]) + lens[8]) / lens[4]
+    return NOTHING if limit >= NOTHING else int(math.floor(limit))
+
+
+@njit(cache=True, nogil=True)
+def clip_image(left, right, low, high, lens, table, out):
+    """Write the squares of an image rectangle; return how much is in the picture."""
+    u0, u1 = math.ceil(left - lens[5]), math.floor(right + lens[5])
+    v0, v1 = math.ceil(low - lens[6]), math.floor(high + lens[6])
+    wide, tall = lens[9], lens[10]
+    if u1 < 0 or v1 < 0 or u0 >= wide or v0 >= tall:
+        return HIDDEN
+    whole = u0 >= 0 and v0 >= 0 and u1 < wide and v1 < tall
+    left, right = int(max(u0, 0.0)) >> 1, int(min(u1, wide - 1.0)) >> 1
+    low, high = int(max(v0, 0.0)) >> 1, int(min(v1, tall - 1.0)) >> 1
+    if not cover(left, right, low, high, table, out):
+        return HIDDEN  # it fills the picture: too near to be looked at
+    return WHOLE if whole else PARTLY
+
+
+@njit(cache=True, nogil=True)
+def place_cube(pose, lens, table, corner, side, out, depth):
+    """Write where a cube's image lies and its least and largest depth.
+
+    Args:
+        pose: (12,) from base frame to camera.
+        lens: (11,) see `odm.cameras.view`.
+        table: (levels, rows, columns) of readings; its shape counts.
+        corner: (3,) of the cube [m].
+        side: [m].
+        out: (5,) squares of the table that cover it; see windows.py.
+        depth: (2,) [m].
+
+    Returns:
+        HIDDEN, PARTLY or WHOLE.
+    """
+    left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
+    depth[0], depth[1] = math.inf, -math.inf
+    for k in range(8):
+        px = corner[0] + side * (k >> 2)
+        py = corner[1] + side * ((k >> 1) & 1)
+        pz = corner[2] + side * (k & 1)
+        z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
+        depth[0], depth[1] = min(depth[0], z), max(depth[1], z)
+        if z < NEAREST:
+            continue
+        x = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9]
+        y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
+        u, v = lens[2] + lens[0] * x / z, lens[3] + lens[1] * y / z
+        left, right = min(left, u), max(right, u)
+        low, high = min(low, v), max(high, v)
+    if depth[0] < NEAREST:
+        return HIDDEN
+    return clip_image(left, right, low, high, lens, table, out)
+
+
+@njit(cache=True, nogil=True)
+def place_cubes(pose, lens, table, origin, side, kind, rect, limit, limit_low):
+    """Place all cubes of a grid with `kind` (nx, ny, nz); see place_cube."""
+    corner = origin.copy()
+    depth = origin[:2].copy()
+    nx, ny, nz = kind.shape
+    for x in range(nx):
+        corner[0] = origin[0] + side * x
+        for y in range(ny):
+            corner[1] = origin[1] + side * y
+            for z in range(nz):
+                corner[2] = origin[2] + side * z
+                how = place_cube(pose, lens, table, corner, side, rect[x, y, z], depth)
+                kind[x, y, z] = how
+                if how != HIDDEN:
+                    limit[x, y, z] = limit_of(depth[1], lens)
+                    limit_low[x, y, z] = limit_of(depth[0], lens)
+
+
+@njit(cache=True, nogil=True)
+def fill_block(state, x, y, z, kind):
+    """Let the 64 cells of a block be FREE, or SHADOW where they are not FREE."""
+    for i in range(4 * x, 4 * x + 4):
+        for j in range(4 * y, 4 * y + 4):
+            row = state[i, j]
+            if kind == FREE:
+                for k in range(4 * z, 4 * z + 4):
+                    if row[k] != BEYOND:
+                        row[k] = FREE
+            else:
+                for k in range(4 * z, 4 * z + 4):
+                    if row[k] == UNSEEN:
+                        row[k] = SHADOW
+
+
+@njit(cache=True, nogil=True)
+def see_cells(view, state, shadow):
+    """Write what one camera sees of every cell: FREE, else SHADOW, else nothing.
+
+    FREE by any camera wins over SHADOW by another; cells with points are marked later
+    and win over both.
+    """
+    nbx, nby, nbz = view.block_kind.shape
+    for x in range(nbx):
+        for y in range(nby):
+            for z in range(nbz):
+                how = view.block_kind[x, y, z]
+                if how == HIDDEN:
+                    continue
+                if how == CUT:
+                    see_block(view, state, x, y, z, shadow)
+                    continue
+                r = view.block_rect[x, y, z]
+                deep, shallow = view.block_limit[x, y, z], view.block_low[x, y, z]
+                if how == WHOLE and least(view.near, r) > deep:
+                    fill_block(state, x, y, z, FREE)
+                    continue
+                none_free = none_above(view.top_near, r, shallow)
+                if none_free:
+                    if not shadow or least(view.seen, r) > deep:
+                        continue
+                    if how == WHOLE and none_above(view.top_seen, r, shallow):
+                        fill_block(state, x, y, z, SHADOW)
+                        continue
+                see_block(view, state, x, y, z, shadow)
+
+
+@njit(cache=True, nogil=True)
+def see_block(view, state, x, y, z, shadow):
+    """Look at the 64 cells of a block one by one."""
+    for i in range(4 * x, 4 * x + 4):
+        for j in range(4 * y, 4 * y + 4):
+            for k in range(4 * z, 4 * z + 4):
+                how = view.cell_kind[i, j, k]
+                if how == HIDDEN or state[i, j, k] == FREE:
+                    continue
+                r = view.cell_rect[i, j, k]
+                limit = view.cell_limit[i, j, k]
+                if how == WHOLE and least(view.near, r) > limit:
+                    state[i, j, k] = FREE
+                elif shadow and least(view.seen, r) <= limit:
+                    state[i, j, k] = SHADOW
+
+
+@njit(cache=True, nogil=True)
+def mark_hits(hit4, hit, state):
+    """Cells with a point are OCCUPIED, whatever else was seen; return their number."""
+    n = 0
+    for i in range(hit4.shape[0]):
+        for j in range(hit4.shape[1]):
+            for k in range(hit4.shape[2]):
+                if hit4[i, j, k] == 0:
+                    continue
+                for z in range(4 * k, 4 * k + 4):
+                    if hit[i, j, z] != 0 and state[i, j, z] != BEYOND:
+                        state[i, j, z] = OCCUPIED
+                        n += 1
+    return n
