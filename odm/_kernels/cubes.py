@@ -24,7 +24,6 @@ from odm._kernels.seen import (
     OCCUPIED,
     SHADOW,
     WHOLE,
-    limit_of,
     place_cube,
 )
 from odm._kernels.windows import least
@@ -115,22 +114,18 @@ def beside_free(state, x, y, z):
 @njit(cache=True, nogil=True)
 def open_eighths(view, origin, h, x, y, z, wanted, scratch):
     """Return those of the `wanted` eighths of a cell that a camera sees to be free."""
-    half = 0.5 * h
+    quarter = 0.25 * h
     free = 0
     for k in range(8):
         if (wanted >> k) & 1 == 0:
             continue
-        scratch.corner[0] = origin[0] + h * x + half * (k >> 2)
-        scratch.corner[1] = origin[1] + h * y + half * ((k >> 1) & 1)
-        scratch.corner[2] = origin[2] + h * z + half * (k & 1)
-        how = place_cube(
-            view.pose, view.lens, view.near, scratch.corner, half, scratch.rect,
-            scratch.depth,
+        px = origin[0] + h * x + quarter * (1 + 2 * (k >> 2))
+        py = origin[1] + h * y + quarter * (1 + 2 * ((k >> 1) & 1))
+        pz = origin[2] + h * z + quarter * (1 + 2 * (k & 1))
+        how, limit = place_cube(
+            view.pose, view.lens, view.near, px, py, pz, quarter, scratch
         )
-        if how != WHOLE:
-            continue
-        limit = limit_of(scratch.depth[1], view.lens)
-        if least(view.near, scratch.rect) > limit:
+        if how == WHOLE and least(view.near, scratch) > limit:
             free |= 1 << k
     return free
 

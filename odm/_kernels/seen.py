@@ -52,58 +52,69 @@ def clip_image(left, right, low, high, lens, table, out):
 
 
 @njit(cache=True, nogil=True)
-def place_cube(pose, lens, table, corner, side, out, depth):
-    """Write where a cube's image lies and its least and largest depth.
+def place_cube(pose, lens, table, px, py, pz, half, out):
+    """Write where a cube's image lies.
+
+    A corner (dx, dy, dz) from the centre (x, y, z), in the camera's frame, is seen
+    f (dx - dz x / z) / (z + dz) away from it; the numerator is largest at the corner
+    that has the sign of each of its terms.
 
     Args:
         pose: (12,) from base frame to camera.
         lens: (11,) see `odm.cameras.view`.
         table: (levels, rows, columns) of readings; its shape counts.
-        corner: (3,) of the cube [m].
-        side: [m].
+        px, py, pz: Centre [m].
+        half: Half of the cube's side [m].
         out: (5,) squares of the table that cover it; see windows.py.
-        depth: (2,) [m].
 
     Returns:
-        HIDDEN, PARTLY or WHOLE.
+        HIDDEN, PARTLY or WHOLE, and the reading that must be exceeded behind it.
     """
-    left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
-    depth[0], depth[1] = math.inf, -math.inf
-    for k in range(8):
-        px = corner[0] + side * (k >> 2)
-        py = corner[1] + side * ((k >> 1) & 1)
-        pz = corner[2] + side * (k & 1)
-        z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
-        depth[0], depth[1] = min(depth[0], z), max(depth[1], z)
-        if z < NEAREST:
-            continue
-        x = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9]
-        y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
-        u, v = lens[2] + lens[0] * x / z, lens[3] + lens[1] * y / z
-        left, right = min(left, u), max(right, u)
-        low, high = min(low, v), max(high, v)
-    if depth[0] < NEAREST:
-        return HIDDEN
-    return clip_image(left, right, low, high, lens, table, out)
+    z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
+    deep = half * (abs(pose[6]) + abs(pose[7]) + abs(pose[8]))
+    if z - deep < NEAREST:
+        return HIDDEN, 0
+    x = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9]
+    y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
+    sx, sy = x / z, y / z
+    grow = half / (z - deep)
+    wide = lens[0] * grow * (
+        abs(pose[0] - sx * pose[6])
+        + abs(pose[1] - sx * pose[7])
+        + abs(pose[2] - sx * pose[8])
+    )
+    tall = lens[1] * grow * (
+        abs(pose[3] - sy * pose[6])
+        + abs(pose[4] - sy * pose[7])
+        + abs(pose[5] - sy * pose[8])
+    )
+    u, v = lens[2] + lens[0] * sx, lens[3] + lens[1] * sy
+    how = clip_image(u - wide, u + wide, v - tall, v + tall, lens, table, out)
+    return how, limit_of(z + deep, lens)
 
 
 @njit(cache=True, nogil=True)
 def place_cubes(pose, lens, table, origin, side, kind, rect, limit, limit_low):
-    """Place all cubes of a grid with `kind` (nx, ny, nz); see place_cube."""
-    corner = origin.copy()
-    depth = origin[:2].copy()
+    """Place all cubes of a grid with `kind` (nx, ny, nz); see place_cube.
+
+    `limit_low` gets a reading that is in front of the whole cube.
+    """
     nx, ny, nz = kind.shape
-    for x in range(nx):
-        corner[0] = origin[0] + side * x
-        for y in range(ny):
-            corner[1] = origin[1] + side * y
-            for z in range(nz):
-                corner[2] = origin[2] + side * z
-                how = place_cube(pose, lens, table, corner, side, rect[x, y, z], depth)
-                kind[x, y, z] = how
-                if how != HIDDEN:
-                    limit[x, y, z] = limit_of(depth[1], lens)
-                    limit_low[x, y, z] = limit_of(depth[0], lens)
+    half = 0.5 * side
+    thick = side * (abs(pose[6]) + abs(pose[7]) + abs(pose[8]))
+    for i in range(nx):
+        px = origin[0] + side * i + half
+        for j in range(ny):
+            py = origin[1] + side * j + half
+            for k in range(nz):
+                pz = origin[2] + side * k + half
+                how, behind = place_cube(
+                    pose, lens, table, px, py, pz, half, rect[i, j, k]
+                )
+                kind[i, j, k] = how
+                limit[i, j, k] = behind
+                z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
+                limit_low[i, j, k] = limit_of(max(0.0, z - 0.5 * thick), lens)
 
 
 @njit(cache=True, nogil=True)

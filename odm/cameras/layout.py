@@ -1,6 +1,6 @@
 """Memory of a SeenSpace, laid out once."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,14 +18,6 @@ if TYPE_CHECKING:
     from odm.cameras.space import SeenSpace
 
 _MOST_PAYLOAD = 64
-
-
-class Scratch(NamedTuple):
-    """Room for one cube."""
-
-    corner: np.ndarray
-    rect: np.ndarray
-    depth: np.ndarray
 
 
 class Room:
@@ -57,7 +49,7 @@ class Room:
         for name in (*names, "inner", "beyond"):
             setattr(self, name, np.zeros(words, np.uint64))
         self.counts, self.once = np.zeros(4, np.int64), np.zeros(4, np.int64)
-        self.scratch = Scratch(np.zeros(3), np.zeros(5, np.int16), np.zeros(2))
+        self.scratch = np.zeros(5, np.int16)
         self.blank[~_in_reach(cell_map)] = BEYOND
         pack(self.blank.view(np.uint32), self.spare, self.beyond)
         self._take(0)
