@@ -5,7 +5,8 @@ centre meets first, in units of the camera's scale; 0 and 65535 mean that there 
 Two tables of half the image's size are made, the least of 2 x 2 readings each:
 
 - `near`: how far the rays are known to be free. Own points count, since the ray went
-  as far as the robot; no reading counts as 0.
+  as far as the robot. No reading counts as 0, but not at all where its eight neighbours
+  have one and no flying pixels are taken out.
 - `seen`: where the surfaces of others are. Own points and no reading count as 65535.
 """
 
@@ -101,13 +102,13 @@ def is_flying(image, v, u, jump):
     Left and right are compared, and above and below; a neighbour without a reading
     is none.
     """
-    here = int(image[v, u])
+    here = np.int64(image[v, u])  # unsigned differences would be huge
     if 0 < u < image.shape[1] - 1:
-        a, b = int(image[v, u - 1]), int(image[v, u + 1])
+        a, b = np.int64(image[v, u - 1]), np.int64(image[v, u + 1])
         if a != 0 and b != 0 and between(here, a, b, jump):
             return True
     if 0 < v < image.shape[0] - 1:
-        a, b = int(image[v - 1, u]), int(image[v + 1, u])
+        a, b = np.int64(image[v - 1, u]), np.int64(image[v + 1, u])
         if a != 0 and b != 0 and between(here, a, b, jump):
             return True
     return False
@@ -119,6 +120,18 @@ def between(here, a, b, jump):
     return (a - here > jump and here - b > jump) or (
         b - here > jump and here - a > jump
     )
+
+
+@njit(cache=True, nogil=True)
+def is_lone(image, v, u):
+    """Return True if all eight pixels around this one have a reading."""
+    if v == 0 or u == 0 or v + 1 == image.shape[0] or u + 1 == image.shape[1]:
+        return False
+    for i in range(v - 1, v + 2):
+        for j in range(u - 1, u + 2):
+            if (i != v or j != u) and (image[i, j] == 0 or image[i, j] == NOTHING):
+                return False
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -177,7 +190,8 @@ def read_image(
                 raw = row[u]
                 j = u >> 1
                 if raw == 0 or raw == NOTHING:
-                    near[j] = 0
+                    if jump > 0 or not is_lone(image, v, u):
+                        near[j] = 0
                     continue
                 n_valid += 1
                 if jump > 0 and is_flying(image, v, u, jump):

@@ -73,14 +73,15 @@ class DepthCamera:
 
     @property
     def kappa(self) -> float:
-        """Half the diagonal of a pixel at depth 1, by the smaller focal length."""
-        return float(np.sqrt(0.5) / min(self.fx, self.fy))
+        """Width of a pixel at depth 1, by the smaller focal length."""
+        return 1.0 / min(self.fx, self.fy)
 
     def thinnest(self, depth_m: float) -> float:
         """Return the thickness of what no gap between rays can hide at a depth [m].
 
         A ball of that diameter, and so a union of such balls, meets a ray through the
-        centre of a pixel wherever it is in view; see `odm._kernels.seen`.
+        centre of a pixel wherever it is in view, even if single pixels have no
+        reading; see `odm._kernels.seen`.
         """
         return 2.0 * depth_m * self.kappa / (1.0 - self.kappa)
 
@@ -101,7 +102,8 @@ class DepthCamera:
                 f"an angle of {steepest} degrees between a surface's normal and the "
                 "ray is not from 0 to below 90; 75 is usual"
             )
-        return float(depth_m * self.kappa / np.cos(np.radians(steepest)))
+        half_diagonal = np.sqrt(0.5) * self.kappa
+        return float(depth_m * half_diagonal / np.cos(np.radians(steepest)))
 
     def check_image(self, image: np.ndarray) -> np.ndarray:
         """Return an image as C-contiguous uint16 of the camera's size, or raise."""

@@ -129,7 +129,7 @@ def _lens(camera: DepthCamera, noise: float) -> np.ndarray:
     ):
         slope = (max(abs(centre), abs(size - centre)) + 2.0) / focal
         wide = focal * camera.kappa * np.sqrt(1.0 + slope**2)
-        pads.append(0.5 + wide / (1.0 - 2.0 * camera.kappa) + 1e-6)
+        pads.append(1.0 + wide / (1.0 - 2.0 * camera.kappa) + 1e-6)
     return np.array(
         [camera.fx, camera.fy, camera.cx, camera.cy, camera.scale, *pads, camera.kappa,
          noise, camera.width, camera.height]
