@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command
+from sim import camera_command, cli_build, replay_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -225,6 +225,7 @@ def demo(
 
 
 app.command("replay")(guarded(replay_command.replay))
+app.command("camera")(guarded(camera_command.camera))
 
 
 @app.command()
