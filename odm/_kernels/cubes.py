@@ -4,14 +4,14 @@ Points stand for the blocked set B, a union of cubes, if each sphere of the robo
 comes within its radius + m of B has one of them within radius + covering radius + m.
 Let `e` be half the diagonal of an eighth of a cell, the covering radius that is given.
 
-- Where a cell is *full* and so are its six neighbours across faces, only its centre is
-  given. A sphere centred in it is at most 2 e from that point, which is within radius +
-  e + m if e <= least radius + m (`dense` is set where that fails).
-- In all other blocked cells the centre of each blocked eighth is given. A sphere centred
-  outside such inner cells that comes within radius + m of a point x of B: the straight
-  way to x ends in an eighth that is given, or enters an inner cell through a face, and
-  there leaves a full neighbour, which is given as well or is an inner cell itself; so
-  it meets a given eighth at a point no farther than x, whose centre is within e of that.
+- Where a cell is *full* and so are its six neighbours across faces, only its centre
+  is given. A sphere centred in it is at most 2 e from that point, which is within
+  radius + e + m if e <= least radius + m (`dense` is set where that fails).
+- In all other blocked cells the centre of each blocked eighth is given. Let a sphere
+  centred outside such inner cells come within radius + m of a point x of B. The
+  straight way to x ends in an eighth that is given, or enters an inner cell through a
+  face, and there leaves a full neighbour, which is given as it is no inner cell; so the
+  way meets a given eighth no farther off than x, whose centre is within e of there.
 - Cells BEYOND the robot's reach, a ball, get no points and count as full: the way above
   runs between two points of that ball, so it never needs theirs.
 """
@@ -37,7 +37,8 @@ def pack(state4, unseen, blocked):
 
     Args:
         state4: (nx, ny, nz / 4) uint32, four cells at a time, none above 7.
-        unseen, blocked: (nx, ny, words).
+        unseen: (nx, ny, words).
+        blocked: (nx, ny, words).
     """
     ones, gather = np.uint64(0x01010101), np.uint64(0x10204080)
     one, two, last = np.uint64(1), np.uint64(2), np.uint64(28)
@@ -112,7 +113,7 @@ def beside_free(state, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def open_eighths(view, origin, h, x, y, z, wanted, scratch):
+def open_eighths(pose, lens, near, origin, h, x, y, z, wanted, scratch):
     """Return those of the `wanted` eighths of a cell that a camera sees to be free."""
     quarter = 0.25 * h
     free = 0
@@ -123,9 +124,9 @@ def open_eighths(view, origin, h, x, y, z, wanted, scratch):
         py = origin[1] + h * y + quarter * (1 + 2 * ((k >> 1) & 1))
         pz = origin[2] + h * z + quarter * (1 + 2 * (k & 1))
         how, limit = place_cube(
-            view.pose, view.lens, view.near, px, py, pz, quarter, scratch
+            pose, lens, near, px, py, pz, quarter, scratch[0, 0, 0]
         )
-        if how == WHOLE and least(view.near, scratch) > limit:
+        if how == WHOLE and least(near, scratch, 0, 0, 0) > limit:
             free |= 1 << k
     return free
 
@@ -166,6 +167,7 @@ def clear_eighths(
     Cells with free eighths leave `full`; those without a blocked one become FREE and
     leave `blocked`.
     """
+    pose, lens, near = view.pose, view.lens, view.near
     n = 0
     for x in range(blocked.shape[0]):
         for y in range(blocked.shape[1]):
@@ -187,7 +189,9 @@ def clear_eighths(
                     if wanted == 0 or not beside_free(state, x, y, z):
                         continue
                     n += 1
-                    free = open_eighths(view, origin, h, x, y, z, wanted, scratch)
+                    free = open_eighths(
+                        pose, lens, near, origin, h, x, y, z, wanted, scratch
+                    )
                     if free == 0:
                         continue
                     left = eighths[x, y, z] & ~free
@@ -204,10 +208,13 @@ def write_points(blocked, inner, closed, beyond, eighths, origin, h, dense, out)
     """Write the points of all blocked cells in reach; return how many there are.
 
     Args:
-        blocked, inner, beyond: Cells as bits; `inner` are full with full neighbours.
-        closed: Cells that are full without a look at `eighths`.
-        eighths: (nx, ny, nz) blocked eighths of all others.
-        origin, h: Of the grid [m].
+        blocked: (nx, ny, words) all blocked cells.
+        inner: Those that are full with full neighbours.
+        closed: Those that are full without a look at `eighths`.
+        beyond: Cells out of reach.
+        eighths: (nx, ny, nz) blocked eighths of all cells that are not `closed`.
+        origin: Of the grid [m].
+        h: Side of a cell [m].
         dense: Whether inner cells get all their eighths, too.
         out: (room, 3) points; more than fit are counted, not written.
     """

@@ -15,7 +15,8 @@ import math
 import numpy as np
 from numba import njit
 
-TILE = 16  # pixels: a tile has its own list of balls that a point may lie in
+TILE_BITS = 4
+TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
 NOTHING = 65535
 N_VALID, N_OWN, N_FLYING, N_OUTSIDE = 0, 1, 2, 3
 
@@ -45,7 +46,8 @@ def list_balls(view, centers, radii, balls, width, height):
         centers: (n, 3) in the base frame [m].
         radii: (n,) [m].
         balls: (n, 4) gets the centres in the camera's frame and the squared radii.
-        width, height: Of the image.
+        width: Of the image.
+        height: Of the image.
 
     Returns:
         The ball that the camera itself is in, or -1.
@@ -171,16 +173,18 @@ def read_image(
     g0, g3, g6, g9, g10, g11 = g[0], g[3], g[6], g[9], g[10], g[11]
     n_y, n_z = shape[1], shape[2]
     top_x, top_y, top_z = 2.0 * shape[0], 2.0 * n_y, 2.0 * n_z
-    start, item = view.tile_start, view.tile_item
+    start, item, reach = view.tile_start, view.tile_item, view.tile_depth
     across = (width + TILE - 1) // TILE
     n_valid = n_own = n_flying = n_outside = 0
-    view.near[0, :, :] = NOTHING
-    view.seen[0, :, :] = NOTHING
+    last_cell, last_bit = np.int64(-1), np.int64(-1)
+    all_near, all_seen = view.near[0], view.seen[0]
+    all_near[:] = NOTHING
+    all_seen[:] = NOTHING
     for v in range(height):
-        row, near, seen = image[v], view.near[0, v >> 1], view.seen[0, v >> 1]
+        row, near, seen = image[v], all_near[v >> 1], all_seen[v >> 1]
         y = (v - lens[3]) * slope_y
         ax, ay, az = g[1] * y + g[2], g[4] * y + g[5], g[7] * y + g[8]
-        tiles = (v // TILE) * across
+        tiles = (v >> TILE_BITS) * across
         for begin in range(0, width, 4):
             if v < fours.shape[0] and fours[v, begin >> 2] == 0:
                 near[begin >> 1] = 0
@@ -203,8 +207,8 @@ def read_image(
                 z = scale * raw
                 x = (u - middle_x) * slope_x
                 if filtered:
-                    t = tiles + u // TILE
-                    if view.tile_depth[t, 0] <= z <= view.tile_depth[t, 1]:
+                    t = tiles + (u >> TILE_BITS)
+                    if reach[t, 0] <= z <= reach[t, 1]:
                         own = own_ball(
                             x * z, y * z, z, balls, item, start[t], start[t + 1]
                         )
@@ -222,7 +226,9 @@ def read_image(
                     ix, iy, iz = int(gx), int(gy), int(gz)
                     bit = ((ix & 1) << 2) | ((iy & 1) << 1) | (iz & 1)
                     cell = ((ix >> 1) * n_y + (iy >> 1)) * n_z + (iz >> 1)
-                    hit[cell] |= np.uint8(1 << bit)
+                    if cell != last_cell or bit != last_bit:
+                        hit[cell] |= np.uint8(1 << bit)
+                        last_cell, last_bit = cell, bit
                 else:
                     n_outside += 1
     counts[N_VALID], counts[N_OWN] = n_valid, n_own

@@ -16,7 +16,8 @@ def note_content(state8, before8, state, before, kept, since, when):
     """Keep what cells held that were seen in the frame before and are not seen now.
 
     Args:
-        state8, before8: (n / 8,) the next two, eight cells at a time.
+        state8: (n / 8,) `state`, eight cells at a time.
+        before8: (n / 8,) `before`, eight cells at a time.
         state: (n,) uint8 what is seen now.
         before: (n,) the same one frame earlier.
         kept: (n,) last content of unseen cells; 0 for cells seen now or never.
@@ -42,7 +43,8 @@ def list_sources(kept8, kept, since, now, memory_s, speed, h, policy, sources, p
 
     Args:
         kept8: (n / 8,) `kept` eight cells at a time.
-        kept, since: See note_content.
+        kept: See note_content.
+        since: See note_content.
         now: [s].
         memory_s: How long a content is kept [s].
         speed: At which it may have moved [m/s].
@@ -88,55 +90,67 @@ def list_sources(kept8, kept, since, now, memory_s, speed, h, policy, sources, p
 
 
 @njit(cache=True, nogil=True)
-def dilate(bits, spare):
+def dilate(bits, spare, words):
     """Grow a set of cells by one in all 26 directions.
 
     Args:
-        bits: (nx, ny, words) cells, 64 along z in a word.
+        bits: (nx, ny * words) uint64 cells, 64 along z in a word.
         spare: The same shape; overwritten.
+        words: Words of a row along z.
     """
-    nx, ny, nw = bits.shape
+    nx, n = bits.shape
     one, last = np.uint64(1), np.uint64(63)
     for x in range(nx):
-        for y in range(ny):
-            for w in range(nw):
-                word = bits[x, y, w]
-                grown = word | (word << one) | (word >> one)
-                if w > 0:
-                    grown |= bits[x, y, w - 1] >> last
-                if w + 1 < nw:
-                    grown |= bits[x, y, w + 1] << last
-                spare[x, y, w] = grown
+        row, out = bits[x], spare[x]
+        for i in range(n):
+            out[i] = row[i] | (row[i] << one) | (row[i] >> one)
+        if words > 1:
+            for i in range(n):
+                if i % words > 0:
+                    out[i] |= row[i - 1] >> last
+                if i % words < words - 1:
+                    out[i] |= row[i + 1] << last
     for x in range(nx):
-        for y in range(ny):
-            back, on = max(0, y - 1), min(ny - 1, y + 1)
-            for w in range(nw):
-                bits[x, y, w] = spare[x, y, w] | spare[x, back, w] | spare[x, on, w]
+        row, out = spare[x], bits[x]
+        for i in range(n):
+            out[i] = row[i]
+        for i in range(words, n):
+            out[i] |= row[i - words]
+        for i in range(n - words):
+            out[i] |= row[i + words]
     for x in range(nx):
-        back, on = max(0, x - 1), min(nx - 1, x + 1)
-        for y in range(ny):
-            for w in range(nw):
-                spare[x, y, w] = bits[x, y, w] | bits[back, y, w] | bits[on, y, w]
-    bits[:] = spare
+        row, out = bits[x], spare[x]
+        back, on = bits[max(0, x - 1)], bits[min(nx - 1, x + 1)]
+        for i in range(n):
+            out[i] = row[i] | back[i] | on[i]
 
 
 @njit(cache=True, nogil=True)
-def grow_sources(sources, ptr, nz, bits, spare):
+def grow_sources(sources, ptr, shape, bits, spare):
     """Set `bits` to all sources, each dilated by its own number of cells.
 
     Those to be dilated most begin; after every dilation the next ones join. What
     grows beyond the grid is cut off only there: no source lies outside.
+
+    Args:
+        sources: Cells; see list_sources.
+        ptr: See list_sources.
+        shape: (3,) cells of the grid.
+        bits: (nx, ny * words) uint64.
+        spare: The same shape; overwritten.
     """
-    ny = bits.shape[1]
+    ny, nz = shape[1], shape[2]
+    words = bits.shape[1] // ny
     most = ptr.shape[0] - 2
     bits[:] = 0
     for j in range(most + 1):
         for k in range(ptr[j], ptr[j + 1]):
             row, z = sources[k] // nz, sources[k] % nz
             word = np.uint64(1) << np.uint64(z & 63)
-            bits[row // ny, row % ny, z >> 6] |= word
+            bits[row // ny, (row % ny) * words + (z >> 6)] |= word
         if ptr[j + 1] > 0 and j < most:
-            dilate(bits, spare)
+            dilate(bits, spare, words)
+            bits[:] = spare
 
 
 @njit(cache=True, nogil=True)

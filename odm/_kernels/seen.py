@@ -4,13 +4,13 @@ A cube is seen free when every ray that may pass it, and those next to it, is kn
 be free to behind it. A pixel without a reading is left out if all eight around it have
 one; then each disc of a radius of 1 pixel holds the centre of a pixel that counts.
 
-Let O be a union of balls of radius kappa z / (1 - kappa) or more at depth z, with kappa
-= 1 / f, P a point of O in the cube at depth z, and B a ball of just that radius in O
-that holds P, with its centre C at depth c. The disc through C parallel to the image has
-a radius of 1 pixel in the image at least, so it holds the centre of a pixel that counts:
-that ray meets O, and its reading is at most c <= z / (1 - kappa). The nearest one lies
-within 1 pixel of the image of C, which lies within f |P - C| sec(angle) / c of that of P.
-So if the readings of all pixels within
+Let O be a union of balls of radius kappa z / (1 - kappa) or more at depth z, with
+kappa = 1 / f, P a point of O in the cube at depth z, and B a ball of just that radius in
+O that holds P, with its centre C at depth c. The disc through C parallel to the image
+has a radius of 1 pixel in the image at least, so it holds the centre of a pixel that
+counts: that ray meets O, and its reading is at most c <= z / (1 - kappa). The nearest
+one lies within 1 pixel of the image of C, which lies within f |P - C| sec(angle) / c of
+that of P. So if the readings of all pixels within
 
     pad = 1 + (f / f_least) sec(angle) / (1 - 2 kappa)
 
@@ -65,7 +65,9 @@ def place_cube(pose, lens, table, px, py, pz, half, out):
         pose: (12,) from base frame to camera.
         lens: (11,) see `odm.cameras.view`.
         table: (levels, rows, columns) of readings; its shape counts.
-        px, py, pz: Centre [m].
+        px: Centre along x [m].
+        py: Along y [m].
+        pz: Along z [m].
         half: Half of the cube's side [m].
         out: (5,) squares of the table that cover it; see windows.py.
 
@@ -142,45 +144,49 @@ def see_cells(view, state, shadow):
     FREE by any camera wins over SHADOW by another; cells with points are marked later
     and win over both.
     """
-    nbx, nby, nbz = view.block_kind.shape
+    # taken out once: each time costs a counted reference
+    near, seen, top_near, top_seen = view.near, view.seen, view.top_near, view.top_seen
+    kind, rect = view.block_kind, view.block_rect
+    limit, low = view.block_limit, view.block_low
+    cell_kind, cell_rect, cell_limit = view.cell_kind, view.cell_rect, view.cell_limit
+    nbx, nby, nbz = kind.shape
     for x in range(nbx):
         for y in range(nby):
             for z in range(nbz):
-                how = view.block_kind[x, y, z]
+                how = kind[x, y, z]
                 if how == HIDDEN:
                     continue
-                if how == CUT:
-                    see_block(view, state, x, y, z, shadow)
-                    continue
-                r = view.block_rect[x, y, z]
-                deep, shallow = view.block_limit[x, y, z], view.block_low[x, y, z]
-                if how == WHOLE and least(view.near, r) > deep:
-                    fill_block(state, x, y, z, FREE)
-                    continue
-                none_free = none_above(view.top_near, r, shallow)
-                if none_free:
-                    if not shadow or least(view.seen, r) > deep:
+                if how != CUT:
+                    deep, shallow = limit[x, y, z], low[x, y, z]
+                    if how == WHOLE and least(near, rect, x, y, z) > deep:
+                        fill_block(state, x, y, z, FREE)
                         continue
-                    if how == WHOLE and none_above(view.top_seen, r, shallow):
-                        fill_block(state, x, y, z, SHADOW)
-                        continue
-                see_block(view, state, x, y, z, shadow)
+                    if none_above(top_near, rect, x, y, z, shallow):
+                        if not shadow or least(seen, rect, x, y, z) > deep:
+                            continue
+                        if how == WHOLE and none_above(
+                            top_seen, rect, x, y, z, shallow
+                        ):
+                            fill_block(state, x, y, z, SHADOW)
+                            continue
+                see_block(
+                    near, seen, cell_kind, cell_rect, cell_limit, state, x, y, z, shadow
+                )
 
 
 @njit(cache=True, nogil=True)
-def see_block(view, state, x, y, z, shadow):
+def see_block(near, seen, kind, rect, limits, state, x, y, z, shadow):
     """Look at the 64 cells of a block one by one."""
     for i in range(4 * x, 4 * x + 4):
         for j in range(4 * y, 4 * y + 4):
             for k in range(4 * z, 4 * z + 4):
-                how = view.cell_kind[i, j, k]
+                how = kind[i, j, k]
                 if how == HIDDEN or state[i, j, k] == FREE:
                     continue
-                r = view.cell_rect[i, j, k]
-                limit = view.cell_limit[i, j, k]
-                if how == WHOLE and least(view.near, r) > limit:
+                limit = limits[i, j, k]
+                if how == WHOLE and least(near, rect, i, j, k) > limit:
                     state[i, j, k] = FREE
-                elif shadow and least(view.seen, r) <= limit:
+                elif shadow and least(seen, rect, i, j, k) <= limit:
                     state[i, j, k] = SHADOW
 
 

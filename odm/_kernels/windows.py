@@ -4,6 +4,7 @@ Level k of a table holds at [i, j] the least value of the 2^k x 2^k square that 
 there (`odm.cameras.view.lift`). Four squares that may overlap cover a rectangle.
 """
 
+import numpy as np
 from numba import njit
 
 COARSE = 4  # side of the squares of `largest`, in entries
@@ -28,7 +29,10 @@ def cover(left, right, low, high, table, out):
     """Write the four squares that cover a rectangle of entries, inclusive.
 
     Args:
-        left, right, low, high: First and last column, first and last row.
+        left: First column.
+        right: Last column.
+        low: First row.
+        high: Last row.
         table: (levels, rows, columns).
         out: (5,) level, first and last column of squares, first and last row of them.
             A side shorter than the squares is lengthened.
@@ -51,23 +55,30 @@ def cover(left, right, low, high, table, out):
 
 
 @njit(cache=True, nogil=True)
-def least(table, r):
-    """Return the least entry of the rectangle that squares `r` (5,) cover."""
-    level = table[r[0]]
-    a = min(level[r[3], r[1]], level[r[3], r[2]])
-    b = min(level[r[4], r[1]], level[r[4], r[2]])
+def least(table, r, x, y, z):
+    """Return the least entry of the rectangle that squares `r[x, y, z]` (5,) cover.
+
+    Indices are unsigned: numba then asks for none whether it is negative.
+    """
+    k = r[x, y, z, 0]
+    left, right = r[x, y, z, 1], r[x, y, z, 2]
+    low, high = r[x, y, z, 3], r[x, y, z, 4]
+    a = min(table[k, low, left], table[k, low, right])
+    b = min(table[k, high, left], table[k, high, right])
     return min(a, b)
 
 
 @njit(cache=True, nogil=True)
-def none_above(top, r, limit):
-    """Return True if no entry that squares `r` (5,) cover is larger than `limit`.
+def none_above(top, r, x, y, z, limit):
+    """Return True if no entry that squares `r[x, y, z]` (5,) cover is above `limit`.
 
     `top` has the largest of coarse squares, so entries next to them count too.
     """
-    last = (1 << r[0]) - 1
-    for i in range(r[3] // COARSE, (r[4] + last) // COARSE + 1):
-        for j in range(r[1] // COARSE, (r[2] + last) // COARSE + 1):
+    last = (1 << np.int64(r[x, y, z, 0])) - 1
+    first_i, last_i = r[x, y, z, 3] // COARSE, (r[x, y, z, 4] + last) // COARSE
+    first_j, last_j = r[x, y, z, 1] // COARSE, (r[x, y, z, 2] + last) // COARSE
+    for i in range(first_i, last_i + 1):
+        for j in range(first_j, last_j + 1):
             if top[i, j] > limit:
                 return False
     return True

@@ -48,8 +48,10 @@ class Room:
         names = ("bits", "spare", "unseen", "blocked", "unknown", "closed", "full")
         for name in (*names, "inner", "beyond"):
             setattr(self, name, np.zeros(words, np.uint64))
+        self.bits2 = self.bits.reshape(cells[0], -1)
+        self.spare2 = self.spare.reshape(cells[0], -1)
         self.counts, self.once = np.zeros(4, np.int64), np.zeros(4, np.int64)
-        self.scratch = np.zeros(5, np.int16)
+        self.scratch = np.zeros((1, 1, 1, 5), np.uint16)
         self.blank[~_in_reach(cell_map)] = BEYOND
         pack(self.blank.view(np.uint32), self.spare, self.beyond)
         self._take(0)

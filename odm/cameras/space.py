@@ -236,7 +236,7 @@ class SeenSpace:
             room.h, s.policy_code, room.sources, room.ptr,
         )  # fmt: skip
         remember.grow_sources(
-            room.sources, room.ptr, room.state.shape[2], room.bits, room.spare
+            room.sources, room.ptr, room.shape, room.bits2, room.spare2
         )
         cubes.pack(room.state.view(np.uint32), room.unseen, room.blocked)
         cubes.add_unseen(room.unseen, room.bits, room.blocked)

@@ -26,7 +26,7 @@ class View(NamedTuple):
     top_near: np.ndarray  # their largest values, coarse
     top_seen: np.ndarray
     block_kind: np.ndarray  # (blocks) uint8: is its image in the picture
-    block_rect: np.ndarray  # (blocks, 5) int16: where, see _kernels/windows.py
+    block_rect: np.ndarray  # (blocks, 5) uint16: where, see _kernels/windows.py
     block_limit: np.ndarray  # (blocks) uint16: reading behind it
     block_low: np.ndarray  # (blocks) uint16: reading in front of it
     cell_kind: np.ndarray  # the same for cells
@@ -83,6 +83,11 @@ def lay_out_view(
     cut = cell_kind.reshape(nx, 4, ny, 4, nz, 4).any(axis=(1, 3, 5))
     block_kind[~cut] = seen.HIDDEN
     block_kind[cut & (block_kind == seen.HIDDEN)] = seen.CUT
+    used = max(
+        int(r[..., 0][k != seen.HIDDEN].max(initial=0))
+        for r, k in ((block_rect, block_kind), (cell_rect, cell_kind))
+    )
+    near, far = near[: used + 1], far[: used + 1]  # the larger squares cost time
     _check_view(camera, grid, pose, cell_kind, rho)
     coarse = (-(-rows // COARSE), -(-columns // COARSE))
     tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
@@ -117,7 +122,7 @@ def lift(table: np.ndarray, spare: np.ndarray) -> None:
 
 def _tables(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     limits = np.zeros((2, *shape), np.uint16)
-    rect = np.zeros((*shape, 5), np.int16)
+    rect = np.zeros((*shape, 5), np.uint16)
     return np.zeros(shape, np.uint8), rect, limits[0], limits[1]
 
 
