@@ -53,7 +53,8 @@ def camera(
         float, typer.Option(help="Focal length, pixels.", rich_help_panel=_CAMERA)
     ] = _FX,
     fy: Annotated[
-        float | None, typer.Option(help="The same, default: fx.", rich_help_panel=_CAMERA)
+        float | None,
+        typer.Option(help="The same along v; default: fx.", rich_help_panel=_CAMERA),
     ] = None,
     cx: Annotated[
         float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
@@ -86,7 +87,7 @@ def camera(
     ] = None,
     shadow: Annotated[
         bool,
-        typer.Option(help="Cells behind a surface are blocked.", rich_help_panel=_CELLS),
+        typer.Option(help="What is behind a surface blocks.", rich_help_panel=_CELLS),
     ] = True,
     policy: Annotated[
         str,
@@ -230,10 +231,11 @@ def _show(file: Path, facts: dict) -> None:
         table.add_row(name, str(n))
     console.print(table)
     low, middle, high = facts["depth_m"]
+    pixels = image["width"] * image["height"]
     lines = [
-        f"{image['valid']} of {image['width'] * image['height']} pixels have a reading, "
-        f"{low:.2f} to {high:.2f} m away (median {middle:.2f} m); {image['outside']} of "
-        "them lie outside the grid.",
+        f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} m "
+        f"away (median {middle:.2f} m); {image['outside']} of them lie outside the "
+        "grid.",
         f"{facts['points']} points for the planner, covering radius "
         f"{100 * facts['covering_radius_m']:.2f} cm; certified: {facts['certified']}; "
         f"things thinner than {1e3 * facts['thinnest_m']:.1f} mm may be missed.",

@@ -53,7 +53,9 @@ def plot_cells(
     return path
 
 
-def _draw_image(figure: object, axis: object, camera: object, image: np.ndarray) -> None:
+def _draw_image(
+    figure: object, axis: object, camera: object, image: np.ndarray
+) -> None:
     depth = np.ma.masked_equal(np.where(image == 65535, 0, image), 0) * camera.scale
     axis.set_facecolor("#f3f5f7")
     low, high = np.percentile(depth.compressed(), [1, 99])

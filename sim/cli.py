@@ -232,7 +232,10 @@ app.command("camera")(guarded(camera_command.camera))
 @guarded
 def bench(
     name: Annotated[
-        str, typer.Argument(metavar="latency|motions|tax|camera|build|ompl", help="Which one.")
+        str,
+        typer.Argument(
+            metavar="latency|motions|tax|camera|build|ompl", help="Which one."
+        ),
     ],
     map_dir: Annotated[
         Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")

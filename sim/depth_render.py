@@ -7,7 +7,6 @@ from roadmap.kinematics import body_frames
 from roadmap.robot import BOX, CYLINDER, HULL, Robot
 
 
-
 class DepthScene:
     """Solids seen by a camera; the nearest one wins, pixel by pixel.
 
@@ -37,7 +36,9 @@ class DepthScene:
             if rect is None:
                 continue
             rays = self._rays(rect)
-            depth = np.minimum(_enter_ball(rays, a, radius), _enter_ball(rays, b, radius))
+            depth = np.minimum(
+                _enter_ball(rays, a, radius), _enter_ball(rays, b, radius)
+            )
             if np.linalg.norm(b - a) > 1e-12:
                 depth = np.minimum(depth, _enter_tube(rays, a, b, radius))
             self._keep(rect, depth)

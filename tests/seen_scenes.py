@@ -51,6 +51,21 @@ def picture(camera, capsules=(), robot=None, q=None, room=True) -> np.ndarray:
     return scene.image()
 
 
+def draw_surface(
+    rng: np.random.Generator, capsules: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw points (n, 3) on the sides of capsules, and their outward normals."""
+    row = capsules[rng.integers(len(capsules), size=n)]
+    axis = row[:, 3:6] - row[:, :3]
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    unit = axis / np.maximum(length, 1e-12)
+    normal = rng.normal(size=(n, 3))
+    normal -= unit * (normal * unit).sum(axis=1, keepdims=True)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    along = rng.random((n, 1))
+    return row[:, :3] + along * axis + row[:, 6:] * normal, normal
+
+
 def draw_inside(rng: np.random.Generator, capsules: np.ndarray, n: int) -> np.ndarray:
     """Draw (n, 3) points in capsules, half of them on the surface."""
     row = capsules[rng.integers(len(capsules), size=n)]

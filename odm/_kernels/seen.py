@@ -5,8 +5,8 @@ be free to behind it. A pixel without a reading is left out if all eight around 
 one; then each disc of a radius of 1 pixel holds the centre of a pixel that counts.
 
 Let O be a union of balls of radius kappa z / (1 - kappa) or more at depth z, with
-kappa = 1 / f, P a point of O in the cube at depth z, and B a ball of just that radius in
-O that holds P, with its centre C at depth c. The disc through C parallel to the image
+kappa = 1 / f, P a point of O in the cube at depth z, and B a ball of just that radius
+in O that holds P, with its centre C at depth c. The disc through C parallel to the image
 has a radius of 1 pixel in the image at least, so it holds the centre of a pixel that
 counts: that ray meets O, and its reading is at most c <= z / (1 - kappa). The nearest
 one lies within 1 pixel of the image of C, which lies within f |P - C| sec(angle) / c of
@@ -14,7 +14,8 @@ that of P. So if the readings of all pixels within
 
     pad = 1 + (f / f_least) sec(angle) / (1 - 2 kappa)
 
-of the cube's image exceed its largest depth / (1 - kappa), the cube holds no point of O.
+of the cube's image exceed its largest depth / (1 - kappa), the cube holds no point
+of O.
 """
 
 import math

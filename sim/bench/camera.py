@@ -157,7 +157,7 @@ def _measure(
         rows.append(value_row(f"{name}: readings, mean", np.mean(valid), ""))
     rows.append(value_row(f"{name}: points, mean", np.mean(points), ""))
     rows.append(
-        plan.row(f"{name}: points -> answer", "planner.step; memory_s=0 in its settings")
+        plan.row(f"{name}: points -> answer", "planner.step with memory_s=0")
     )
     return rows
 

@@ -8,6 +8,7 @@ from seen_scenes import (
     draw_camera,
     draw_capsules,
     draw_inside,
+    draw_surface,
     picture,
 )
 
@@ -70,20 +71,32 @@ def test_what_comes_near_to_an_obstacle_in_view_comes_near_to_a_point(small_map,
     capsules = draw_capsules(rng)
     space = odm.SeenSpace(small_map, cameras, STILL)
     seen = space.update([picture(c, capsules) for c in cameras], Q, 0.0)
-    inside = draw_inside(rng, capsules, 3000)
-    blocked = np.isin(state_at(space, inside), (SHADOW, OCCUPIED))
-    targets = inside[blocked]
+    surface, normal = draw_surface(rng, capsules, 4000)
+    blocked = np.isin(state_at(space, surface), (SHADOW, OCCUPIED))
     arm, m = small_map.arm.spheres, small_map.safety.m
-    radius = rng.choice(arm[:, 3], len(targets))
-    way = rng.normal(size=(len(targets), 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    reach = (radius + m) * rng.random(len(targets)) ** 0.3
-    balls = targets + reach[:, None] * way
-    near = in_reach(small_map, balls)
+    radius = rng.choice(arm[:, 3], len(surface))
+    reach = (radius + m) * rng.choice([0.2, 0.7, 0.9999], len(surface))
+    balls = surface + reach[:, None] * normal
+    near = blocked & in_reach(small_map, balls)
     assert near.sum() > 200
     for p, r in zip(balls[near], radius[near], strict=True):
         gap = np.linalg.norm(seen.points - p, axis=1).min()
         assert gap <= r + m + seen.covering_radius
+
+
+def test_only_cells_whose_neighbours_are_full_are_given_by_their_centres(small_map):
+    rng = np.random.default_rng(3)
+    camera = draw_camera(rng)
+    space = odm.SeenSpace(small_map, camera, STILL)
+    space.update(picture(camera, draw_capsules(rng)), Q, 0.0)
+    room = space._room
+    blocked, closed = room.unpack(room.blocked), room.unpack(room.closed)
+    full = closed | (blocked & (room.eighths == 255)) | room.unpack(room.beyond)
+    inner = room.unpack(room.inner)
+    assert inner.sum() > 500 and (closed & ~inner).any()
+    for axis in range(3):
+        for step in (-1, 1):
+            assert np.roll(full, step, axis)[inner].all()
 
 
 def in_reach(cell_map, points):
