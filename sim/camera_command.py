@@ -232,13 +232,13 @@ def _show(file: Path, facts: dict) -> None:
     console.print(table)
     low, middle, high = facts["depth_m"]
     pixels = image["width"] * image["height"]
+    radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]
     lines = [
-        f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} m "
-        f"away (median {middle:.2f} m); {image['outside']} of them lie outside the "
-        "grid.",
-        f"{facts['points']} points for the planner, covering radius "
-        f"{100 * facts['covering_radius_m']:.2f} cm; certified: {facts['certified']}; "
-        f"things thinner than {1e3 * facts['thinnest_m']:.1f} mm may be missed.",
+        f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} "
+        f"m away (median {middle:.2f} m); {image['outside']} lie outside the grid.",
+        f"{facts['points']} points for the planner, covering radius {radius_cm:.2f} "
+        f"cm; certified: {facts['certified']}; things thinner than "
+        f"{thinnest_mm:.1f} mm may be missed.",
         f"{facts['cpu_ms']:.2f} ms of CPU time a frame.",
     ]
     if image["flying"]:

@@ -1,13 +1,13 @@
 """Which cells a camera sees to be free, and which lie behind a seen surface.
 
-A cube is seen free when every ray that may pass it, and those next to it, is known to
-be free to behind it. A pixel without a reading is left out if all eight around it have
-one; then each disc of a radius of 1 pixel holds the centre of a pixel that counts.
+A cube is seen free when every ray that may pass it, and those next to it, is known
+to be free to behind it. A pixel without a reading is left out if all eight around it
+have one; then each disc of a radius of 1 pixel holds the centre of one that counts.
 
 Let O be a union of balls of radius kappa z / (1 - kappa) or more at depth z, with
 kappa = 1 / f, P a point of O in the cube at depth z, and B a ball of just that radius
-in O that holds P, with its centre C at depth c. The disc through C parallel to the image
-has a radius of 1 pixel in the image at least, so it holds the centre of a pixel that
+in O that holds P, with its centre C at depth c. The disc through C parallel to the
+image has a radius of 1 pixel in it at least, so it holds the centre of a pixel that
 counts: that ray meets O, and its reading is at most c <= z / (1 - kappa). The nearest
 one lies within 1 pixel of the image of C, which lies within f |P - C| sec(angle) / c of
 that of P. So if the readings of all pixels within
@@ -33,9 +33,13 @@ NOTHING = 65535
 
 @njit(cache=True, nogil=True)
 def limit_of(depth, lens):
-    """Return the reading that must be exceeded behind `depth` [m]."""
+    """Return the reading that must be exceeded behind `depth` [m].
+
+    Beyond the largest reading it is that one: no cube there is free, and one is in
+    shadow where anything is seen.
+    """
     limit = (depth / (1.0 - lens[7]) + lens[8]) / lens[4]
-    return NOTHING if limit >= NOTHING else int(math.floor(limit))
+    return NOTHING - 1 if limit >= NOTHING - 1 else int(math.floor(limit))
 
 
 @njit(cache=True, nogil=True)

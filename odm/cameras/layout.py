@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from odm.cameras.space import SeenSpace
 
 _MOST_PAYLOAD = 64
+_NO_PAYLOAD = np.zeros((0, 4))
 
 
 class Room:
@@ -111,17 +112,8 @@ class OwnBalls:
         self.owner, self.balls = self._owner[:n], self._balls[:n]
 
     def place(self, q: np.ndarray, payload: np.ndarray) -> None:
-        """Put all balls where they are at q.
-
-        Raises:
-            BadInput: The payload has too many balls.
-        """
+        """Put all balls where they are at q."""
         robot, n = self.robot, len(self.robot.spheres)
-        if len(payload) > _MOST_PAYLOAD:
-            raise BadInput(
-                f"the payload has {len(payload)} balls, at most {_MOST_PAYLOAD} are "
-                "taken; cover it with fewer and larger ones"
-            )
         kinematics.body_frames(robot.tree_i, robot.tree_f, q, self._frames)
         kinematics.place_points(
             self._frames, robot.sphere_body, robot.spheres, self._centers[:n]
@@ -139,6 +131,24 @@ class OwnBalls:
     def name_of(self, ball: int) -> str:
         """Return the link that a ball belongs to."""
         return self.names[self.owner[ball]]
+
+
+def check_payload(payload: np.ndarray | None) -> np.ndarray:
+    """Return a payload as (k, 4) float64; None is an empty one."""
+    if payload is None:
+        return _NO_PAYLOAD
+    payload = np.ascontiguousarray(payload, np.float64)
+    if payload.ndim != 2 or payload.shape[1] != 4 or not np.isfinite(payload).all():
+        raise BadInput(
+            f"the payload has shape {payload.shape}; give (k, 4) finite balls in the "
+            "tool frame, centre and radius [m]"
+        )
+    if len(payload) > _MOST_PAYLOAD:
+        raise BadInput(
+            f"the payload has {len(payload)} balls, at most {_MOST_PAYLOAD} are "
+            "taken; cover it with fewer and larger ones"
+        )
+    return payload
 
 
 def covering_radius(cell_map: CellMap) -> float:

@@ -19,7 +19,6 @@ from roadmap.errors import BadInput
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
 )  # fmt: skip
-_NO_PAYLOAD = np.zeros((0, 4))
 _NO_FOURS = np.zeros((0, 0), np.uint64)
 _UNFIT = np.full((1, 3), np.nan)  # a frame of it holds the robot
 
@@ -124,7 +123,7 @@ class SeenSpace:
         """
         images = self._check_images(images)
         q = check_configuration(self.robot, q, None)
-        payload = _check_payload(payload)
+        payload = layout.check_payload(payload)
         trouble = self._judge_time(stamp)
         if trouble is None and not np.isfinite(q).all():
             trouble = (
@@ -135,7 +134,7 @@ class SeenSpace:
             self._own.place(q, payload)
             trouble = self._look(images)
         if trouble is not None:
-            return self._seen(_UNFIT, trouble)
+            return self._seen(_UNFIT.copy(), trouble)
         self._remember()
         points = self._points()
         self.stamp = float(stamp)
@@ -162,7 +161,7 @@ class SeenSpace:
     # --- inside ----------------------------------------------------------------
 
     def _check_images(self, images: object) -> list[np.ndarray]:
-        if isinstance(images, np.ndarray) and images.ndim == 2:
+        if not isinstance(images, list | tuple) and np.ndim(images) < 3:
             images = [images]
         if len(images) != len(self.cameras):
             raise BadInput(
@@ -288,18 +287,6 @@ class SeenSpace:
         return Seen(
             points, self.covering_radius, self.stamp, trouble, readings, removed
         )
-
-
-def _check_payload(payload: np.ndarray | None) -> np.ndarray:
-    if payload is None:
-        return _NO_PAYLOAD
-    payload = np.ascontiguousarray(payload, np.float64)
-    if payload.ndim != 2 or payload.shape[1] != 4 or not np.isfinite(payload).all():
-        raise BadInput(
-            f"the payload has shape {payload.shape}; give (k, 4) finite balls in the "
-            "tool frame, centre and radius [m]"
-        )
-    return payload
 
 
 __all__ = ["CELL_NAMES", "Seen", "SeenSettings", "SeenSpace"]

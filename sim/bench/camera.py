@@ -148,16 +148,17 @@ def _measure(
         points.append(len(seen.points))
         kept.append(space.counts()["remembered"])
     rows = [clock.row(name, "self filter, memory, shadow", **asked)]
+    name = "" if asked else f"{name.removeprefix('... ')}: "
     least, most = (float(f(valid)) for f in (min, max))
     if asked:
         rows.append(value_row("... fewest readings", least, "", least=VALID[0]))
         rows.append(value_row("... most readings", most, "", most=VALID[1]))
-        rows.append(value_row("... remembered cells, mean", np.mean(kept), ""))
+        rows.append(value_row("... remembered cells, mean", round(np.mean(kept)), ""))
     else:
-        rows.append(value_row(f"{name}: readings, mean", np.mean(valid), ""))
-    rows.append(value_row(f"{name}: points, mean", np.mean(points), ""))
+        rows.append(value_row(f"... {name}readings, mean", round(np.mean(valid)), ""))
+    rows.append(value_row(f"... {name}points, mean", round(np.mean(points)), ""))
     rows.append(
-        plan.row(f"{name}: points -> answer", "planner.step with memory_s=0")
+        plan.row(f"... {name}points -> answer", "planner.step with memory_s=0")
     )
     return rows
 

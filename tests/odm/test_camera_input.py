@@ -36,7 +36,18 @@ def test_an_image_of_another_size_is_refused_with_both_sizes(space):
 
 @pytest.mark.parametrize("image", [np.ones((120, 160)), [[1, 2]], None, "a.png"])
 def test_an_image_of_another_type_is_refused(space, image):
-    refused("uint16|images were given", space.update, [image], Q, 0.0)
+    refused("give uint16", space.update, [image], Q, 0.0)
+    refused("give uint16|images were given", space.update, image, Q, 0.0)
+
+
+def test_cells_beyond_the_largest_reading_are_not_all_in_shadow(small_map):
+    near = camera_at([1.3, 0, 0.5], scale=0.00001)  # pixels end at 0.65 m
+    space = odm.SeenSpace(small_map, near, odm.SeenSettings(memory_s=0.0))
+    image = np.zeros((120, 160), np.uint16)
+    image[:20, :20] = 60000
+    space.update(image, Q, 0.0)
+    counts = space.counts()
+    assert 0 < counts["shadow"] < 0.2 * counts["unseen"]
 
 
 def test_the_number_of_images_counts(space, camera):
