@@ -12,6 +12,7 @@ from odm.grid import WorkspaceGrid
 from roadmap.errors import BadInput
 
 _LEVELS = 8  # squares of up to 256 pixels
+_FEW = 0.03  # share of the blocks in view
 
 
 class View(NamedTuple):
@@ -83,11 +84,8 @@ def lay_out_view(
     cut = cell_kind.reshape(nx, 4, ny, 4, nz, 4).any(axis=(1, 3, 5))
     block_kind[~cut] = seen.HIDDEN
     block_kind[cut & (block_kind == seen.HIDDEN)] = seen.CUT
-    used = max(
-        int(r[..., 0][k != seen.HIDDEN].max(initial=0))
-        for r, k in ((block_rect, block_kind), (cell_rect, cell_kind))
-    )
-    near, far = near[: used + 1], far[: used + 1]  # the larger squares cost time
+    used = _levels_used(block_rect, block_kind, cell_rect, cell_kind)
+    near, far = near[:used], far[:used]
     _check_view(camera, grid, pose, cell_kind, rho)
     coarse = (-(-rows // COARSE), -(-columns // COARSE))
     tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
@@ -118,6 +116,26 @@ def lift(table: np.ndarray, spare: np.ndarray) -> None:
             out=pairs,
         )  # fmt: skip
         np.minimum(pairs[:tall], pairs[half:], out=table[k, :tall, :wide])
+
+
+def _levels_used(
+    block_rect: np.ndarray,
+    block_kind: np.ndarray,
+    cell_rect: np.ndarray,
+    cell_kind: np.ndarray,
+) -> int:
+    """Return how many levels are worth their time; blocks that need more are cut.
+
+    Cells need theirs. The few blocks next to the camera that fill most of the image
+    would need more: they are looked at cell by cell.
+    """
+    visible = (block_kind == seen.PARTLY) | (block_kind == seen.WHOLE)
+    levels = block_rect[..., 0]
+    used = int(cell_rect[..., 0][cell_kind != seen.HIDDEN].max(initial=0))
+    while (visible & (levels > used)).sum() > _FEW * visible.sum():
+        used += 1
+    block_kind[visible & (levels > used)] = seen.CUT
+    return used + 1
 
 
 def _tables(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
