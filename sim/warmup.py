@@ -185,7 +185,9 @@ def _ask(cell_map: CellMap) -> None:
 
 
 def _see(cell_map: CellMap) -> None:
-    """Let a camera look at the robot, with every option."""
+    """Let a camera look at the robot, with every option; finer cells change no type."""
+    if cell_map.grid.h < COARSE:
+        return
     pose = look_at([1.5, 0.0, 0.8], [0.0, 0.0, 0.2])
     camera = DepthCamera(640, 480, 500.0, 500.0, 320.0, 240.0, pose)
     q = np.array(cell_map.roadmap.nodes[0])

@@ -15,13 +15,12 @@ def largest_of_squares(level, top):
     """Write to `top` the largest entry of each COARSE x COARSE square of `level`."""
     rows, columns = level.shape
     for i in range(top.shape[0]):
-        for j in range(top.shape[1]):
-            most = level[COARSE * i, COARSE * j]
-            for a in range(COARSE * i, min(rows, COARSE * i + COARSE)):
-                for b in range(COARSE * j, min(columns, COARSE * j + COARSE)):
-                    if level[a, b] > most:
-                        most = level[a, b]
-            top[i, j] = most
+        out = top[i]
+        out[:] = 0
+        for a in range(COARSE * i, min(rows, COARSE * i + COARSE)):
+            row = level[a]
+            for b in range(columns):
+                out[b // COARSE] = max(out[b // COARSE], row[b])
 
 
 @njit(cache=True, nogil=True)
