@@ -2,6 +2,7 @@
 
 from odm.answer import Answer, Blockers, Freedom
 from odm.build import build_map
+from odm.cameras import DepthCamera, SeenSettings, SeenSpace
 from odm.cell_map import CellMap, load_map
 from odm.planner import PlannerSettings, ReactivePlanner
 from odm.recipe import Recipe, load_recipe
@@ -16,12 +17,15 @@ __all__ = [
     "Capsule",
     "CellMap",
     "Cylinder",
+    "DepthCamera",
     "Freedom",
     "Mesh",
     "PlannerSettings",
     "ReactivePlanner",
     "Recipe",
     "RobotSurface",
+    "SeenSettings",
+    "SeenSpace",
     "Sphere",
     "Surface",
     "build_map",

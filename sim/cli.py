@@ -9,7 +9,13 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, human_command, replay_command, two_command
+from sim import (
+    camera_command,
+    cli_build,
+    human_command,
+    replay_command,
+    two_command,
+)
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -227,6 +233,7 @@ def demo(
 
 app.command("replay")(guarded(replay_command.replay))
 app.command("run-two")(guarded(two_command.run_two))
+app.command("camera")(guarded(camera_command.camera))
 
 
 @app.command()
@@ -235,7 +242,7 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="latency|motions|tax|build|ompl|odm-paper|human",
+            metavar="latency|motions|tax|build|ompl|odm-paper|camera|human",
             help="Which one.",
         ),
     ],

@@ -82,7 +82,7 @@ def write_coverage_plot(
         shown = axis.imshow(
             image, origin="lower", extent=extent, cmap="YlGnBu", norm=scale
         )
-        _draw_silhouette(axis, centers[:, [u, v]], radii)
+        draw_silhouette(axis, centers[:, [u, v]], radii)
         axis.set(xlabel=f"{'xyz'[u]} [m]", ylabel=f"{'xyz'[v]} [m]")
         axis.locator_params(nbins=5)
         set_title(axis, ("from the front", "from the side", "from above")[seen])
@@ -108,7 +108,8 @@ def _coverage_figure(shape: tuple[int, int, int]) -> tuple:
     return figure, axes
 
 
-def _draw_silhouette(axis: object, places: np.ndarray, radii: np.ndarray) -> None:
+def draw_silhouette(axis: object, places: np.ndarray, radii: np.ndarray) -> None:
+    """Draw balls at `places` (n, 2) as one shape with a rim [m]."""
     from matplotlib.collections import EllipseCollection
 
     for size, colour in ((0.012, INK), (0.0, "#eef1f4")):  # a rim, then the inside

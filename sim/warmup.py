@@ -16,14 +16,18 @@ import numpy as np
 from odm import (
     Box,
     CellMap,
+    DepthCamera,
     PlannerSettings,
     ReactivePlanner,
     Recipe,
+    SeenSettings,
+    SeenSpace,
     build_map,
     load_map,
     sample_capsules,
     surface_of,
 )
+from odm.cameras import look_at
 from odm.recipe import RobotRecipe, Safety
 from roadmap.build import RoadmapSettings
 from roadmap.kinematics import tool_pose
@@ -90,6 +94,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         load,
         lambda: exercise(loaded[0]),
         lambda: _ask(loaded[0]),
+        lambda: _see(loaded[0]),
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
         _person,
@@ -178,6 +183,22 @@ def _ask(cell_map: CellMap) -> None:
     planner.set_static(box)
     planner.set_static(surface_of(box, cell_map.safety.rho))
     planner.set_goals([_two_nodes(planner)[1]])
+
+
+def _see(cell_map: CellMap) -> None:
+    """Let a camera look at the robot, with every option; finer cells change no type."""
+    if cell_map.grid.h < COARSE:
+        return
+    pose = look_at([1.5, 0.0, 0.8], [0.0, 0.0, 0.2])
+    camera = DepthCamera(640, 480, 500.0, 500.0, 320.0, 240.0, pose)
+    q = np.array(cell_map.roadmap.nodes[0])
+    for policy in ("free", "occupied"):
+        settings = SeenSettings(d_self=0.01, flying_m=0.02, policy=policy)
+        space = SeenSpace(cell_map, camera, settings)
+        for k, depth_mm in enumerate((1200, 800, 1500)):
+            image = np.full((480, 640), depth_mm, np.uint16)
+            image[:, : 200 * k] = 0
+            space.update(image, q, 0.1 * k)
 
 
 def _audit(cell_map: CellMap) -> None:

@@ -1,0 +1,235 @@
+"""Readings of a depth image: which are the robot's own, where each of the others is.
+
+A reading is the depth along the optical axis of what the ray through the pixel's
+centre meets first, in units of the camera's scale; 0 and 65535 mean that there is none.
+Two tables of half the image's size are made, the least of 2 x 2 readings each:
+
+- `near`: how far the rays are known to be free. Own points count, since the ray went
+  as far as the robot. No reading counts as 0, but not at all where its eight neighbours
+  have one and no flying pixels are taken out.
+- `seen`: where the surfaces of others are. Own points and no reading count as 65535.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+TILE_BITS = 4
+TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
+NOTHING = 65535
+N_VALID, N_OWN, N_FLYING, N_OUTSIDE = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def shadow_edges(along, depth, radius, focal, centre, size):
+    """Return the first and last pixel that a ball can cover along one image axis."""
+    distance2 = along * along + depth * depth
+    if depth <= 0.0 or distance2 <= radius * radius * 1.0001:
+        return 0, size - 1
+    middle = math.atan2(along, depth)
+    width = math.asin(radius / math.sqrt(distance2)) + 1e-9
+    first, last = 0.0, size - 1.0
+    if middle - width > -1.55:
+        first = math.floor(centre + focal * math.tan(middle - width))
+    if middle + width < 1.55:
+        last = math.ceil(centre + focal * math.tan(middle + width))
+    return int(max(0.0, min(first, size))), int(min(size - 1.0, max(last, -1.0)))
+
+
+@njit(cache=True, nogil=True)
+def list_balls(view, centers, radii, balls, width, height):
+    """List for every tile of the image the balls that may cover it.
+
+    Args:
+        view: Camera; its `tile_start`, `tile_item` and `tile_depth` are filled.
+        centers: (n, 3) in the base frame [m].
+        radii: (n,) [m].
+        balls: (n, 4) gets the centres in the camera's frame and the squared radii.
+        width: Of the image.
+        height: Of the image.
+
+    Returns:
+        The ball that the camera itself is in, or -1.
+    """
+    pose, lens = view.pose, view.lens
+    start, item, rect = view.tile_start, view.tile_item, view.rect
+    across = (width + TILE - 1) // TILE
+    for t in range(start.shape[0]):
+        start[t] = 0
+        view.tile_depth[t, 0], view.tile_depth[t, 1] = math.inf, -math.inf
+    inside = -1
+    for n in range(centers.shape[0]):
+        p = centers[n]
+        r = radii[n]
+        x = pose[0] * p[0] + pose[1] * p[1] + pose[2] * p[2] + pose[9]
+        y = pose[3] * p[0] + pose[4] * p[1] + pose[5] * p[2] + pose[10]
+        z = pose[6] * p[0] + pose[7] * p[1] + pose[8] * p[2] + pose[11]
+        balls[n, 0], balls[n, 1], balls[n, 2], balls[n, 3] = x, y, z, r * r
+        if inside < 0 and x * x + y * y + z * z <= r * r:
+            inside = n
+        left, right = shadow_edges(x, z, r, lens[0], lens[2], width)
+        low, high = shadow_edges(y, z, r, lens[1], lens[3], height)
+        if z + r <= 0.0:
+            right = left - 1
+        rect[n, 0], rect[n, 1] = left // TILE, right // TILE
+        rect[n, 2], rect[n, 3] = low // TILE, high // TILE
+        if right < left or high < low:
+            rect[n, 1] = rect[n, 0] - 1
+        for i in range(rect[n, 2], rect[n, 3] + 1):
+            for j in range(rect[n, 0], rect[n, 1] + 1):
+                t = i * across + j
+                start[t + 1] += 1
+                view.tile_depth[t, 0] = min(view.tile_depth[t, 0], z - r)
+                view.tile_depth[t, 1] = max(view.tile_depth[t, 1], z + r)
+    for t in range(start.shape[0] - 1):
+        start[t + 1] += start[t]
+    total = start[start.shape[0] - 1]
+    for n in range(centers.shape[0] - 1, -1, -1):
+        for i in range(rect[n, 2], rect[n, 3] + 1):
+            for j in range(rect[n, 0], rect[n, 1] + 1):
+                # filled from behind: start ends where the list begins
+                start[i * across + j + 1] -= 1
+                item[start[i * across + j + 1]] = n
+    for t in range(start.shape[0] - 1):
+        start[t] = start[t + 1]
+    start[start.shape[0] - 1] = total
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def is_flying(image, v, u, jump):
+    """Return True if a reading lies between its neighbours, far from both.
+
+    Left and right are compared, and above and below; a neighbour without a reading
+    is none.
+    """
+    here = np.int64(image[v, u])  # unsigned differences would be huge
+    if 0 < u < image.shape[1] - 1:
+        a, b = np.int64(image[v, u - 1]), np.int64(image[v, u + 1])
+        if a != 0 and b != 0 and between(here, a, b, jump):
+            return True
+    if 0 < v < image.shape[0] - 1:
+        a, b = np.int64(image[v - 1, u]), np.int64(image[v + 1, u])
+        if a != 0 and b != 0 and between(here, a, b, jump):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def between(here, a, b, jump):
+    """Return True if `here` lies between a and b, farther than `jump` from each."""
+    return (a - here > jump and here - b > jump) or (
+        b - here > jump and here - a > jump
+    )
+
+
+@njit(cache=True, nogil=True)
+def is_lone(image, v, u):
+    """Return True if all eight pixels around this one have a reading."""
+    if v == 0 or u == 0 or v + 1 == image.shape[0] or u + 1 == image.shape[1]:
+        return False
+    for i in range(v - 1, v + 2):
+        for j in range(u - 1, u + 2):
+            if (i != v or j != u) and (image[i, j] == 0 or image[i, j] == NOTHING):
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def own_ball(x, y, z, balls, item, begin, end):
+    """Return the first of the listed balls that a point lies in, or -1."""
+    for k in range(begin, end):
+        n = item[k]
+        dx, dy, dz = x - balls[n, 0], y - balls[n, 1], z - balls[n, 2]
+        if dx * dx + dy * dy + dz * dz <= balls[n, 3]:
+            return n
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def read_image(
+    image, fours, view, balls, owner, filtered, jump, hit, shape, counts, removed
+):
+    """Fill `near[0]` and `seen[0]` of a camera, and mark what its points hit.
+
+    Args:
+        image: (height, width) uint16.
+        fours: (height, width / 4) uint64 the same, or without rows.
+        view: Camera; its tiles are listed where `filtered`.
+        balls: (n, 4) robot's spheres grown by d_self: what list_balls wrote.
+        owner: (n,) what counts a removal by each ball.
+        filtered: Whether points in balls go.
+        jump: Flying pixels are farther than this from their neighbours; 0: kept.
+        hit: (cells,) gets a bit for each eighth of a cell that has a point.
+        shape: (3,) cells of the grid.
+        counts: (4,) valid readings, own ones, flying ones, points outside the grid.
+        removed: (owners,) own points.
+    """
+    height, width = image.shape
+    lens, g = view.lens, view.to_eighths
+    scale, middle_x = lens[4], lens[2]
+    slope_x, slope_y = 1.0 / lens[0], 1.0 / lens[1]
+    g0, g3, g6, g9, g10, g11 = g[0], g[3], g[6], g[9], g[10], g[11]
+    n_y, n_z = shape[1], shape[2]
+    top_x, top_y, top_z = 2.0 * shape[0], 2.0 * n_y, 2.0 * n_z
+    start, item, reach = view.tile_start, view.tile_item, view.tile_depth
+    across = (width + TILE - 1) // TILE
+    n_valid = n_own = n_flying = n_outside = 0
+    last_cell, last_bit = np.int64(-1), np.int64(-1)
+    all_near, all_seen = view.near[0], view.seen[0]
+    all_near[:] = NOTHING
+    all_seen[:] = NOTHING
+    for v in range(height):
+        row, near, seen = image[v], all_near[v >> 1], all_seen[v >> 1]
+        y = (v - lens[3]) * slope_y
+        ax, ay, az = g[1] * y + g[2], g[4] * y + g[5], g[7] * y + g[8]
+        tiles = (v >> TILE_BITS) * across
+        for begin in range(0, width, 4):
+            if v < fours.shape[0] and fours[v, begin >> 2] == 0:
+                near[begin >> 1] = 0
+                near[(begin >> 1) + 1] = 0
+                continue
+            for u in range(begin, min(begin + 4, width)):
+                raw = row[u]
+                j = u >> 1
+                if raw == 0 or raw == NOTHING:
+                    if jump > 0 or not is_lone(image, v, u):
+                        near[j] = 0
+                    continue
+                n_valid += 1
+                if jump > 0 and is_flying(image, v, u, jump):
+                    n_flying += 1
+                    near[j] = 0
+                    continue
+                if raw < near[j]:
+                    near[j] = raw
+                z = scale * raw
+                x = (u - middle_x) * slope_x
+                if filtered:
+                    t = tiles + (u >> TILE_BITS)
+                    if reach[t, 0] <= z <= reach[t, 1]:
+                        own = own_ball(
+                            x * z, y * z, z, balls, item, start[t], start[t + 1]
+                        )
+                        if own >= 0:
+                            n_own += 1
+                            removed[owner[own]] += 1
+                            continue
+                if raw < seen[j]:
+                    seen[j] = raw
+                gx = z * (g0 * x + ax) + g9
+                gy = z * (g3 * x + ay) + g10
+                gz = z * (g6 * x + az) + g11
+                inside = gx >= 0.0 and gy >= 0.0 and gz >= 0.0
+                if inside and gx < top_x and gy < top_y and gz < top_z:
+                    ix, iy, iz = int(gx), int(gy), int(gz)
+                    bit = ((ix & 1) << 2) | ((iy & 1) << 1) | (iz & 1)
+                    cell = ((ix >> 1) * n_y + (iy >> 1)) * n_z + (iz >> 1)
+                    if cell != last_cell or bit != last_bit:
+                        hit[cell] |= np.uint8(1 << bit)
+                        last_cell, last_bit = cell, bit
+                else:
+                    n_outside += 1
+    counts[N_VALID], counts[N_OWN] = n_valid, n_own
+    counts[N_FLYING], counts[N_OUTSIDE] = n_flying, n_outside

@@ -1,0 +1,176 @@
+"""DepthCamera: a pin-hole camera with a pose, and what follows from its pixels."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.transforms import check_pose
+
+NO_READING = (0, 65535)  # pixel values that tell nothing
+STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
+
+
+@dataclass(frozen=True, eq=False)
+class DepthCamera:
+    """A camera whose pixels are depths along its optical axis.
+
+    Camera axes: x right, y down, z forward; the ray of pixel (row v, column u) goes
+    through (u - cx) / fx, (v - cy) / fy, 1, and the centre of the first pixel is at
+    u = v = 0. Lens distortion must be taken out before.
+
+    Attributes:
+        width, height: Of the image in pixels.
+        fx, fy, cx, cy: Focal lengths and principal point in pixels.
+        T_base_camera: (4, 4) pose of the camera in the robot's base frame [m].
+        scale: Depth of one unit of a pixel [m]: 0.001 where pixels are millimetres.
+        name: Of the camera in messages.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    T_base_camera: np.ndarray
+    scale: float = 0.001
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        """Check everything once."""
+        for key in ("width", "height"):
+            value = getattr(self, key)
+            if int(value) != value or not 8 <= value <= 16384:
+                raise BadInput(
+                    f"{key} {value} of {self.name} must be a whole number of pixels "
+                    "from 8 to 16384; take the size of its images"
+                )
+            object.__setattr__(self, key, int(value))
+        for key in ("fx", "fy", "scale"):
+            value = float(getattr(self, key))
+            if not (np.isfinite(value) and value > 0.0):
+                raise BadInput(
+                    f"{key} {value} of {self.name} must be above 0; take it from the "
+                    "camera's calibration"
+                )
+            object.__setattr__(self, key, value)
+        for key in ("cx", "cy"):
+            value = float(getattr(self, key))
+            if not np.isfinite(value):
+                raise BadInput(
+                    f"{key} {value} of {self.name} must be finite; take it from the "
+                    "camera's calibration"
+                )
+            object.__setattr__(self, key, value)
+        pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
+        object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
+
+    def moved(self, T_base_camera: np.ndarray) -> "DepthCamera":
+        """Return the same camera at another pose (4, 4)."""
+        return replace(self, T_base_camera=T_base_camera)
+
+    @property
+    def kappa(self) -> float:
+        """Width of a pixel at depth 1, by the smaller focal length."""
+        return 1.0 / min(self.fx, self.fy)
+
+    def thinnest(self, depth_m: float) -> float:
+        """Return the thickness of what no gap between rays can hide at a depth [m].
+
+        A ball of that diameter, and so a union of such balls, meets a ray through the
+        centre of a pixel wherever it is in view, even if single pixels have no
+        reading; see `odm._kernels.seen`.
+        """
+        return 2.0 * depth_m * self.kappa / (1.0 - self.kappa)
+
+    def covering_radius(self, depth_m: float, steepest: float = STEEPEST) -> float:
+        """Return the covering radius of raw points on a visible surface [m].
+
+        The ray nearest to a visible point leaves it by half the diagonal of a pixel
+        at most, across the optical axis. On a plane whose normal is turned from the
+        ray by `beta` that grows by 1 / cos(beta): a grazing surface is sampled as
+        sparsely as one likes, so the radius holds up to `steepest` only.
+
+        Args:
+            depth_m: Largest depth of the points [m].
+            steepest: Largest angle between normal and ray [degrees].
+        """
+        if not 0.0 <= steepest < 90.0:
+            raise BadInput(
+                f"an angle of {steepest} degrees between a surface's normal and the "
+                "ray is not from 0 to below 90; 75 is usual"
+            )
+        half_diagonal = np.sqrt(0.5) * self.kappa
+        return float(depth_m * half_diagonal / np.cos(np.radians(steepest)))
+
+    def check_image(self, image: np.ndarray) -> np.ndarray:
+        """Return an image as C-contiguous uint16 of the camera's size, or raise."""
+        if not isinstance(image, np.ndarray) or image.dtype != np.uint16:
+            kind = getattr(image, "dtype", type(image).__name__)
+            raise BadInput(
+                f"the image of {self.name} is {kind}; give uint16 pixels, depths in "
+                "metres go through camera.from_metres first"
+            )
+        if image.shape != (self.height, self.width):
+            shown = " x ".join(str(n) for n in image.shape[::-1])
+            raise BadInput(
+                f"the image of {self.name} is {shown}, but its intrinsics are for "
+                f"{self.width} x {self.height}; give the intrinsics of this size"
+            )
+        # to a compiled loop a read-only image is another type
+        if not (image.flags.c_contiguous and image.flags.writeable):
+            image = image.copy(order="C")
+        return image
+
+    def from_metres(self, depth_m: np.ndarray) -> np.ndarray:
+        """Return depths [m] (height, width) as pixels; NaN, infinity, <= 0 give 0.
+
+        Rounded down: no surface moves away from the camera.
+        """
+        depth = np.asarray(depth_m, float)
+        pixels = np.floor(np.where(np.isfinite(depth), depth, 0.0) / self.scale + 1e-6)
+        pixels[(pixels < 0) | (pixels >= NO_READING[1])] = 0
+        return pixels.astype(np.uint16)
+
+    def points(self, image: np.ndarray) -> np.ndarray:
+        """Return the (n, 3) points of all valid readings in the base frame [m].
+
+        Raw points for a caller of his own; `SeenSpace` does not need them. Give
+        `planner.step` the `covering_radius` of their largest depth.
+        """
+        image = self.check_image(image)
+        v, u = np.nonzero((image != NO_READING[0]) & (image != NO_READING[1]))
+        z = self.scale * image[v, u]
+        x, y = z * (u - self.cx) / self.fx, z * (v - self.cy) / self.fy
+        T = self.T_base_camera
+        return np.column_stack([x, y, z]) @ T[:3, :3].T + T[:3, 3]
+
+
+def look_at(
+    eye: np.ndarray, target: np.ndarray, up: np.ndarray = (0.0, 0.0, 1.0)
+) -> np.ndarray:
+    """Return T_base_camera (4, 4) of a camera at `eye` that looks at `target` [m].
+
+    Args:
+        eye: (3,) where the camera is.
+        target: (3,) what is in the middle of the image.
+        up: (3,) direction that is up in the image.
+
+    Raises:
+        BadInput: Eye and target are the same, or the camera looks along `up`.
+    """
+    eye, target = np.asarray(eye, float), np.asarray(target, float)
+    z = target - eye
+    x = np.cross(z, np.asarray(up, float))
+    if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
+        raise BadInput(
+            f"a camera at {eye} cannot look at {target} with {np.asarray(up)} up; "
+            "move one of them"
+        )
+    z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    pose[:3, 3] = eye
+    return pose

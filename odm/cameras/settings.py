@@ -1,0 +1,66 @@
+"""What a user of cameras may turn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm._kernels.remember import GO_FREE, GO_OCCUPIED, GO_ON
+from roadmap.errors import BadInput
+
+POLICIES = {"free": GO_FREE, "occupied": GO_OCCUPIED, "keep": GO_ON}
+LARGEST_D_SELF = 0.01  # [m]
+
+
+@dataclass(frozen=True)
+class SeenSettings:
+    """How cells that are not seen are treated, and which readings are left out.
+
+    Attributes:
+        memory_s: Cells that are not seen keep their last content so long [s].
+        speed: What was there may have moved that fast into other unseen cells [m/s].
+        policy: What unseen cells are after that: "free", "occupied" (also cells never
+            seen, but for those around the robot itself) or "keep" (their content).
+        shadow: What lies behind a seen surface counts as occupied.
+        d_self: Points within that of a cover sphere of the robot are its own and go,
+            at most 0.01 [m]; None keeps all. The proof is void within `d_self` of
+            the cover.
+        flying_m: Readings between their neighbours, farther than that from both, go
+            [m]; None keeps all. It weakens the proof: a steep surface looks the same.
+        noise_m: A reading may be too large by that, beyond the map's sensor share [m].
+    """
+
+    memory_s: float = 0.3
+    speed: float = 1.6
+    policy: str = "free"
+    shadow: bool = True
+    d_self: float | None = None
+    flying_m: float | None = None
+    noise_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        ranges = {
+            "memory_s": (self.memory_s, 0.0, 60.0, "s"),
+            "speed": (self.speed, 0.0, 20.0, "m/s"),
+            "d_self": (self.d_self, 0.0, LARGEST_D_SELF, "m"),
+            "flying_m": (self.flying_m, 0.001, 1.0, "m"),
+            "noise_m": (self.noise_m, 0.0, 0.1, "m"),
+        }
+        for name, (value, low, high, unit) in ranges.items():
+            if value is None and name in ("d_self", "flying_m"):
+                continue
+            if not (np.isfinite(value) and low <= value <= high):
+                raise BadInput(
+                    f"{name} {value} {unit} must lie between {low} and {high} {unit}; "
+                    "change it in SeenSettings"
+                )
+        if self.policy not in POLICIES:
+            raise BadInput(
+                f"the policy {self.policy!r} is unknown; choose one of "
+                f"{', '.join(POLICIES)}"
+            )
+
+    @property
+    def policy_code(self) -> int:
+        """The policy for compiled loops."""
+        return POLICIES[self.policy]

@@ -1,0 +1,292 @@
+"""SeenSpace: what cameras see occupied, free or not at all, kept up to date."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm._kernels import cubes, depth, remember, seen, windows
+from odm._kernels.seen import REMEMBERED, UNKNOWN
+from odm.answer import VISIBLE
+from odm.cameras import layout
+from odm.cameras.camera import DepthCamera
+from odm.cameras.settings import SeenSettings
+from odm.cameras.view import lift
+from odm.cell_map import CellMap
+from odm.checks import check_configuration
+from roadmap.errors import BadInput
+
+CELL_NAMES = (
+    "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
+)  # fmt: skip
+_NO_FOURS = np.zeros((0, 0), np.uint64)
+_UNFIT = np.full((1, 3), np.nan)  # a frame of it holds the robot
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a frame tells; its arrays are the space's own until the next frame.
+
+    Attributes:
+        points: (n, 3) centres of cubes that cover all blocked cells, base frame [m]:
+            what `planner.step` takes. One row of NaN where the frame is unfit, so
+            that a planner holds.
+        covering_radius: Half the diagonal of such a cube [m].
+        certified: "visible surface".
+        stamp: Time of the last fit frame [s].
+        trouble: Why this frame is unfit, one sentence; None when it is fit.
+        readings: Valid readings, own ones, flying ones, points outside the grid.
+        removed: Own points that the self filter took away, by link.
+    """
+
+    points: np.ndarray
+    covering_radius: float
+    stamp: float | None
+    trouble: str | None
+    readings: dict[str, int]
+    removed: dict[str, int]
+    certified: str = VISIBLE
+
+
+class SeenSpace:
+    """Cells that cameras see, remember or do not know; one object per planner.
+
+    Each frame every cell is one of
+
+    - occupied: a point of some camera lies in it;
+    - free: all rays that may pass it went through, in one camera at least;
+    - shadow: it is not free, and lies at or behind a surface some camera sees;
+    - remembered: no camera sees it now, and it or a cell that near was blocked when
+      it was last seen, at most `memory_s` ago;
+    - unknown: no camera sees it, and the policy "occupied" blocks it;
+    - out of reach: the robot cannot come near it;
+    - unseen: none of these; it blocks nothing.
+
+    Args:
+        cell_map: The map the planner uses.
+        cameras: One or more cameras that do not move.
+        settings: See SeenSettings.
+
+    Raises:
+        BadInput: A camera does not look at the grid, is inside the robot's base, or
+            has pixels too wide for the map; or the cells are too large for its rho.
+    """
+
+    def __init__(
+        self,
+        cell_map: CellMap,
+        cameras: Sequence[DepthCamera] | DepthCamera,
+        settings: SeenSettings | None = None,
+    ) -> None:
+        """Lay out all memory."""
+        self.cell_map, self.robot = cell_map, cell_map.robot
+        one = isinstance(cameras, DepthCamera)
+        self.cameras = (cameras,) if one else tuple(cameras)
+        self.settings = settings or SeenSettings()
+        self.covering_radius = layout.covering_radius(cell_map)
+        self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)
+        self._room = layout.Room(cell_map, self.settings)
+        self._own = layout.OwnBalls(self.robot, self.settings.d_self)
+        self._views = layout.views(self)
+        self._out = np.zeros((65536, 3))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all frames; every cell is unseen and never was seen."""
+        self._room.forget()
+        self.stamp: float | None = None
+        self._last: float | None = None  # stamp of the last frame, fit or not
+        self._clock = 0.0  # like the stamps, but it never goes back [s]
+        self._seen_at = 0.0  # of the last fit frame, by that clock
+
+    def update(
+        self,
+        images: Sequence[np.ndarray] | np.ndarray,
+        q: np.ndarray,
+        stamp: float,
+        payload: np.ndarray | None = None,
+    ) -> Seen:
+        """Take one frame.
+
+        Args:
+            images: (height, width) uint16 for each camera; one camera's alone will do.
+            q: (dof,) configuration measured at `stamp` [rad or m].
+            stamp: Time of the images [s].
+            payload: (k, 4) balls in the tool frame that hold what the robot carries:
+                centres and radii [m]; for the self filter.
+
+        Returns:
+            What is blocked, as points for `planner.step`.
+
+        Raises:
+            BadInput: Wrong number, size or type of images, shape of q or payload.
+        """
+        images = self._check_images(images)
+        q = check_configuration(self.robot, q, None)
+        payload = layout.check_payload(payload)
+        trouble = self._judge_time(stamp)
+        if trouble is None and not np.isfinite(q).all():
+            trouble = (
+                "the robot's configuration holds NaN or infinity, so its own points "
+                "cannot be told from others; check its encoders"
+            )
+        if trouble is None:
+            self._own.place(q, payload)
+            trouble = self._look(images)
+        if trouble is not None:
+            return self._seen(_UNFIT.copy(), trouble)
+        self._remember()
+        points = self._points()
+        self.stamp = float(stamp)
+        return self._seen(points, None)
+
+    def cells(self) -> np.ndarray:
+        """Return what every cell is since the last fit frame.
+
+        Returns:
+            (nx, ny, nz) uint8, an index of `CELL_NAMES` each; cell (0, 0, 0) is at
+            the grid's origin.
+        """
+        room = self._room
+        cells = room.seen_last.copy()
+        for code, bits in ((REMEMBERED, room.bits), (UNKNOWN, room.unknown)):
+            cells[room.unpack(bits)] = code
+        return cells
+
+    def counts(self) -> dict[str, int]:
+        """Return how many cells are what."""
+        n = np.bincount(self.cells().ravel(), minlength=len(CELL_NAMES))
+        return dict(zip(CELL_NAMES, n.tolist(), strict=True))
+
+    # --- inside ----------------------------------------------------------------
+
+    def _check_images(self, images: object) -> list[np.ndarray]:
+        if not isinstance(images, list | tuple) and np.ndim(images) < 3:
+            images = [images]
+        if len(images) != len(self.cameras):
+            raise BadInput(
+                f"{len(images)} images were given for {len(self.cameras)} cameras; "
+                "give one image for each, in their order"
+            )
+        pairs = zip(self.cameras, images, strict=True)
+        return [camera.check_image(image) for camera, image in pairs]
+
+    def _judge_time(self, stamp: float) -> str | None:
+        stamp = float(stamp)
+        if not np.isfinite(stamp):
+            return f"the images are stamped {stamp}; give the time they were taken"
+        last, self._last = self._last, stamp
+        if last is None:
+            return None
+        if stamp < last:
+            return (
+                f"the images are stamped {1e3 * (last - stamp):.0f} ms before the last "
+                "ones, so what is remembered has no age; deliver images in order, by "
+                "one clock"
+            )
+        self._clock += stamp - last
+        return None
+
+    def _look(self, images: list[np.ndarray]) -> str | None:
+        """Let all cameras see; return what makes the frame unfit."""
+        room, own, s = self._room, self._own, self.settings
+        room.hit[:] = 0
+        room.state[:] = room.blank
+        own.removed[:] = 0
+        room.counts[:] = 0
+        for camera, view, image in zip(self.cameras, self._views, images, strict=True):
+            size = camera.width, camera.height
+            inside = depth.list_balls(view, own.centers, own.radii, own.balls, *size)
+            if inside >= 0:
+                return (
+                    f"{camera.name} is inside {own.name_of(inside)} of the robot at "
+                    "this configuration; check the camera's pose"
+                )
+            jump = max(1, round(s.flying_m / camera.scale)) if s.flying_m else 0
+            fours = image.view(np.uint64) if camera.width % 4 == 0 else _NO_FOURS
+            depth.read_image(
+                image, fours, view, own.balls, own.owner, s.d_self is not None, jump,
+                room.hit.reshape(-1), room.shape, room.once, own.removed,
+            )  # fmt: skip
+            room.counts += room.once
+            if room.once[depth.N_VALID] == 0:
+                return (
+                    f"{camera.name} sees nothing: none of its {image.size} pixels has "
+                    "a reading; check that it is plugged in and not covered"
+                )
+            lift(view.near, view.spare)
+            lift(view.seen, view.spare)
+            windows.largest_of_squares(view.near[0], view.top_near)
+            windows.largest_of_squares(view.seen[0], view.top_seen)
+            seen.see_cells(view, room.state, s.shadow)
+        seen.mark_hits(room.hit4, room.hit, room.state)
+        return None
+
+    def _remember(self) -> None:
+        """Fill `cells` from what is seen, remembered and unknown."""
+        room, s = self._room, self.settings
+        before, self._seen_at = self._seen_at, self._clock
+        remember.note_content(
+            room.state8, room.before8, room.flat, room.flat_before, room.kept,
+            room.since, before,
+        )  # fmt: skip
+        remember.list_sources(
+            room.kept8, room.kept, room.since, self._clock, s.memory_s, s.speed,
+            room.h, s.policy_code, room.sources, room.ptr,
+        )  # fmt: skip
+        remember.grow_sources(
+            room.sources, room.ptr, room.shape, room.bits2, room.spare2
+        )
+        cubes.pack(room.state.view(np.uint32), room.unseen, room.blocked)
+        cubes.add_unseen(room.unseen, room.bits, room.blocked)
+        if s.policy_code == remember.GO_OCCUPIED:
+            keep = self.cell_map.safety.rho + self.cell_map.safety.m
+            own = self._own
+            remember.spare_robot(
+                own.centers, own.plain + keep, room.origin, room.h, room.spared
+            )
+            remember.list_unknown(
+                room.state, room.kept, room.since, self._clock, s.memory_s,
+                room.spared, room.unknown,
+            )  # fmt: skip
+            cubes.add_unseen(room.unseen, room.unknown, room.blocked)
+
+    def _points(self) -> np.ndarray:
+        """Return all blocked cells as points."""
+        room, s = self._room, self.settings
+        cubes.list_inner(room.blocked, room.closed)
+        room.full[:] = room.blocked
+        cubes.choose_eighths(
+            room.blocked, room.closed, room.beyond, room.full, room.state, room.hit,
+            room.eighths, s.shadow,
+        )  # fmt: skip
+        for view in self._views if s.shadow else ():
+            cubes.clear_eighths(
+                view, room.blocked, room.closed, room.beyond, room.full, room.state,
+                room.hit, room.eighths, room.origin, room.h, room.scratch,
+            )  # fmt: skip
+        cubes.list_inner(room.full, room.inner)
+        room.swap()
+        while True:
+            n = cubes.write_points(
+                room.blocked, room.inner, room.closed, room.beyond, room.eighths,
+                room.origin, room.h, self._dense, self._out,
+            )  # fmt: skip
+            if n <= len(self._out):
+                return self._out[:n]
+            self._out = np.zeros((2 * n, 3))
+
+    def _seen(self, points: np.ndarray, trouble: str | None) -> Seen:
+        own, counts = self._own, self._room.counts.tolist()
+        readings = dict(zip(("valid", "own", "flying", "outside"), counts, strict=True))
+        removed = {
+            name: n
+            for name, n in zip(own.names, own.removed.tolist(), strict=True)
+            if n
+        }
+        return Seen(
+            points, self.covering_radius, self.stamp, trouble, readings, removed
+        )
+
+
+__all__ = ["CELL_NAMES", "Seen", "SeenSettings", "SeenSpace"]

@@ -1,0 +1,122 @@
+"""`odm camera` and `odm bench camera`: figures, pictures and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from seen_scenes import camera_at, picture
+from small import small_recipe
+
+import odm as planner
+
+Image = pytest.importorskip("PIL.Image")
+pytest.importorskip("matplotlib")
+
+EYE = ["--eye", "1.3", "0", "0.5", "--at", "0", "0", "0.4"]
+LENS = ["--fx", "120", "--cx", "79.5", "--cy", "59.5", "--scale", "0.0005"]
+HAND = np.array([[0.3, 0.0, 0.5, 0.3, 0.1, 0.5, 0.05]])
+Q = np.array([0.4, 0.7, 0.0])
+
+
+@pytest.fixture(scope="module")
+def map_dir(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("camera")
+    return planner.build_map(small_recipe()).save(folder / "arm3")
+
+
+@pytest.fixture(scope="module")
+def png(map_dir, tmp_path_factory):
+    """A depth image of the small arm and a hand, written by pillow."""
+    robot = planner.load_map(map_dir).robot
+    pixels = picture(camera_at([1.3, 0, 0.5]), HAND, robot, Q)
+    path = tmp_path_factory.mktemp("image") / "depth.png"
+    Image.fromarray(pixels).save(path)
+    with Image.open(path) as image:
+        assert image.mode.startswith("I;16")
+        assert (np.array(image) == pixels).all()
+    return path
+
+
+def test_the_command_tells_what_python_tells(odm, map_dir, png, tmp_path):
+    file, plot = tmp_path / "camera.json", tmp_path / "cells.png"
+    q = ",".join(str(v) for v in Q)
+    options = [*EYE, *LENS, "--q", q, "--d-self", "0.005", "--plot", plot]
+    code, out, err = odm("camera", png, "--map", map_dir, *options, "--json", file)
+    assert code == 0, err
+    facts = json.loads(file.read_text())
+    cell_map = planner.load_map(map_dir)
+    settings = planner.SeenSettings(d_self=0.005)
+    space = planner.SeenSpace(cell_map, camera_at([1.3, 0, 0.5]), settings)
+    with Image.open(png) as image:
+        seen = space.update(np.array(image).astype(np.uint16), Q, 0.0)
+    assert facts["points"] == len(seen.points) > 100
+    assert facts["cells"] == space.counts()
+    assert facts["removed"] == seen.removed and "upper" in seen.removed
+    assert facts["image"]["valid"] == seen.readings["valid"]
+    assert facts["certified"] == "visible surface" and facts["cpu_ms"] > 0
+    assert "occupied" in out and "covering radius" in out
+    with Image.open(plot) as drawn:
+        assert drawn.size[0] > 2 * drawn.size[1]
+        colours = {c for _, c in drawn.convert("RGB").getcolors(1 << 24)}
+    assert (0xC4, 0x3E, 0x3E) in colours  # occupied cells are there
+
+
+def test_json_alone_is_all_that_is_printed(odm, map_dir, png):
+    code, out, _ = odm("camera", png, "--map", map_dir, *EYE, *LENS, "--json", "-")
+    assert code == 0 and json.loads(out)["cells"]["occupied"] > 0
+
+
+def test_a_pose_of_six_numbers_is_the_camera_s_own(odm, map_dir, png):
+    # z forward is base -x, x right is base y, y down is base -z
+    pose = ["--pose", "1.3", "0", "0.5", "-90", "0", "90"]
+    code, out, err = odm("camera", png, "--map", map_dir, *pose, *LENS, "--json", "-")
+    assert code == 0, err
+    level = odm("camera", png, "--map", map_dir, "--eye", "1.3", "0", "0.5", "--at",
+                "0", "0", "0.5", *LENS, "--json", "-")  # fmt: skip
+    assert json.loads(out)["cells"] == json.loads(level[1])["cells"]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda p: Image.new("RGB", (160, 120)).save(p), "mode RGB"),
+        (lambda p: Image.new("L", (160, 120)).save(p), "mode L"),
+        (lambda p: p.write_text("no image"), "is no image"),
+        (lambda p: None, "No such file"),
+        (
+            lambda p: Image.fromarray(np.zeros((120, 160), np.uint16)).save(p),
+            "sees nothing",
+        ),
+    ],
+)
+def test_what_is_no_depth_image_is_refused_in_one_sentence(
+    odm, map_dir, tmp_path, make, words
+):
+    path = tmp_path / "bad.png"
+    make(path)
+    plot = tmp_path / "out.png"
+    options = [*EYE, *LENS, "--plot", plot]
+    code, out, err = odm("camera", path, "--map", map_dir, *options)
+    lines = [line for line in err.splitlines() if line.startswith("odm: ")]
+    assert code == 1 and len(lines) == 1 and words in lines[0]
+    assert not plot.exists() and not out
+
+
+def test_joints_that_are_none_are_refused(odm, map_dir, png):
+    for q, words in (("a,b,c", "no list of numbers"), ("1,2", "3 moving joints")):
+        code, _, err = odm("camera", png, "--map", map_dir, "--q", q)
+        assert code == 1 and words in err
+
+
+def test_the_bench_shows_times_and_the_hand(odm, map_dir, tmp_path):
+    file = tmp_path / "bench.json"
+    code, out, err = odm("bench", "camera", "--map", map_dir, "--short", "--json", file)
+    assert code == 0, err
+    rows = {row["name"]: row for row in json.loads(file.read_text())["rows"]}
+    first = rows["depth image -> cells"]
+    assert first["n"] == 20 and first["asked"] == {"p50": 3000.0}
+    assert rows["... every pixel has a reading: readings, mean"]["value"] == 640 * 480
+    assert rows["... blocks the motion into it"]["value"] == 1
+    assert rows["... which is free without it"]["value"] == 1
+    stay = [row for name, row in rows.items() if "points that stay" in name]
+    assert len(stay) == 1 and stay[0]["met"]
