@@ -310,10 +310,11 @@ class ReactivePlanner:
             ahead: (dof,) where the next frame will be asked from, if that is known:
                 the path up to there stays. None leaves what the robot reaches soon.
         """
-        found, left = self.polisher.run(budget)
-        if left > 0 and not self.always_replan:
-            found += self.smoother.run(left, ahead)
-        return found
+        if self.always_replan:
+            return self.polisher.run(budget)[0]
+        half = budget // 2
+        found, left = self.polisher.run(half)
+        return found + self.smoother.run(budget - half + left, ahead)
 
     # --- questions -------------------------------------------------------------
 

@@ -8,7 +8,8 @@ files are thrown away here whenever the text of any kernel file has changed.
 import hashlib
 from pathlib import Path
 
-_FOLDERS = ("roadmap/_kernels", "odm/_kernels", "handover/_kernels")
+# each calls those before it only, as the packages import each other
+_FOLDERS = ("roadmap/_kernels", "odm/_kernels", "handover/_kernels", "sim/bench")
 
 
 def drop_stale_code() -> bool:
@@ -18,22 +19,31 @@ def drop_stale_code() -> bool:
         True where something was stale. Folders that cannot be written are left alone.
     """
     root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
+    digest, stale = hashlib.sha256(), False
     for folder in _FOLDERS:
         for file in sorted((root / folder).glob("*.py")):
             digest.update(file.name.encode() + file.read_bytes())
-    stamp = root / _FOLDERS[0] / "__pycache__" / "sources.sha256"
+        stale |= _drop_stale(root / folder / "__pycache__", digest.hexdigest())
+    return stale
+
+
+def _drop_stale(cache: Path, digest: str) -> bool:
+    """Delete what is compiled in a folder unless it belongs to this digest."""
+    stamp = cache / "sources.sha256"
     try:
-        if stamp.is_file() and stamp.read_text() == digest.hexdigest():
+        if not cache.parent.is_dir() or _says(stamp, digest):
             return False
-        for folder in _FOLDERS:
-            for file in (root / folder / "__pycache__").glob("*.nb[ic]"):
-                file.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(digest.hexdigest())
+        for file in cache.glob("*.nb[ic]"):
+            file.unlink(missing_ok=True)
+        cache.mkdir(exist_ok=True)
+        stamp.write_text(digest)
     except OSError:
         return False
     return True
+
+
+def _says(stamp: Path, digest: str) -> bool:
+    return stamp.is_file() and stamp.read_text() == digest
 
 
 drop_stale_code()

@@ -1,0 +1,97 @@
+"""Smoothing between frames: shorter in time, free all the way, and never behind."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, NOBODY, draw_arm, draw_valid
+
+import odm
+from roadmap.kinematics import sphere_centers
+
+
+def on_its_way(small_map, seed):
+    """A planner with a path of at least two legs among some obstacles, and those."""
+    rng = np.random.default_rng(seed)
+    for _ in range(200):
+        planner = odm.ReactivePlanner(small_map)
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.set_goals([AWAY if rng.random() < 0.5 else draw_valid(planner, rng)])
+        answer = planner.step(points, q=HOME)
+        if len(answer.path) > 3:
+            return planner, points, answer
+    raise AssertionError("every path was straight")
+
+
+def smoothed(planner, points, q, rounds=40, ahead=None):
+    answer = None
+    for _ in range(rounds):
+        planner.polish(4, ahead)
+        answer = planner.step(points, q=q)
+        assert answer.status == "following"
+    return answer
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_path_gets_quicker_and_stays_free(small_map, seed):
+    planner, points, first = on_its_way(small_map, seed)
+    last = smoothed(planner, points, HOME)
+    time = planner.smoother._time
+    assert time(last.path) < 0.95 * time(first.path)
+    assert np.allclose(last.path[-1], first.path[-1])
+    for a, b in zip(last.path, last.path[1:], strict=False):
+        assert planner.is_free(a, b)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_point_in_a_new_leg_blocks_it(small_map, seed):
+    planner, points, first = on_its_way(small_map, seed)
+    path = smoothed(planner, points, HOME).path
+    before = {q.tobytes() for q in first.path}
+    robot = small_map.robot
+    tested = 0
+    for a, b in zip(path, path[1:], strict=False):
+        if a.tobytes() in before and b.tobytes() in before:
+            continue
+        for center in sphere_centers(robot, 0.5 * (a + b))[robot.moving][::9]:
+            answer = planner.step(np.vstack([points, center[None]]), q=HOME)
+            legs = zip(answer.path, answer.path[1:], strict=False)
+            assert not any(np.allclose(a, c) and np.allclose(b, d) for c, d in legs)
+            tested += 1
+        break  # the way is another one now
+    assert tested
+
+
+def distance_to(path, q):
+    best = np.inf
+    for a, b in zip(path, path[1:], strict=False):
+        t = np.clip((q - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
+        best = min(best, np.abs(a + t * (b - a) - q).max())
+    return best
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.95])
+def test_the_way_up_to_where_the_next_frame_begins_stays(small_map, seed, share):
+    planner, points, first = on_its_way(small_map, seed)
+    path = first.path
+    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
+    at = share * lengths[-1]
+    places = np.linspace(0.0, at, 15)
+    kept = np.array([np.interp(places, lengths, path[:, j]) for j in range(3)]).T
+    last = smoothed(planner, points, HOME, ahead=kept[-1])
+    for q in kept:
+        assert distance_to(last.path, q) < 1e-9
+    assert planner.step(points, q=kept[-1]).status == "following"
+
+
+def test_it_stops_where_the_robot_is_not_on_the_path(small_map):
+    planner, points, first = on_its_way(small_map, 1)
+    last = smoothed(planner, points, HOME, ahead=HOME + 1.0)
+    assert np.array_equal(last.path, first.path)
+
+
+def test_nothing_is_smoothed_while_it_holds_or_goes_straight(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    assert planner.smoother.run(4) == 0  # no frame yet
+    planner.step(NOBODY, q=AWAY + [0.1, 0.0, 0.0])
+    assert planner.polish(8) == 0
