@@ -8,7 +8,7 @@ files are thrown away here whenever the text of any kernel file has changed.
 import hashlib
 from pathlib import Path
 
-_FOLDERS = ("roadmap/_kernels", "odm/_kernels")
+_FOLDERS = ("roadmap/_kernels", "odm/_kernels", "handover/_kernels")
 
 
 def drop_stale_code() -> bool:

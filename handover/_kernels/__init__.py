@@ -1,0 +1,1 @@
+"""Compiled loops of the handover package; bare on purpose, checks stand outside."""
