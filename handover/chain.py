@@ -28,7 +28,8 @@ class Chain:
         unit: "m", or "arm length" where the map is scaled to a person.
         frame: The frame that poses are given in, for people: "base", "shoulder".
         robot: Where given, its self-collision is looked at.
-        rows: (dof,) index of each joint in the robot's `q`.
+        rows: (dof,) index of each joint in the robot's `q`; empty: the same.
+        rest: The robot's whole `q`, for the joints that do not move the tool.
         collision_hash: SHA-256 of what self-collision was tested with, or "".
         length: (1,) length that counts as much as 1 rad in the dexterity: half the
             way from the first joint to the tool, stretched out.
@@ -45,6 +46,7 @@ class Chain:
     frame: str = "base"
     robot: Robot | None = None
     rows: tuple[int, ...] = ()
+    rest: tuple[float, ...] = ()
     collision_hash: str = ""
     length: np.ndarray = field(default=None)
 
@@ -110,11 +112,9 @@ class Chain:
         return T
 
     def full(self, q: np.ndarray) -> np.ndarray:
-        """Return the robot's configuration: joints off the chain at 0 or a limit."""
-        if self.robot is None:
-            return np.array(q, float)
-        whole = np.clip(0.0, self.robot.lower, self.robot.upper)
-        whole[list(self.rows)] = q
+        """Return the robot's configuration for one of the chain."""
+        whole = np.array(self.rest or q, float)
+        whole[list(self.rows) or slice(None)] = q
         return whole
 
     def fingerprint(self) -> str:
@@ -172,6 +172,7 @@ def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
         endless=robot.continuous[rows],
         robot=robot if self_collisions else None,
         rows=tuple(rows),
+        rest=tuple(np.clip(0.0, robot.lower, robot.upper).tolist()),
         collision_hash=_collision_hash(robot) if self_collisions else "",
     )
 

@@ -26,7 +26,7 @@ def work_of(chain: Chain) -> Work:
     return Work(
         frames=np.zeros((len(chain.kind) + 1, 12)),
         jac=np.zeros((6, dof)),
-        weighted=np.zeros((6, dof)),
+        weighted=np.zeros((dof, 6)),
         gram=np.zeros((7, 6)),
         q=np.zeros(dof),
         dq=np.zeros(dof),

@@ -1,7 +1,7 @@
 """RotationGrid: equal cells of SO(3), twist-free Hopf coordinates on HEALPix."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -28,22 +28,24 @@ class RotationGrid:
         n_side: HEALPix resolution k; 12 k^2 pixels and 6 k rolls, 72 k^3 cells.
         centers: (n, 3, 3) rotation at the centre of each cell.
         pixel_frames: (n_pixels, 9) frame of each pixel, z axis at its centre.
-        neighbors: (n, k) cells around each cell, nearest first, filled with -1.
     """
 
     n_side: int
     centers: np.ndarray = field(repr=False)
     pixel_frames: np.ndarray = field(repr=False)
-    neighbors: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
         for name, dtype in (
             ("centers", np.float64),
             ("pixel_frames", np.float64),
-            ("neighbors", np.int32),
         ):
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+
+    @cached_property
+    def neighbors(self) -> np.ndarray:
+        """(n, k) int32 cells around each cell, nearest first, filled with -1."""
+        return frozen(_neighbors(self.centers), np.int32)
 
     @property
     def n_roll(self) -> int:
@@ -102,7 +104,7 @@ def rotation_grid(n_cells: int = 576) -> RotationGrid:
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, -s, s, c
     turns[:, 2, 2] = 1.0
     centers = (frames[:, None] @ turns[None]).reshape(-1, 3, 3)
-    return RotationGrid(n_side, centers, frames.reshape(-1, 9), _neighbors(centers))
+    return RotationGrid(n_side, centers, frames.reshape(-1, 9))
 
 
 def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -22,11 +22,13 @@ from handover._kernels.chain import (
     to_lattice,
 )
 from handover._kernels.rotations import rotation_cell
+from handover._kernels.touch import touches_itself
 
 ROOT = 255  # way of a cell whose witness is stored
 MAX_DEPTH = 30  # pushes between a witness and its root
-_PUSHES = 3  # steps of one push
+_PUSHES = 4  # steps of one push
 _DAMPING = 0.05
+_ROOM = 0.25  # of a cell: how far from its centre a push may aim
 
 
 class Grid(NamedTuple):
@@ -159,8 +161,15 @@ def quality_byte(measure, reference):
 
 
 @njit(cache=True, nogil=True)
-def draw_samples(chain, grid, seed, start, reference, work, where, quality):
-    """Write cell and quality of samples start, start + 1, ... to the two arrays."""
+def draw_samples(
+    chain, grid, cells, touch, work, seed, start, reference, where, quality
+):
+    """Write cell and quality of samples start, start + 1, ... to the two arrays.
+
+    The cell is -1 where the sample is no better than the one there, or in
+    self-collision.
+    """
+    touch.axes[:] = 0.0
     for i in range(where.shape[0]):
         draw_code(seed, start + i, work.code)
         from_lattice(chain, work.code, work.q)
@@ -171,6 +180,8 @@ def draw_samples(chain, grid, seed, start, reference, work, where, quality):
             jacobian(chain, work.frames, work.jac)
             w = dexterity(chain, work.q, work.jac, work.weighted, work.gram)
             quality[i] = quality_byte(w, reference)
+            if quality[i] <= cells.sample[cell] or touches_itself(touch, work.q):
+                where[i] = -1
 
 
 @njit(cache=True, nogil=True)
@@ -190,19 +201,30 @@ def keep_best(part, parts, n_rotations, start, where, quality, cells):
 
 
 @njit(cache=True, nogil=True)
-def push(chain, grid, parent, cell, work):
-    """Move a neighbour's witness into `cell`: damped steps towards its centre.
+def push(chain, grid, parent, origin, cell, work):
+    """Move the witness of cell `origin` into the neighbouring `cell` by damped steps.
+
+    Beside it, only the tool's place moves, and only some way into the cell: its centre
+    may be out of reach where its near side is not. Turned against it, the tool goes to
+    the rotation of the centre and keeps its place.
 
     parent: (dof,) lattice point. The result is in work.code, work.q and work.frames.
 
     Returns:
         True when the tool is inside the cell.
     """
-    center_of(grid, cell, work.target)
     from_lattice(chain, parent, work.q)
     forward(chain, work.q, work.frames)
-    tool = work.frames[-1]
-    before = pose_error(tool, work.target, grid.scale, work.error)
+    tool, target = work.frames[-1], work.target
+    center_of(grid, cell, target)
+    n = grid.size[3]
+    if origin % n == cell % n:
+        for k in range(9):
+            target[k] = tool[k]
+    room = _ROOM * grid.place[3]
+    for k in range(9, 12):
+        target[k] = min(max(tool[k], target[k] - room), target[k] + room)
+    before = pose_error(tool, target, grid.scale, work.error)
     for _ in range(_PUSHES):
         jacobian(chain, work.frames, work.jac)
         limited_step(chain, work.q, grid.scale, _DAMPING, work)
@@ -211,8 +233,8 @@ def push(chain, grid, parent, cell, work):
         forward(chain, work.q, work.frames)
         if cell_of(grid, tool) == cell:
             return True
-        after = pose_error(tool, work.target, grid.scale, work.error)
-        if after > 0.5 * before:
+        after = pose_error(tool, target, grid.scale, work.error)
+        if after > 0.8 * before:
             return False
         before = after
     return False
@@ -233,7 +255,7 @@ def replay(chain, grid, ways, root, cell, work):
     for j in range(root.shape[0]):
         work.code[j] = root[j]
     for k in range(ways.shape[0] - 1, -1, -1):
-        if not push(chain, grid, parent, path[k], work):
+        if not push(chain, grid, parent, path[k + 1], path[k], work):
             return False
         parent[:] = work.code
     return True

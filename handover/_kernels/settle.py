@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from handover._kernels.chain import dexterity, draw_code, from_lattice, jacobian
+from handover._kernels.chain import dexterity, draw_code, jacobian
 from handover._kernels.reach import (
     MAX_DEPTH,
     ROOT,
@@ -13,8 +13,8 @@ from handover._kernels.reach import (
 )
 from handover._kernels.touch import touches_itself
 
-_SURE = 4  # settled neighbours before a cell that no sample hit is tried
-_TRIES = 4  # pushes to such a cell before it is given up
+_SURE = 3  # settled neighbours before a cell that no sample hit is tried
+_TRIES = 6  # pushes to such a cell before it is given up
 _QUEUE = 24  # entries per cell of a position
 
 
@@ -114,8 +114,8 @@ def hope(neighbors, beside, cells, first, r):
             q = int(cells.quality[beside[k] + r])
             if q > 0:
                 settled += 1
-                if 2 * q > score and not (failed >> np.uint32(n + k)) & np.uint32(1):
-                    top, score, way = q, 2 * q, n + k
+                if 8 * q > score and not (failed >> np.uint32(n + k)) & np.uint32(1):
+                    top, score, way = q, 8 * q, n + k
     for k in range(n):
         near = neighbors[r, k]
         if near < 0:
@@ -125,8 +125,10 @@ def hope(neighbors, beside, cells, first, r):
             settled += 1
             if q > score and not (failed >> np.uint32(k)) & np.uint32(1):
                 top, score, way = q, q, k
-    if own == 0 and (settled < _SURE or _ones(failed) >= min(_TRIES, settled // 3)):
-        return 0, ROOT
+    if own == 0:
+        least = _SURE if way >= n else _SURE + 2
+        if settled < least or _ones(failed) >= min(_TRIES, settled // 2):
+            return 0, ROOT
     return max(own, top), way
 
 
@@ -148,7 +150,7 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
     if parent >= 0 and cells.quality[parent] >= least:
         tried = True
         counts[2] += 1
-        if push(chain, grid, cells.witness[parent], cell, work):
+        if push(chain, grid, cells.witness[parent], parent, cell, work):
             jacobian(chain, work.frames, work.jac)
             value = quality_byte(
                 dexterity(chain, work.q, work.jac, work.weighted, work.gram), rules[0]
@@ -163,13 +165,8 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
                 counts[3] += 1
     if sampled:
         draw_code(int(rules[1]), cells.source[cell], work.code)
-        from_lattice(chain, work.code, work.q)
-        if not touches_itself(touch, work.q):
-            _keep(cells, cell, cells.sample[cell], ROOT, 0, work.code, counts)
-            return
-        counts[3] += 1
-        cells.sample[cell] = 0
-        cells.source[cell] = 0
+        _keep(cells, cell, cells.sample[cell], ROOT, 0, work.code, counts)
+        return
     if tried:
         cells.source[cell] |= np.uint32(1) << np.uint32(way)
 
