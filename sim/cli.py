@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sim import cli_build, replay_command
+from sim import cli_build, replay_command, workspace_command
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
 app = typer.Typer(
@@ -21,6 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("build")(guarded(cli_build.build))
+app.add_typer(workspace_command.app, name="workspace")
 
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[
