@@ -89,7 +89,8 @@ class Chain:
         """Return a bound on the distance of the tool from the first joint."""
         spans = np.linalg.norm(self.fixed[1:, 9:], axis=1).sum()
         slides = self.kind[:, 0] == PRISMATIC
-        far = np.abs(self.limits[self.kind[:, 1]]).max(axis=1) * np.abs(self.scale[:, 0])
+        far = np.abs(self.limits[self.kind[:, 1]]).max(axis=1)
+        far = far * np.abs(self.scale[:, 0])
         total = spans + (far + np.abs(self.scale[:, 1]))[slides].sum()
         return total if total > 0 else 1.0
 

@@ -1,4 +1,4 @@
-"""Build a ReachMap: draw, settle, compress; the same bytes for any number of threads."""
+"""Build a ReachMap: draw, settle, pack; any number of threads gives the same bytes."""
 
 import os
 import time
@@ -38,13 +38,14 @@ class ReachSettings:
         keep: A witness pushed from a neighbour replaces a sample where it has at
             least this part of its quality. Smaller: a smaller file; larger: qualities
             nearer to the best.
-        seconds: Stop drawing and sweeping then; None: never. With a limit the map
-            depends on the machine.
+        seconds: Draw for at most a third of this, then begin no pass after it; the
+            first pass is always finished. None: no limit. With one the map depends on
+            the machine.
     """
 
     cell: float = 0.05
     rotations: int = 576
-    samples: int = 4_000_000
+    samples: int = 3_000_000
     seed: int = 1
     sweeps: int = 12
     keep: float = 0.8
@@ -106,9 +107,8 @@ def build_reach_map(
     cells = _empty_cells(grid.n_cells, chain.dof)
     reference = best_dexterity(chain, settings.seed)
     threads = threads or os.cpu_count() or 1
-    late = None if settings.seconds is None else begun + settings.seconds
     with ThreadPoolExecutor(threads) as pool:
-        crew = _Crew(pool, threads, chain, grid, late)
+        crew = _Crew(pool, threads, chain, grid, settings.seconds)
         try:
             drawn = _draw(crew, cells, settings, reference, tell)
             counts, gains = _sweep(crew, cells, settings, reference, tell)
@@ -128,7 +128,7 @@ def build_reach_map(
         "settled_by_sweep": gains,
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
-        "stopped_early": bool(late is not None and time.perf_counter() > late),
+        "stopped_early": crew.is_late(),
     }
     result = compressed(chain, grid, cells, reference, built)
     tell("packing", 1, 1)
@@ -148,10 +148,11 @@ class _Crew:
         threads: int,
         chain: Chain,
         grid: ReachGrid,
-        late: float | None,
+        seconds: float | None,
     ):
-        self.pool, self.chain, self.grid, self.late = pool, chain, grid, late
-        self.size = threads
+        self.pool, self.chain, self.grid = pool, chain, grid
+        self.size, self.begun = threads, time.perf_counter()
+        self.seconds = np.inf if seconds is None else seconds
         self._idle = [(work_of(chain), touch_of(chain)) for _ in range(threads)]
 
     def run(self, job: Callable, items: list) -> Iterator:
@@ -166,9 +167,9 @@ class _Crew:
 
         return self.pool.map(one, items)
 
-    @property
-    def is_late(self) -> bool:
-        return self.late is not None and time.perf_counter() > self.late
+    def is_late(self, part: float = 1.0) -> bool:
+        """Say if this part of the time is over."""
+        return bool(time.perf_counter() - self.begun > part * self.seconds)
 
 
 def _check_size(grid: ReachGrid, chain: Chain) -> None:
@@ -209,7 +210,7 @@ def _draw(
         )  # fmt: skip
         return span[0], where, value
 
-    while done < total and not crew.is_late:
+    while done < total and not crew.is_late(1 / 3):
         end = min(total, done + 8 * _CHUNK)
         spans = [(k, min(k + _CHUNK, end)) for k in range(done, end, _CHUNK)]
         drawn = list(crew.run(draw, spans))
@@ -257,12 +258,11 @@ def _sweep(
                 counts += own
                 done += 1
                 tell(f"settling, pass {sweep + 1}", done, total)
-            if crew.is_late:
+            if sweep and crew.is_late():
                 break
         after = np.count_nonzero(settled, axis=1)
         gains.append(int(after.sum() - before.sum()))
         changed = after != before
-        if crew.is_late or gains[-1] < 3e-3 * after.sum():
+        if crew.is_late() or gains[-1] < 1e-2 * after.sum():
             break
     return counts, gains
-

@@ -90,8 +90,10 @@ class ReachMap:
         quality = out / 255.0
         return quality if np.ndim(T_base_tool) == 3 else float(quality[0])
 
-    def witness(self, T_base_tool: np.ndarray, unit_m: float = 1.0) -> np.ndarray | None:
-        """Return the configuration that proves a pose's cell reached, None if it is not.
+    def witness(
+        self, T_base_tool: np.ndarray, unit_m: float = 1.0
+    ) -> np.ndarray | None:
+        """Return the configuration that proves a pose's cell reached, None without.
 
         Its tool is in the same cell, not at the same pose: `robot.ik(T, q_seed=...)`
         goes the rest of the way where the pose itself can be reached.

@@ -85,9 +85,14 @@ def measure_recall(
     """
     chain = chain or reach.chain
     if chain.fingerprint() != reach.chain.fingerprint():
-        raise BadInput(f"{chain.name} is not what the map of {reach.chain.name} is of")
+        raise BadInput(
+            f"{chain.name} is not what the map of {reach.chain.name} was built for; "
+            "give the chain it was built from"
+        )
     if poses < 1 or attempts < 1:
-        raise BadInput(f"{poses} poses and {attempts} starts are too few; give 1 or more")
+        raise BadInput(
+            f"{poses} poses and {attempts} starts are too few; give 1 or more"
+        )
     if chain.dof < 6:
         return Recall(poses, 0, 0, 0, 0)  # a random pose is never reached
     drawn = random_poses(reachable_box(chain), poses, np.random.default_rng(seed))

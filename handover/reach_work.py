@@ -90,9 +90,7 @@ def best_dexterity(chain: Chain, seed: int) -> float:
         from_lattice(chain.arrays, work.code, work.q)
         forward(chain.arrays, work.q, work.frames)
         jacobian(chain.arrays, work.frames, work.jac)
-        value = dexterity(
-            chain.arrays, work.q, work.jac, work.weighted, work.gram
-        )
+        value = dexterity(chain.arrays, work.q, work.jac, work.weighted, work.gram)
         best = max(best, value)
     return max(best, 1e-12)
 

@@ -95,7 +95,7 @@ def rotation_grid(n_cells: int = 576) -> RotationGrid:
     """
     if n_cells not in SIZES:
         known = ", ".join(map(str, SIZES))
-        raise BadInput(f"there is no grid of {n_cells} rotations; choose one of {known}")
+        raise BadInput(f"no grid has {n_cells} rotations; choose one of {known}")
     n_side = SIZES.index(n_cells) + 1
     frames = np.array([_pixel_frame(p, n_side) for p in range(12 * n_side**2)])
     rolls = (np.arange(6 * n_side) + 0.5) * (2 * np.pi / (6 * n_side))

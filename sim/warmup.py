@@ -65,11 +65,11 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     """
     begun, before = time.perf_counter(), cache_misses()
     sizes = (COARSE, FINE) if fine else (COARSE,)
-    stages = 6 * len(sizes)
+    stages = 7 * len(sizes)
     for k, h in enumerate(sizes):
         with tempfile.TemporaryDirectory() as folder:
             jobs = _jobs(Path(folder), h)
-            for i, job in enumerate(jobs, 6 * k + 1):
+            for i, job in enumerate(jobs, 7 * k + 1):
                 job()
                 progress("kernels", i, stages)
     return time.perf_counter() - begun, cache_misses() - before
@@ -92,6 +92,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         lambda: _ask(loaded[0]),
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
+        lambda: _reach(loaded[0], folder),
     ]
 
 
@@ -195,13 +196,30 @@ def _measure(cell_map: CellMap) -> None:
     exact_audit(cell_map.robot)(q, np.array([[1.0, 0, 0, 1.0, 0, 0.3, 0.05]]))
 
 
+def _reach(cell_map: CellMap, folder: Path) -> None:
+    """Build, store, load and ask a reach map."""
+    from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
+    from handover.reach_recall import center_rate
+
+    chain = chain_of(cell_map.robot)
+    settings = ReachSettings(cell=0.2, rotations=72, samples=2000)
+    build_reach_map(chain, settings, threads=1).save(folder / "reach")
+    reach = load_reach_map(folder / "reach")
+    cell = int(reach.marked_cells()[0])
+    reach.quality(reach.grid.centers(np.array([cell])))
+    reach.witness_of(cell)
+    reach.qualities(np.array([cell]))
+    reach.dense()
+    center_rate(reach, chain, cells=1)
+
+
 def cache_misses() -> int:
     """Return how many kernels this process has compiled so far."""
     from numba.core.dispatcher import Dispatcher
 
     kernels = {}
     for name, module in list(sys.modules.items()):
-        if name.split(".")[0] in ("roadmap", "odm", "sim"):
+        if name.split(".")[0] in ("roadmap", "odm", "handover", "sim"):
             found = [v for v in vars(module).values() if isinstance(v, Dispatcher)]
             kernels |= {id(kernel): kernel for kernel in found}
     return sum(sum(k.stats.cache_misses.values()) for k in kernels.values())

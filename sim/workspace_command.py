@@ -229,5 +229,5 @@ def _show_recall(found: dict | None) -> None:
         return
     print(
         f"recall {found['recall']:.1%} +- {found['margin']:.1%}: {found['marked']} of "
-        f"{found['solvable']} poses that could be solved, of {found['poses']} random ones"
+        f"{found['solvable']} poses that could be solved, of {found['poses']} drawn"
     )

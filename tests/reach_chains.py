@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from handover import Chain
 
-# fractions of the arm's length: MMM's 0.188 and 0.145 of the height, half a hand's 0.108
+# parts of the arm's length: MMM's 0.188, 0.145 and half of 0.108 of the height
 UPPER, FORE, GRIP = 0.188 / 0.387, 0.145 / 0.387, 0.054 / 0.387
 # name, axis in the arm's own frame (it hangs along -z, x to the front), degrees
 JOINTS = (
@@ -68,3 +68,14 @@ def offset(z) -> np.ndarray:
 
 def flat(T) -> np.ndarray:
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
+
+
+def slow_dexterity(chain, q, J):
+    """Singular values of the Jacobian, its columns weighted by the limits."""
+    low, high = chain.limits.T
+    with np.errstate(divide="ignore"):
+        slope = (high - low) ** 2 * (2 * q - low - high)
+        slope = np.abs(slope / (4 * (high - q) ** 2 * (q - low) ** 2))
+    weights = np.where(chain.endless > 0, 1.0, 1 / np.sqrt(1 + slope))
+    J = np.vstack([J[:3] / chain.length, J[3:]]) * weights
+    return np.prod(np.linalg.svd(J, compute_uv=False))

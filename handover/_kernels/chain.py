@@ -323,7 +323,8 @@ def from_lattice(chain, code, q):
     """Write the configuration of a lattice point to q."""
     for j in range(q.shape[0]):
         low, high = chain.limits[j, 0], chain.limits[j, 1]
-        q[j] = low + (high - low) * (float(code[j]) / LEVELS)
+        # rounding must not carry the last level beyond the limit
+        q[j] = min(low + (high - low) * (float(code[j]) / LEVELS), high)
 
 
 @njit(cache=True, nogil=True)

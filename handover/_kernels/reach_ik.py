@@ -90,9 +90,7 @@ def stretch(chain, direction, work):
 
 @njit(cache=True, nogil=True)
 def _along(direction, tool):
-    return (
-        direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
-    )
+    return direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
 
 
 @njit(cache=True, nogil=True)

@@ -14,7 +14,7 @@ from handover._kernels.reach import (
 from handover._kernels.touch import touches_itself
 
 _SURE = 3  # settled neighbours before a cell that no sample hit is tried
-_TRIES = 6  # pushes to such a cell before it is given up
+_TRIES = 3  # pushes to such a cell before it is given up
 _QUEUE = 24  # entries per cell of a position
 
 
@@ -66,8 +66,9 @@ def settle_positions(chain, grid, cells, touch, work, positions, rules, counts):
                     parent = first + grid.neighbors[r, way]
                 elif way != ROOT:
                     parent = beside[way - ways] + r
+                cell = first + r
                 _settle(
-                    chain, grid, cells, touch, work, first + r, way, parent, rules, counts
+                    chain, grid, cells, touch, work, cell, way, parent, rules, counts
                 )
                 value = int(cells.quality[first + r])
                 if value > 0:

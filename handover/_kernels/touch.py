@@ -15,7 +15,7 @@ from roadmap._kernels.gjk import separation
 from roadmap._kernels.kinematics import body_frames
 from roadmap._kernels.self_collision import pair_clearance
 
-TABLE = 128  # cells along a joint
+TABLE = 64  # cells along a joint
 MARGIN = 1e-4  # [m] that links keep from each other
 
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reach_chains import person_pose
+from reach_chains import person_pose, slow_dexterity
 
 from handover import chain_of
 from handover._kernels import chain as kernels
+from handover._kernels.touch import touches_itself
 from handover.reach_grid import reachable_box
 from handover.reach_work import touch_of, work_of
-from handover._kernels.touch import touches_itself
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.kinematics import jacobian, tool_pose
@@ -21,17 +21,6 @@ def draw(chain, rng):
     return rng.uniform(*chain.limits.T)
 
 
-def slow_dexterity(chain, q, J):
-    """Singular values of the Jacobian, its columns weighted by the limits."""
-    low, high = chain.limits.T
-    with np.errstate(divide="ignore"):
-        slope = (high - low) ** 2 * (2 * q - low - high)
-        slope = np.abs(slope / (4 * (high - q) ** 2 * (q - low) ** 2))
-    weights = np.where(chain.endless > 0, 1.0, 1 / np.sqrt(1 + slope))
-    J = np.vstack([J[:3] / chain.length, J[3:]]) * weights
-    return np.prod(np.linalg.svd(J, compute_uv=False))
-
-
 @pytest.mark.parametrize("name", ["kawasaki_fs003n", "rail_arm", "armar3"])
 def test_pose_and_jacobian_are_the_robot_s(name, rng):
     robot = load_robot(name, cover_excess=0.2)
@@ -40,7 +29,9 @@ def test_pose_and_jacobian_are_the_robot_s(name, rng):
     for _ in range(30):
         q = draw(chain, rng)
         whole = chain.full(q)
-        np.testing.assert_allclose(chain.tool_pose(q), tool_pose(robot, whole), atol=1e-9)
+        np.testing.assert_allclose(
+            chain.tool_pose(q), tool_pose(robot, whole), atol=1e-9
+        )
         kernels.forward(chain.arrays, q, work.frames)
         kernels.jacobian(chain.arrays, work.frames, work.jac)
         J = jacobian(robot, whole)
@@ -92,7 +83,9 @@ def test_a_sample_can_be_drawn_again_and_lies_within_the_limits(arm):
 def test_the_reachable_box_holds_every_tool_and_is_touched(arm, robot, rng):
     for chain in (arm, chain_of(robot)):
         box = reachable_box(chain)
-        tools = np.array([chain.tool_pose(draw(chain, rng))[:3, 3] for _ in range(4000)])
+        tools = np.array(
+            [chain.tool_pose(draw(chain, rng))[:3, 3] for _ in range(4000)]
+        )
         assert (tools >= box[0]).all() and (tools <= box[1]).all()
         room = np.abs(np.stack([tools.min(axis=0), tools.max(axis=0)]) - box)
         assert room.max() < 0.15 * np.ptp(box, axis=0).max()

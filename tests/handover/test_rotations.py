@@ -101,7 +101,9 @@ def test_neighbours_are_mutual_and_as_near_as_the_step():
 
 def test_angles_between_rotations_are_the_rotation_s_angle():
     a, b = rotations(100, 3), rotations(100, 4)
-    slow = [Rotation.from_matrix(x.T @ y).magnitude() for x, y in zip(a, b, strict=True)]
+    slow = [
+        Rotation.from_matrix(x.T @ y).magnitude() for x, y in zip(a, b, strict=True)
+    ]
     np.testing.assert_allclose(angles_between(a, b), slow, atol=1e-7)
 
 
