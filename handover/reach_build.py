@@ -13,7 +13,8 @@ from handover._kernels.reach import Cells
 from handover._kernels.settle import settle_positions
 from handover.chain import Chain
 from handover.reach_grid import ReachGrid, reach_grid
-from handover.reach_map import ReachMap, compressed
+from handover.reach_map import ReachMap
+from handover.reach_pack import compressed
 from handover.reach_work import best_dexterity, touch_of, work_of
 from handover.rotations import rotation_grid
 from roadmap.errors import BadInput, BuildRefused

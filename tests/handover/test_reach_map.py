@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import handover
 from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
 from handover._kernels import reach as kernels
-from handover._kernels.chain import forward, from_lattice, jacobian
+from handover._kernels.chain import dexterity, forward, from_lattice, jacobian
 from handover.reach_build import MAX_BYTES
 from handover.reach_grid import reach_grid
 from handover.reach_map import ReachMap
@@ -398,5 +398,15 @@ def test_a_recall_of_another_chain_is_refused(arm_map, robot):
 
 
 def test_the_yardstick_and_the_work_are_those_of_the_chain(arm):
-    assert best_dexterity(arm, 1) > 0
+    work, best = work_of(arm), best_dexterity(arm, 1)
+    for k in range(30_000):
+        kernels.draw_code(8, k, work.code)
+        from_lattice(arm.arrays, work.code, work.q)
+        forward(arm.arrays, work.q, work.frames)
+        jacobian(arm.arrays, work.frames, work.jac)
+        assert (
+            dexterity(arm.arrays, work.q, work.jac, work.weighted, work.gram)
+            <= 1.0001 * best
+        )
+    assert best_dexterity(arm, 2) == pytest.approx(best, rel=0.05)
     assert touch_of(arm).joints.shape == (0, 2)
