@@ -264,6 +264,6 @@ def _sweep(
         after = np.count_nonzero(settled, axis=1)
         gains.append(int(after.sum() - before.sum()))
         changed = after != before
-        if crew.is_late() or gains[-1] < 1e-2 * after.sum():
+        if crew.is_late() or gains[-1] < 3e-3 * after.sum():
             break
     return counts, gains

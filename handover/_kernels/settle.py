@@ -14,7 +14,7 @@ from handover._kernels.reach import (
 from handover._kernels.touch import touches_itself
 
 _SURE = 3  # settled neighbours before a cell that no sample hit is tried
-_TRIES = 3  # pushes to such a cell before it is given up
+_TRIES = 5  # pushes to such a cell before it is given up
 _QUEUE = 24  # entries per cell of a position
 
 
