@@ -21,6 +21,7 @@ from handover._kernels.arm import arm_axes, arm_jacobian, arm_pose
 from handover._kernels.arm_ik import MAX_SPANS, SPANS, WORK_ROWS
 from handover._kernels.arm_solve import solvable_poses, solve_arm
 from handover.anthropometry import ARM_JOINTS, ARM_RANGES
+from handover.chain import Chain
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose
@@ -212,6 +213,23 @@ class Arm:
             rows.append(np.concatenate([(before.T @ turn).ravel(), origin]))
             before = turn
         return np.array(rows)
+
+    def chain(self) -> Chain:
+        """Return the arm for `build_reach_map`: one map serves people of any size.
+
+        In units of `length` and the canonical shoulder frame, which a left arm mirrors.
+        """
+        return Chain(
+            name="person",
+            joint_names=tuple(ARM_JOINTS),
+            fixed=self.fixed_frames(),
+            kind=np.array([(1, k) for k in range(7)]),
+            scale=np.tile([1.0, 0.0], (7, 1)),
+            limits=self.ranges,
+            endless=np.zeros(7),
+            unit="arm length",
+            frame="shoulder",
+        )
 
     def mirrored(self, T: np.ndarray) -> np.ndarray:
         """Return poses (..., 4, 4) in the canonical shoulder frame, or back from it.

@@ -68,6 +68,7 @@ _ROBOTS = {
     "xarm6": KnownRobot("pybullet", "xarm/xarm6_robot.urdf", "link6"),
     "kawasaki_fs003n": KnownRobot("maps", "kawasaki_fs003n.urdf", "flange"),
     "rail_arm": KnownRobot("maps", "rail_arm.urdf", "tool", {"left_finger": 0.02}),
+    "armar3": KnownRobot("maps", "armar3.urdf", "tool"),
     "plain_arm": KnownRobot("maps", "plain_arm.urdf", "tool"),
     "ur5": KnownRobot(
         "example-robot-data",

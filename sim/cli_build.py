@@ -83,7 +83,7 @@ def build(
     """
     if (recipe is None) == (robot is None):
         raise typer.BadParameter("give either a RECIPE or --robot URDF")
-    own = {"source": robot, "tip": tip, "locked": _locked(lock), "srdf": srdf}
+    own = {"source": robot, "tip": tip, "locked": parse_locked(lock), "srdf": srdf}
     roadmap = {"nodes": nodes, "neighbors": neighbors, "seed": seed}
     chosen = _chosen(recipe, name, own, roadmap, {"h": h, "rho": rho})
     if suggest:
@@ -101,7 +101,8 @@ def build(
         _show(facts)
 
 
-def _locked(pairs: list[str] | None) -> dict[str, float]:
+def parse_locked(pairs: list[str] | None) -> dict[str, float]:
+    """Return joint -> value from words JOINT=VALUE."""
     locked = {}
     for pair in pairs or []:
         joint, _, value = pair.partition("=")

@@ -98,6 +98,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
         _person,
+        lambda: _reach(loaded[0], folder),
     ]
 
 
@@ -228,6 +229,21 @@ def _person() -> None:
     arm.jacobian(joints)
     grip_points(human, 8)
     posture_quality(ArmState.of(human, "left", QualitySettings()), joints)
+def _reach(cell_map: CellMap, folder: Path) -> None:
+    """Build, store, load and ask a reach map."""
+    from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
+    from handover.reach_recall import center_rate
+
+    chain = chain_of(cell_map.robot)
+    settings = ReachSettings(cell=0.2, rotations=72, samples=2000)
+    build_reach_map(chain, settings, threads=1).save(folder / "reach")
+    reach = load_reach_map(folder / "reach")
+    cell = int(reach.marked_cells()[0])
+    reach.quality(reach.grid.centers(np.array([cell])))
+    reach.witness_of(cell)
+    reach.qualities(np.array([cell]))
+    reach.dense()
+    center_rate(reach, chain, cells=1)
 
 
 def cache_misses() -> int:

@@ -322,3 +322,13 @@ def test_the_arm_as_a_chain_of_hinges_is_the_same_arm(rng):
 def test_bad_input_is_refused_with_the_remedy(call, words):
     with pytest.raises(BadInput, match=words):
         call()
+
+
+def test_the_chain_for_reach_maps_puts_the_hand_where_the_arm_does(rng):
+    arm = Human(height=1.6).arm("right")
+    chain = arm.chain()
+    assert chain.unit == "arm length"
+    for q in drawn(rng, 30):
+        T = arm.fk(q)
+        T[:3, 3] /= arm.length
+        assert np.allclose(chain.tool_pose(q), T, atol=1e-12)

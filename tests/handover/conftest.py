@@ -1,0 +1,40 @@
+"""Reach maps that many tests share; built once a session."""
+
+import numpy as np
+import pytest
+from reach_chains import person_arm
+
+from handover import ReachSettings, build_reach_map, chain_of
+from roadmap import load_robot
+
+SMALL = ReachSettings(cell=0.2, rotations=72, samples=40_000, seed=3)
+
+
+@pytest.fixture(scope="session")
+def arm():
+    """A person-like arm, in units of its length."""
+    return person_arm()
+
+
+@pytest.fixture(scope="session")
+def arm_map(arm):
+    """Its reach map."""
+    return build_reach_map(arm, SMALL, threads=1)
+
+
+@pytest.fixture(scope="session")
+def robot():
+    """The Kawasaki: six joints, with self-collision."""
+    return load_robot("kawasaki_fs003n", cover_excess=0.1)
+
+
+@pytest.fixture(scope="session")
+def robot_map(robot):
+    """Its reach map."""
+    settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
+    return build_reach_map(chain_of(robot), settings, threads=2)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20)

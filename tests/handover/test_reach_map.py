@@ -1,0 +1,412 @@
+"""A reach map: what is marked was reached, and what is reachable is marked."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reach_chains import slow_dexterity
+from scipy.spatial.transform import Rotation
+
+import handover
+from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
+from handover._kernels import reach as kernels
+from handover._kernels.chain import dexterity, forward, from_lattice, jacobian
+from handover.reach_build import MAX_BYTES
+from handover.reach_grid import reach_grid
+from handover.reach_map import ReachMap
+from handover.reach_recall import center_rate, measure_recall, random_poses
+from handover.reach_work import best_dexterity, touch_of, work_of
+from roadmap import load_robot
+from roadmap.errors import BadInput, BadMap, BuildRefused
+from roadmap.self_collision import configuration_free
+from roadmap.transforms import pose_of
+
+
+def naive_cell(grid, T):
+    """The cell of a pose (4, 4) by numpy."""
+    index = np.floor((T[:3, 3] - grid.origin) / grid.cell).astype(int)
+    if (index < 0).any() or (index >= grid.shape).any():
+        return -1
+    position = np.ravel_multi_index(index, grid.shape)
+    return position * grid.rotations.n_cells + grid.rotations.cell_of(T[:3, :3])
+
+
+def some_poses(reach, n, rng):
+    flat = random_poses(reach.grid.box + [[-0.1], [0.1]], n, rng)
+    poses = np.tile(np.eye(4), (n, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = flat[:, :9].reshape(-1, 3, 3), flat[:, 9:]
+    return poses
+
+
+@pytest.mark.parametrize("name", ["arm_map", "robot_map"])
+def test_every_witness_is_in_its_cell_within_limits_and_as_good_as_it_says(
+    name, request
+):
+    reach = request.getfixturevalue(name)
+    chain, reference = reach.chain, reach.reference
+    cells = reach.marked_cells()
+    assert len(cells) == reach.n_marked > 5000
+    work, low_high = work_of(chain), chain.limits
+    for cell in cells[::7]:
+        q = reach.witness_of(int(cell))
+        assert (q >= low_high[:, 0]).all() and (q <= low_high[:, 1]).all()
+        assert naive_cell(reach.grid, chain.tool_pose(q)) == cell
+        forward(chain.arrays, q, work.frames)
+        jacobian(chain.arrays, work.frames, work.jac)
+        w = slow_dexterity(chain, q, work.jac) / reference
+        byte = reach.qualities(np.array([cell]))[0]
+        assert abs(1 + 254 * min(w, 1.0) - byte) < 1.01
+
+
+def test_no_witness_of_a_robot_touches_itself(robot, robot_map):
+    for cell in robot_map.marked_cells()[::5]:
+        assert configuration_free(robot, robot_map.witness_of(int(cell)))[0]
+
+
+def test_self_collision_may_be_left_in(robot):
+    settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
+    loose = build_reach_map(chain_of(robot, self_collisions=False), settings, threads=1)
+    touching = [
+        configuration_free(robot, loose.witness_of(int(c)))[0]
+        for c in loose.marked_cells()[::5]
+    ]
+    assert not all(touching)
+
+
+@pytest.mark.parametrize("name", ["arm_map", "robot_map"])
+def test_look_ups_agree_with_a_dictionary(name, request, rng):
+    reach = request.getfixturevalue(name)
+    known = dict(zip(reach.marked_cells().tolist(), reach.packed.quality, strict=True))
+    poses = some_poses(reach, 4000, rng)
+    slow = [known.get(naive_cell(reach.grid, T), 0) for T in poses]
+    np.testing.assert_array_equal(np.rint(reach.quality(poses) * 255), slow)
+    assert 0.02 < np.mean(np.array(slow) > 0) < 0.9
+    assert reach.quality(poses[0]) == slow[0] / 255
+    dense = reach.dense()
+    assert np.count_nonzero(dense) == reach.n_marked
+    np.testing.assert_array_equal(np.flatnonzero(dense), reach.marked_cells())
+    for position in range(0, reach.grid.n_positions, 17):
+        ids, bytes_ = reach.rotations_at(position)
+        np.testing.assert_array_equal(ids, np.flatnonzero(dense[position]))
+        np.testing.assert_array_equal(bytes_, dense[position][ids])
+
+
+def test_a_pose_out_of_reach_has_no_quality_and_no_witness(arm_map):
+    far = pose_of([5.0, 0.0, 0.0])
+    assert arm_map.quality(far) == 0.0 and arm_map.witness(far) is None
+
+
+def test_a_witness_is_where_the_pose_is(arm_map, rng):
+    poses = some_poses(arm_map, 300, rng)
+    reached = poses[arm_map.quality(poses) > 0]
+    assert len(reached) > 10
+    for T in reached:
+        tool = arm_map.chain.tool_pose(arm_map.witness(T))
+        assert naive_cell(arm_map.grid, tool) == naive_cell(arm_map.grid, T)
+
+
+def test_a_person_s_map_scales_with_the_arm(arm_map, rng):
+    poses = some_poses(arm_map, 500, rng)
+    tall = poses.copy()
+    tall[:, :3, 3] *= 0.72
+    np.testing.assert_array_equal(
+        arm_map.quality(tall, unit_m=0.72), arm_map.quality(poses)
+    )
+    assert (arm_map.quality(tall) != arm_map.quality(poses)).any()
+
+
+def test_the_same_bytes_for_any_number_of_threads(arm, robot):
+    settings = ReachSettings(cell=0.2, rotations=72, samples=300_000, seed=9)
+    for chain in (arm, chain_of(robot)):
+        one, three = (build_reach_map(chain, settings, threads=k) for k in (1, 3))
+        for a, b in zip(one.packed, three.packed, strict=True):
+            np.testing.assert_array_equal(a, b)
+    other = build_reach_map(arm, replace(settings, seed=10), threads=1)
+    first = build_reach_map(arm, settings, threads=1)
+    assert (
+        other.packed.roots.shape != first.packed.roots.shape
+        or (other.packed.roots != first.packed.roots).any()
+    )
+
+
+def test_the_best_sample_of_a_cell_stays_whatever_the_split(arm, rng):
+    grid = reach_grid(arm, 0.2, 72)
+    where = rng.integers(-1, 300, 4000).astype(np.int32)
+    value = rng.integers(1, 20, 4000).astype(np.uint8)
+    best = {}
+    for i, (c, v) in enumerate(zip(where.tolist(), value.tolist(), strict=True)):
+        if c >= 0 and v > best.get(c, (0, 0))[0]:
+            best[c] = (v, 500 + i)
+    for parts in (1, 3):
+        cells = handover.reach_build._empty_cells(grid.n_cells, 7)
+        for part in range(parts):
+            kernels.keep_best(part, parts, 72, 500, where, value, cells)
+        found = np.flatnonzero(cells.sample)
+        pairs = zip(cells.sample[found].tolist(), cells.source[found].tolist())
+        assert dict(zip(found.tolist(), pairs, strict=True)) == best
+
+
+def test_pushes_find_what_samples_missed(arm):
+    settings = ReachSettings(cell=0.2, rotations=72, samples=5000, seed=1)
+    reach = build_reach_map(arm, settings, threads=1)
+    work, hit = work_of(arm), set()
+    for k in range(settings.samples):
+        kernels.draw_code(settings.seed, k, work.code)
+        from_lattice(arm.arrays, work.code, work.q)
+        forward(arm.arrays, work.q, work.frames)
+        hit.add(kernels.cell_of(reach.grid.arrays, work.frames[-1]))
+    marked = set(reach.marked_cells().tolist())
+    assert hit <= marked and len(marked) > 1.5 * len(hit)
+    # and none of them only by accident: they are witnessed, and hold random poses
+    assert measure_recall(reach, poses=600).recall > 0.9
+
+
+def test_the_recall_is_that_of_poses_solved_elsewhere(robot, robot_map, rng):
+    chain = chain_of(robot)
+    found = measure_recall(robot_map, chain, poses=400, seed=4)
+    assert found.solvable > 60 and found.recall > 0.88
+    assert found.margin < 0.1
+    # the same poses, solved by the robot's own inverse kinematics
+    from handover.reach_grid import reachable_box
+
+    flat = random_poses(reachable_box(chain), 400, np.random.default_rng(4))
+    solvable = marked = 0
+    for row in flat:
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:]
+        if any(configuration_free(robot, s.q)[0] for s in robot.ik(T, attempts=24)):
+            solvable += 1
+            marked += robot_map.quality(T) > 0
+    assert abs(solvable - found.solvable) <= 3
+    assert abs(marked - found.marked) <= 3
+
+
+def test_the_recall_sees_what_is_missing(arm_map):
+    whole = measure_recall(arm_map, poses=1000)
+    cut = arm_map.packed.row_of.copy()
+    cut[::2] = -1
+    half = ReachMap(
+        arm_map.chain, arm_map.grid, arm_map.packed._replace(row_of=cut), 1.0
+    )
+    assert measure_recall(half, poses=1000).recall < 0.6 * whole.recall
+
+
+def test_random_poses_are_rotations_all_over(rng):
+    flat = random_poses(np.array([[0, 0, 0], [1, 2, 3.0]]), 5000, rng)
+    R = flat[:, :9].reshape(-1, 3, 3)
+    np.testing.assert_allclose(
+        R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (5000, 1, 1)), atol=1e-9
+    )
+    angles = Rotation.from_matrix(R).magnitude()
+    # the mean angle of a uniformly random rotation is pi / 2 + 2 / pi
+    assert abs(angles.mean() - (np.pi / 2 + 2 / np.pi)) < 0.03
+
+
+def test_some_centres_are_out_of_reach_though_their_cells_are_not(arm_map):
+    assert 0.05 < center_rate(arm_map, cells=200) < 1.0
+
+
+def test_a_rail_an_endless_joint_and_fewer_than_six_joints_have_a_map_too():
+    robot = load_robot("rail_arm", cover_excess=0.2)
+    chain = chain_of(robot)
+    settings = ReachSettings(cell=0.1, rotations=72, samples=30_000)
+    reach = build_reach_map(chain, settings, threads=1)
+    for cell in reach.marked_cells()[::40]:
+        q = reach.witness_of(int(cell))
+        assert naive_cell(reach.grid, chain.tool_pose(q)) == cell
+        assert configuration_free(robot, q)[0]
+    assert measure_recall(reach, chain, poses=50).recall is None
+
+
+def test_a_locked_joint_is_not_part_of_the_map():
+    robot = load_robot("kawasaki_fs003n", locked={"joint1": 0.5}, cover_excess=0.2)
+    reach = build_reach_map(
+        chain_of(robot),
+        ReachSettings(cell=0.1, rotations=72, samples=5000),
+        threads=1,
+    )
+    assert reach.chain.dof == 5 and "joint1" not in reach.chain.joint_names
+    assert 500 < reach.n_marked < 40_000
+
+
+def test_a_stored_map_is_the_same_by_memory_map(arm_map, tmp_path, rng):
+    arm_map.save(tmp_path / "arm")
+    loaded = load_reach_map(tmp_path / "arm", verify=True, robot=arm_map.chain)
+    for name, array in loaded.packed._asdict().items():
+        np.testing.assert_array_equal(array, getattr(arm_map.packed, name))
+        assert not array.flags.writeable
+    poses = some_poses(arm_map, 200, rng)
+    np.testing.assert_array_equal(loaded.quality(poses), arm_map.quality(poses))
+    cell = int(loaded.marked_cells()[100])
+    np.testing.assert_array_equal(loaded.witness_of(cell), arm_map.witness_of(cell))
+    assert loaded.hash and loaded.chain.unit == "arm length"
+    # as the map of a robot, whose joints are found again without its URDF
+    assert (
+        load_reach_map(tmp_path / "arm").chain.fingerprint()
+        == arm_map.chain.fingerprint()
+    )
+
+
+def test_a_file_is_compact(robot_map, tmp_path):
+    folder = robot_map.save(tmp_path / "robot")
+    size = sum(f.stat().st_size for f in folder.iterdir())
+    assert size < 5 * robot_map.n_marked + 20_000
+
+
+@pytest.fixture
+def stored(arm_map, tmp_path):
+    return arm_map.save(tmp_path / "arm")
+
+
+def test_a_map_of_another_robot_is_refused(stored, robot, arm_map):
+    limits = np.array(arm_map.chain.limits)
+    limits[0, 0] += 0.01
+    for other in (robot, replace(arm_map.chain, limits=limits)):
+        with pytest.raises(BadMap, match="another robot"):
+            load_reach_map(stored, robot=other)
+
+
+def test_a_truncated_array_is_refused_even_unverified(stored):
+    file = stored / "quality.npy"
+    file.write_bytes(file.read_bytes()[:-500])
+    with pytest.raises(BadMap, match="truncated"):
+        load_reach_map(stored)
+
+
+def test_an_altered_array_is_refused_when_verified(stored):
+    file = stored / "way.npy"
+    data = bytearray(file.read_bytes())
+    data[-100] ^= 1
+    file.write_bytes(bytes(data))
+    with pytest.raises(BadMap, match="altered"):
+        load_reach_map(stored, verify=True)
+
+
+def test_a_witness_that_contradicts_the_map_is_an_error_not_a_wrong_answer(arm_map):
+    roots = np.array(arm_map.packed.roots)
+    roots[:] = roots[::-1]
+    wrong = ReachMap(
+        arm_map.chain, arm_map.grid, arm_map.packed._replace(roots=roots), 1.0
+    )
+    pushed = arm_map.marked_cells()[arm_map.packed.way != kernels.ROOT]
+    refused = 0
+    for cell in pushed[:200]:
+        try:
+            q = wrong.witness_of(int(cell))
+        except BadMap:
+            refused += 1
+        else:
+            assert naive_cell(wrong.grid, wrong.chain.tool_pose(q)) == cell
+    assert refused > 100
+
+
+def test_a_foreign_version_another_kind_and_no_map_are_refused(stored, tmp_path):
+    manifest = stored / "manifest.json"
+    text = manifest.read_text()
+    manifest.write_text(text.replace('"format": 1', '"format": 99'))
+    with pytest.raises(BadMap, match="version 99"):
+        load_reach_map(stored)
+    manifest.write_text(text.replace('"kind": "reach map"', '"kind": "cell map"'))
+    with pytest.raises(BadMap):
+        load_reach_map(stored)
+    shutil.rmtree(stored)
+    with pytest.raises(BadMap, match="workspace build"):
+        load_reach_map(stored)
+
+
+def test_a_build_that_is_interrupted_leaves_nothing_running(arm):
+    seen = []
+
+    def stop(stage, done, total):
+        seen.append(stage)
+        if stage.startswith("settling") and done > 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_reach_map(
+            arm, ReachSettings(cell=0.1, rotations=72, samples=20_000), 2, stop
+        )
+    assert "packing" not in seen
+
+
+def test_progress_names_every_stage_and_ends_full(arm):
+    last = {}
+    settings = ReachSettings(cell=0.3, rotations=72, samples=5000)
+    build_reach_map(arm, settings, 1, lambda stage, k, n: last.update({stage: k / n}))
+    assert {"drawing samples", "settling, pass 1", "packing"} <= set(last)
+    assert set(last.values()) == {1.0}
+
+
+def test_a_time_limit_ends_with_a_map_that_says_so(arm):
+    settings = ReachSettings(cell=0.2, rotations=72, samples=50_000_000, seconds=0.5)
+    reach = build_reach_map(arm, settings, threads=1)
+    assert reach.built["stopped_early"]
+    assert reach.built["samples_drawn"] < settings.samples
+    assert json.dumps(reach.built)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cell": 0.0},
+        {"cell": np.nan},
+        {"samples": 10},
+        {"seed": -1},
+        {"sweeps": 0},
+        {"keep": 1.5},
+        {"seconds": 0.0},
+        {"rotations": 500},
+    ],
+)
+def test_a_setting_out_of_range_is_refused(change):
+    with pytest.raises(BadInput, match="give|choose"):
+        ReachSettings(**change)
+
+
+def test_a_grid_that_would_not_fit_in_memory_is_refused(arm):
+    with pytest.raises(BuildRefused, match="larger"):
+        build_reach_map(arm, ReachSettings(cell=0.005, rotations=576, samples=1000))
+    assert MAX_BYTES < 1e10
+
+
+def test_poses_that_are_none_are_refused(arm_map, robot_map):
+    T = np.eye(4)
+    for bad, word in (
+        (np.full((4, 4), np.nan), "NaN"),
+        (np.diag([2.0, 1, 1, 1]), "rigid"),
+        (np.diag([1.0, 1, -1, 1]), "rigid"),
+        (np.eye(3), "shape"),
+        (np.zeros((0, 3, 4)), "shape"),
+    ):
+        with pytest.raises(BadInput, match=word):
+            arm_map.quality(bad)
+    for unit in (0.0, -1.0, np.nan):
+        with pytest.raises(BadInput, match="unit_m"):
+            arm_map.quality(T, unit_m=unit)
+    with pytest.raises(BadInput, match="in metres"):
+        robot_map.quality(T, unit_m=0.7)
+    with pytest.raises(BadInput, match="cells go"):
+        arm_map.qualities(np.array([arm_map.grid.n_cells]))
+    assert len(arm_map.quality(np.empty((0, 4, 4)))) == 0
+
+
+def test_a_recall_of_another_chain_is_refused(arm_map, robot):
+    with pytest.raises(BadInput, match="is not what the map"):
+        measure_recall(arm_map, chain_of(robot))
+
+
+def test_the_yardstick_and_the_work_are_those_of_the_chain(arm):
+    work, best = work_of(arm), best_dexterity(arm, 1)
+    for k in range(30_000):
+        kernels.draw_code(8, k, work.code)
+        from_lattice(arm.arrays, work.code, work.q)
+        forward(arm.arrays, work.q, work.frames)
+        jacobian(arm.arrays, work.frames, work.jac)
+        assert (
+            dexterity(arm.arrays, work.q, work.jac, work.weighted, work.gram)
+            <= 1.0001 * best
+        )
+    assert best_dexterity(arm, 2) == pytest.approx(best, rel=0.05)
+    assert touch_of(arm).joints.shape == (0, 2)

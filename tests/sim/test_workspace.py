@@ -1,0 +1,108 @@
+"""`odm workspace`: maps on disk, told in words or JSON, drawn, refused in a line."""
+
+import json
+import signal
+import time
+
+import numpy as np
+import pytest
+from command_line import one_sentence, start
+from small import DATA
+
+from handover import ReachMap, load_reach_map
+from sim.reach_picture import by_position, fullest_layer, write_reach_plot
+
+ARM = str(DATA / "arm3.urdf")
+QUICK = ("--cell", "0.1", "--rotations", "72", "--samples", "5000", "--tip", "tool")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Build a map in a process of its own; returns folder, output and JSON."""
+    folder = tmp_path_factory.mktemp("reach")
+    words = ["-m", "sim.cli", "workspace", "build", ARM, *QUICK, "--json=facts.json"]
+    process = start([*words, "--plot", "cut.png"], folder)
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    return folder, out, json.loads((folder / "facts.json").read_text())
+
+
+def test_a_build_stores_a_map_under_its_name_and_says_what_it_is(built):
+    folder, out, facts = built
+    place = folder / "maps" / "built" / "reach" / "arm3"
+    reach = load_reach_map(place, verify=True)
+    assert facts["cells"]["marked"] == reach.n_marked > 100
+    assert facts["hash"] == reach.hash and facts["recall"]["recall"] is None
+    assert f"{reach.n_marked:,} of" in out and "fewer than 6 joints" in out
+    assert (folder / "cut.png").stat().st_size > 10_000
+
+
+def test_the_same_seed_builds_the_same_map(built, odm, tmp_path):
+    options = ("--out", str(tmp_path / "again"), "--threads", "1", "--recall", "0")
+    code, out, _ = odm("workspace", "build", ARM, *QUICK, *options, "--json=-")
+    assert code == 0
+    assert json.loads(out)["hash"] == built[2]["hash"]
+    assert "recall" not in json.loads(out)
+
+
+def test_info_tells_the_same_and_sees_an_altered_byte(built, odm, tmp_path):
+    import shutil
+
+    place = tmp_path / "copy"
+    shutil.copytree(built[0] / "maps/built/reach/arm3", place)
+    code, out, _ = odm("workspace", "info", str(place), "--json=-")
+    facts = json.loads(out)
+    assert code == 0 and facts["cells"] == built[2]["cells"]
+    data = bytearray((place / "quality.npy").read_bytes())
+    data[-1] ^= 1
+    (place / "quality.npy").write_bytes(bytes(data))
+    code, out, err = odm("workspace", "info", str(place))
+    assert code == 1 and one_sentence(err) and "altered" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("info", "no/such/map"),
+        ("build", "no_such_robot"),
+        ("build", ARM, "--tip", "nose"),
+        ("build", ARM, "--tip", "tool", "--cell", "-1"),
+        ("build", ARM, "--tip", "tool", "--cell", "0.001", "--out", "x"),
+        ("build", ARM, "--tip", "tool", "--rotations", "100"),
+        ("build", ARM, "--tip", "tool", "--samples", "3"),
+        ("build", ARM, "--tip", "tool", "--lock", "a=1", "--out", "x"),
+    ],
+)
+def test_a_mistake_is_told_in_one_sentence(odm, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = odm("workspace", *words)
+    assert code == 1 and out == "" and one_sentence(err), err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_no_reach_map_is_left_alone(odm, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    code, _, err = odm("workspace", "build", ARM, *QUICK, "--out", str(tmp_path))
+    assert code == 1 and "left alone" in err
+    assert [p.name for p in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_ctrl_c_leaves_nothing_half_written(tmp_path):
+    words = ["-m", "sim.cli", "workspace", "build", "kawasaki_fs003n"]
+    process = start([*words, "--samples", "2000000000", "--out", "reach"], tmp_path)
+    time.sleep(12)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and "nothing half-written" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_picture_shows_what_the_map_holds(built, tmp_path):
+    reach = load_reach_map(built[0] / "maps/built/reach/arm3")
+    best, share = by_position(reach)
+    dense = reach.dense().reshape(*reach.grid.shape, -1)
+    np.testing.assert_allclose(best, dense.max(axis=-1) / 255)
+    np.testing.assert_allclose(share, (dense > 0).mean(axis=-1))
+    assert fullest_layer(share, 2) == (dense > 0).sum(axis=(0, 1, 3)).argmax()
+    assert isinstance(reach, ReachMap)
+    assert write_reach_plot(reach, tmp_path / "a.png").is_file()
