@@ -9,7 +9,7 @@ from roadmap.errors import BadInput
 from sim import arm_path, human_motion
 from sim.arm import HumanArm
 from sim.arm_path import Person
-from sim.human_motion import make_motion, motion_names, register_motion
+from sim.human_motion import TREMBLE, make_motion, motion_names, register_motion
 
 SCRIPTED = ("sweep", "reach", "jitter", "hover", "intrusion")
 
@@ -156,3 +156,25 @@ def test_an_unknown_name_is_refused_with_the_choices():
 def test_a_speed_limit_of_zero_is_refused():
     with pytest.raises(BadInput, match="not positive"):
         make_motion("reach", 0, Person(HumanArm.sized(), max_speed=0.0))
+
+
+def test_two_people_crowd_the_space_each_within_the_limit():
+    motion = make_motion("crowding", 2)
+    one = make_motion("reach", 2)
+    places = np.array([motion.capsules(t) for t in np.arange(0.0, 20.0, STEP)])
+    assert places.shape[1] == 2 * one.capsules(0.0).shape[0]
+    speed = np.linalg.norm(np.diff(ends(places), axis=0), axis=2) / STEP
+    assert 0.3 < speed.max() <= motion.max_speed
+    half = places.shape[1] // 2
+    for person in (places[:, :half], places[:, half:]):
+        assert np.ptp(person[:, -1, 3:6], axis=0).max() > 0.2  # it moves
+
+
+def test_a_trembling_hand_stays_where_it_is():
+    motion = make_motion("tremble", 4)
+    times = np.arange(0.0, 12.0, 0.005)
+    hand = np.array([motion.capsules(t)[-1, 3:6] for t in times])
+    assert np.ptp(hand, axis=0).max() <= 2.2 * TREMBLE + 0.002
+    along = (hand - hand.mean(axis=0)) @ motion.tremble / np.linalg.norm(motion.tremble)
+    swings = np.count_nonzero(np.diff(np.sign(along)) != 0) / 2.0
+    assert swings == pytest.approx(5.0 * 12.0, rel=0.1)  # 5 Hz

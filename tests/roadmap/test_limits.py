@@ -1,0 +1,52 @@
+"""Limits of velocity, acceleration and jerk that a URDF lacks or that a user knows."""
+
+import numpy as np
+import pytest
+from small import DATA, small_recipe
+
+import roadmap
+from odm.build import robot_of
+from odm.recipe import parse_recipe
+from roadmap.errors import BadRobot
+
+ARM = DATA / "arm3.urdf"
+
+
+def test_given_limits_take_the_place_of_the_file_s_and_of_the_defaults():
+    plain = roadmap.load_robot(ARM, tip="tool")
+    robot = roadmap.load_robot(
+        ARM,
+        tip="tool",
+        velocity={"bend": 0.7},
+        acceleration={"turn": 5.0},
+        jerk={"twist": 123.0},
+    )
+    assert np.allclose(robot.max_velocity, [1.5, 0.7, 2.0])
+    assert robot.max_acceleration[0] == 5.0 and robot.max_jerk[2] == 123.0
+    assert np.array_equal(robot.max_acceleration[1:], plain.max_acceleration[1:])
+    assert np.array_equal(robot.max_jerk[:2], plain.max_jerk[:2])
+
+
+@pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [({"elbow": 1.0}, "elbow"), ({"bend": 0.0}, "0"), ({"bend": np.nan}, "nan")],
+)
+def test_a_limit_of_no_joint_or_that_is_none_is_refused(kind, values, word):
+    with pytest.raises(BadRobot, match=word):
+        roadmap.load_robot(ARM, tip="tool", **{kind: values})
+
+
+def test_a_recipe_carries_limits_to_its_robot_and_into_its_table():
+    table = small_recipe().as_dict()
+    table["robot"] |= {"acceleration": {"bend": 4.0}, "jerk": {"bend": 44.0}}
+    recipe = parse_recipe(table, "quick")
+    robot = robot_of(recipe)
+    assert robot.max_acceleration[1] == 4.0 and robot.max_jerk[1] == 44.0
+    assert recipe.as_dict()["robot"]["jerk"] == {"bend": 44.0}
+
+
+def test_the_panda_has_its_maker_s_limits(panda):
+    # https://frankaemika.github.io/docs/control_parameters.html
+    assert np.allclose(panda.max_acceleration, [15, 7.5, 10, 12.5, 15, 20, 20])
+    assert np.allclose(panda.max_jerk, [7500, 3750, 5000, 6250, 7500, 10000, 10000])

@@ -1,0 +1,97 @@
+"""Retreats are tested against the person's motion, as everything else that moves."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import odm
+from roadmap.kinematics import sphere_centers
+from sim.execution import RETREATING, STANDING, Executor
+from sim.threat import Threat, ThreatSettings
+
+START = np.array([0.0, 0.6, 0.0])
+AWAY = np.array([0.8, 0.2, 0.0])
+
+
+class Scene:
+    """A small arm that holds, with a way out, and a ball beside its tip."""
+
+    def __init__(self, small_map):
+        self.planner = odm.ReactivePlanner(small_map)
+        self.planner.set_goals([[-1.2, 0.6, 0.0]])
+        robot = small_map.robot
+        self.robot = robot
+        self.executor = Executor(robot, self.planner, START, 0.01)
+        tip = sphere_centers(robot, START)[robot.moving][-1]
+        ahead = sphere_centers(robot, AWAY)[robot.moving][-1]
+        self.tip, self.out = tip, (ahead - tip) / np.linalg.norm(ahead - tip)
+        self.path = np.stack([START, AWAY])
+
+    def frame(self, place, velocity):
+        """Hold for a frame beside a ball of 5 cm; return its samples."""
+        points = odm.sample_capsules(np.array([[*place, *place, 0.05]]), 0.03)
+        commit = self.executor.commit()
+        self.planner.step(points, q=commit.q)
+        speeds = np.tile(np.asarray(velocity, float), (len(points), 1))
+        threat = Threat(points, speeds, 0.0, ThreatSettings())
+        answer = SimpleNamespace(status="holding", retreat=self.path, reason="")
+        self.executor.heed(answer, commit, threat)
+        return points
+
+
+@pytest.fixture
+def scene(small_map):
+    return Scene(small_map)
+
+
+def test_it_backs_off_from_who_stands_behind_it(scene):
+    place = scene.tip - 0.25 * scene.out
+    for _ in range(10):
+        scene.frame(place, np.zeros(3))
+        scene.executor.advance()
+    assert scene.executor.state == RETREATING
+    assert np.abs(scene.executor.set_point.dq).max() > 0.01
+
+
+def test_it_does_not_back_off_towards_who_comes_from_there(scene):
+    place = scene.tip + 0.14 * scene.out
+    for _ in range(30):
+        scene.frame(place, -2.0 * scene.out)
+        assert scene.executor.state == STANDING
+        scene.executor.advance()
+
+
+def test_a_retreat_ends_before_who_comes_touches_it(scene):
+    place = scene.tip - 0.25 * scene.out
+    for _ in range(25):
+        scene.frame(place, np.zeros(3))
+        scene.executor.advance()
+    assert scene.executor.state == RETREATING
+    here = sphere_centers(scene.robot, scene.executor.set_point.q)[scene.robot.moving]
+    side = np.cross(scene.out, [0.0, 0.0, 1.0])
+    place, velocity = here[-1] + 0.5 * scene.out + 0.1 * side, -1.5 * scene.out
+    moving = []
+    for _ in range(60):  # one comes from where the retreat leads to
+        scene.frame(place, velocity)
+        speed = np.abs(scene.executor.set_point.dq).max()
+        gap = scene.planner.separation(scene.executor.set_point.q)
+        moving.append((speed, gap))
+        scene.executor.advance()
+        place = place + 0.01 * velocity
+    assert min(gap for speed, gap in moving) < 0.1  # it would have been touched
+    assert all(gap > 0.0 for speed, gap in moving if speed > 0.01)
+    assert scene.executor.state == STANDING
+
+
+def test_a_slow_retreat_is_taken_where_a_quick_one_could_not_stop(scene):
+    speeds = {}
+    for gap in (0.35, 0.14):
+        scene.executor = Executor(scene.robot, scene.planner, START, 0.01)
+        for _ in range(12):
+            scene.frame(scene.tip - gap * scene.out, np.zeros(3))
+            scene.executor.advance()
+        if scene.executor.state == RETREATING:
+            speeds[gap] = scene.executor.motion.speed_scale
+    assert speeds[0.35] == 0.25
+    assert speeds.get(0.14, 0.0) < 0.25
