@@ -27,8 +27,9 @@ def check_points(
         raise BadInput(
             f"points have shape {points.shape}; give an (n, 3) array, (0, 3) for none"
         )
-    # a read-only array is another type to the compiled frame: never compile in it
-    if not (points.flags.c_contiguous and points.flags.writeable):
+    # a read-only or unaligned array is another type to the compiled frame: never
+    # compile in it
+    if not points.flags.carray:
         points = points.copy(order="C")
     if labels is not None and np.shape(labels) != (len(points),):
         raise BadInput(
@@ -61,7 +62,7 @@ def check_configuration(
             f"q has shape {q.shape}, but {robot.name} has {robot.dof} moving joints: "
             f"{', '.join(robot.joint_names)}"
         )
-    if not (q.flags.c_contiguous and q.flags.writeable):
+    if not q.flags.carray:
         q = q.copy(order="C")
     if dq is not None and np.shape(dq) != (robot.dof,):
         raise BadInput(f"dq has shape {np.shape(dq)}; give ({robot.dof},) velocities")

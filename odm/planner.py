@@ -205,11 +205,14 @@ class ReactivePlanner:
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
             return self._hold(begun, marked, covering_radius, trouble, code)
-        if code == step.PLANNED or not memory.own.numbers[N_FRAME] % _LOOK_STRAIGHT:
-            code = self._straighten(code)
         way, numbers = memory.way, memory.own.numbers
-        at = int(numbers[N_SEGMENT])
-        path = way.q[at : way.count[0]].copy()
+        at, end = int(numbers[N_SEGMENT]), int(way.count[0])
+        if end - at > 2 and (
+            code == step.PLANNED or not numbers[N_FRAME] % _LOOK_STRAIGHT
+        ):
+            code = self._straighten(code)
+            at, end = int(numbers[N_SEGMENT]), int(way.count[0])
+        path = way.q[at:end].copy()
         path[0] = q
         following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
         self._moving = True
@@ -257,7 +260,7 @@ class ReactivePlanner:
         m, way = self.memory, self.memory.way
         at = int(m.own.numbers[N_SEGMENT])
         last = int(way.count[0]) - 1
-        if last - at < 2 or self.attacher.is_fresh(self._q):
+        if self.attacher.is_fresh(self._q):
             return code
         q = self._q.copy()
         dq = self._difference(q, way.q[last])

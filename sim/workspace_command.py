@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from roadmap.errors import BadInput
 from sim.terminal import JSON_HELP, Bars, bytes_text, guarded, show_json
 
 if TYPE_CHECKING:
@@ -127,6 +126,8 @@ def chain_named(
     from sim.cli_build import parse_locked
 
     if source == "human":
+        from roadmap.errors import BadInput
+
         if tip or lock:
             raise BadInput("a person's arm has no --tip and no --lock; leave them out")
         return Human().arm("right").chain()
