@@ -244,8 +244,8 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="latency|motions|tax|build|ompl|odm-paper|camera|human",
-            help="Which one.",
+            metavar="NAME",
+            help="latency, motions, tax, build, ompl, odm-paper, camera or human.",
         ),
     ],
     map_dir: Annotated[

@@ -7,7 +7,9 @@ brought it, give or take what an acceleration can add: p + v t and a ball of a t
 A person who rests, passes by or moves away slows the robot less than one who comes.
 """
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,12 +61,13 @@ class Threat:
         gained = 0.5 * self.settings.acceleration * end * end
         return self.points + middle * self.velocity, gained + half * self.fastest
 
-    @property
+    @cached_property
     def fastest(self) -> float:
         """The highest speed of any of the points [m/s]."""
         if self.velocity is None:
             return self.settings.speed
-        return float(np.sqrt((self.velocity**2).sum(axis=1).max(initial=0.0)))
+        squares = np.einsum("ij,ij->i", self.velocity, self.velocity)
+        return math.sqrt(squares.max(initial=0.0))
 
 
 class Watcher:
