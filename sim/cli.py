@@ -246,7 +246,7 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="latency|motions|tax|build|ompl|odm-paper|camera|human",
+            metavar="latency|motions|memory|tax|build|ompl|odm-paper|camera|human",
             help="Which one.",
         ),
     ],

@@ -92,7 +92,7 @@ class Frame:
         escape: Whether it retreats, and in this hold began to within the clearance.
         guess: (k, 7) where the person is [m]; None where `capsules` say it.
         wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
-        polish_s: Time of its polishing after the answer [s].
+        polish_s, polish_cpu_s: Time of its polishing after the answer [s].
     """
 
     index: int
@@ -106,6 +106,7 @@ class Frame:
     wall_s: float
     cpu_s: float
     polish_s: float
+    polish_cpu_s: float = 0.0
     dq: np.ndarray | None = None
     ddq: np.ndarray | None = None
     pace: str = ""
@@ -174,23 +175,27 @@ class Loop:
             threat = self._watcher.look(capsules, points, centers, now)
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
+        separation = self._separation(capsules if guess is None else guess)
+        escape = self._escapes(answer.status == "holding")
+        polish_s, polish_cpu_s = self._polish()
         frame = Frame(
             index=self.index,
             q=self._q,
             capsules=capsules,
             answer=answer,
             place=self.place,
-            separation=self._separation(capsules if guess is None else guess),
+            separation=separation,
             joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
             wall_s=wall,
             cpu_s=cpu,
-            polish_s=self._polish(),
+            polish_s=polish_s,
+            polish_cpu_s=polish_cpu_s,
             dq=point.dq,
             ddq=point.ddq,
             pace=self.executor.state,
             brake=self.executor.reason,
-            escape=self._escapes(answer.status == "holding"),
+            escape=escape,
             guess=guess,
         )
         self._move()
@@ -229,12 +234,13 @@ class Loop:
             self._escape |= bool(self.planner.separation(self._q) < keep)
         return self._retreats and self._escape
 
-    def _polish(self) -> float:
-        begun = time.perf_counter()
+    def _polish(self) -> tuple[float, float]:
+        """Return the time it took: passed, and computed [s]."""
+        begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.polish:
             ahead = self.executor.ahead()
             _optional(self.planner, "polish", self.settings.polish, ahead)
-        return time.perf_counter() - begun
+        return time.perf_counter() - begun, time.thread_time() - busy
 
     def _point_speed(self) -> float:
         before, self._centers = self._centers, sphere_centers(self.robot, self._q)
@@ -346,6 +352,7 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         cpu_s=[frame.cpu_s for frame in frames],
         polish_s=[frame.polish_s for frame in frames],
         retreat=retreat,
+        polish_cpu_s=[frame.polish_cpu_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         **rows,

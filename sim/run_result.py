@@ -68,6 +68,7 @@ class RunResult:
         polish_s: (F,) time of its polishing after the answer [s].
         stages: The planner's own times by stage, (F,) each [s].
         paths: Frame -> (k, dof) planned path, where they were kept.
+        polish_cpu_s: (F,) computing time of the polishing [s]; None: as `polish_s`.
         retreat: (F,) index into `RETREATS`: whether the robot got out of the way.
     """
 
@@ -89,6 +90,7 @@ class RunResult:
     polish_s: np.ndarray
     stages: dict[str, np.ndarray]
     paths: dict[int, np.ndarray] = field(default_factory=dict)
+    polish_cpu_s: np.ndarray | None = None
     retreat: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -97,6 +99,8 @@ class RunResult:
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
         retreat = np.zeros(len(self.q)) if self.retreat is None else self.retreat
         object.__setattr__(self, "retreat", frozen(retreat, np.uint8))
+        polish = self.polish_s if self.polish_cpu_s is None else self.polish_cpu_s
+        object.__setattr__(self, "polish_cpu_s", frozen(polish, np.float64))
         stages = {k: frozen(v, np.float64) for k, v in self.stages.items()}
         object.__setattr__(self, "stages", stages)
 
@@ -215,7 +219,9 @@ class RunResult:
         }
 
     def _busy(self, clock: str) -> np.ndarray:
-        return getattr(self, f"{clock}_s") + self.polish_s
+        if clock == "cpu":
+            return self.cpu_s + self.polish_cpu_s
+        return self.wall_s + self.polish_s
 
     def _late(self, clock: str) -> list[dict]:
         times, frames = self._busy(clock), self.misses(clock)
