@@ -58,7 +58,7 @@ def test_a_loop_that_keeps_its_frames_is_found_out(grows):
     grown, slope = memory.growth(looks)
     assert (grown > 10.0) == grows and (slope > 1000.0) == grows
     late = memory._late(times, 0.01)
-    assert len(late) == 50 and late[0] == {"frame": 0, "wall_s": 0.02, "cpu_s": 0.02}
+    assert len(late) == 1200 and late[0] == {"frame": 0, "wall_s": 0.02, "cpu_s": 0.02}
 
 
 def test_growth_is_told_between_the_means_of_both_ends():
@@ -73,3 +73,12 @@ def test_growth_is_told_between_the_means_of_both_ends():
 def test_a_run_shorter_than_its_looks_is_refused(map_dir):
     with pytest.raises(BadInput, match="give at least 0.6 s"):
         memory.run(map_dir, seconds=0.2)
+
+
+def test_frames_late_by_cpu_time_are_all_listed_and_first():
+    times = np.full((200, 4), 0.001)
+    times[20:120, 2] = 0.02 + 1e-4 * np.arange(100)  # kept waiting by others
+    times[150:153, 2:] = 0.011
+    late = memory._late(times, 0.01)
+    assert [row["frame"] for row in late[:4]] == [150, 151, 152, 119]
+    assert len(late) == 50
