@@ -8,7 +8,7 @@ import numpy as np
 from roadmap.kinematics import difference, sphere_centers, tool_pose
 from roadmap.robot import Robot
 from sim.camera import Camera
-from sim.run_result import STATUS, RunResult
+from sim.run_result import RETREATS, STATUS, RunResult
 
 BACKDROP, TABLE, GRID = (222, 228, 234), (243, 244, 243), (229, 232, 233)
 INK, FAINT, WHITE = (44, 52, 62), (140, 150, 160), (255, 255, 255)
@@ -17,6 +17,8 @@ STATES = {
     "following": ("following", (0, 133, 124)),
     "replanned": ("new path", (214, 137, 16)),
     "holding": ("holding", (196, 62, 62)),
+    "backing off": ("backing off", (112, 80, 176)),
+    "escaping": ("escaping", (160, 40, 120)),
 }
 TABLE_X, TABLE_Y = (-0.35, 1.05), (-0.8, 0.8)  # [m]
 FINE = 1.5  # the film is drawn larger and scaled down: smooth edges
@@ -31,6 +33,8 @@ class FilmSettings:
         width, height: Size [pixels].
         frames: Number of pictures.
         fps: Pictures per second; the film runs in real time.
+        begin_s: Where in the run it begins [s]; None: where most happens.
+        fov_deg: Vertical opening of the camera [deg].
         colours: Size of the palette; smaller ones are tried for a file too large.
         max_bytes: Largest file.
     """
@@ -39,6 +43,8 @@ class FilmSettings:
     height: int = 480
     frames: int = 75
     fps: float = 12.5
+    begin_s: float | None = None
+    fov_deg: float = 30.0
     colours: int = 128
     max_bytes: int = 3_000_000
 
@@ -51,7 +57,7 @@ def write_animation(
     path: str | Path,
     settings: FilmSettings | None = None,
 ) -> Path:
-    """Write the liveliest seconds of a run as an animated GIF.
+    """Write some seconds of a run, the liveliest if not told, as an animated GIF.
 
     Args:
         result: The run, with `keep_paths` on.
@@ -66,11 +72,16 @@ def write_animation(
     """
     settings = settings or FilmSettings()
     camera = Camera(
-        width=round(settings.width * FINE), height=round(settings.height * FINE)
+        fov_deg=settings.fov_deg,
+        width=round(settings.width * FINE),
+        height=round(settings.height * FINE),
     )
     painter = _Painter(robot, places, world, camera)
     step = max(1, round(result.rate_hz / settings.fps))
-    first = liveliest(result, step * settings.frames)
+    if settings.begin_s is None:
+        first = liveliest(result, step * settings.frames)
+    else:
+        first = min(round(settings.begin_s * result.rate_hz), result.frames - 1)
     shown = range(first, min(first + step * settings.frames, result.frames), step)
     pictures = [painter.paint(result, i) for i in shown]
     return write_gif(pictures, Path(path), settings)
@@ -237,8 +248,10 @@ def _path_at(result: RunResult, frame: int) -> np.ndarray:
 
 
 def _shown_status(result: RunResult, frame: int) -> str:
-    """Return the status, a new path for long enough to be read."""
+    """Return the status or retreat, a new path for long enough to be read."""
     now = STATUS[result.status[frame]]
+    if now == "holding" and result.retreat[frame]:
+        return RETREATS[result.retreat[frame]]
     since = max(0, frame - round(STICKY_S * result.rate_hz))
     recent = result.status[since : frame + 1]
     new = now == "following" and (recent == STATUS.index("replanned")).any()

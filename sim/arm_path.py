@@ -129,6 +129,11 @@ class Round:
             last.start, last.stop, last.bow, last.duration, last.rest + missing
         )
 
+    @property
+    def home(self) -> np.ndarray:
+        """The (3,) place of the hand at the start, shoulder frame [m]."""
+        return self._home
+
     def _reachable(self, p_base_hand: tuple) -> np.ndarray:
         """Return the place in the shoulder frame, in front of and near the shoulder.
 

@@ -142,8 +142,10 @@ def run(
     motion: Annotated[
         str,
         typer.Option(
-            metavar="sweep|reach|jitter|hover|intrusion|mocap|keyboard",
-            help="The person: scripted, recorded (--file) or moved by your keys.",
+            metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
+            "|escape|mocap|keyboard",
+            help="The person: scripted, recorded (--file) or moved by your keys; "
+            "hold, backoff and escape are scenes in which the robot has to.",
         ),
     ] = "sweep",
     seconds: Annotated[
@@ -245,7 +247,7 @@ def bench(
         str,
         typer.Argument(
             metavar="NAME",
-            help="latency, motions, tax, build, ompl, odm-paper, camera or human.",
+            help="latency, motions, memory, tax, build, ompl, odm-paper, camera, human.",
         ),
     ],
     map_dir: Annotated[

@@ -86,7 +86,8 @@ class KinematicMover:
         if wise and self._frame - self._asked >= RETREAT_EVERY:
             self._asked, retreat = self._frame, answer.retreat
             if retreat is not None and len(retreat):
-                self.state, self._path = RETREATING, retreat
+                # without its beginning, or the robot would go back there every frame
+                self.state, self._path = RETREATING, retreat[-1:]
 
     def _still_better(self) -> bool:
         """Whether the way out leads farther from the points than here, as they are."""

@@ -11,10 +11,10 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference, sphere_centers
 from roadmap.robot import Robot
-from sim.execution import ExecutionSettings, Executor
+from sim.execution import RETREATING, ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
 from sim.kinematic import KinematicMover
-from sim.run_result import STATUS, RunResult, holds_of, new_paths
+from sim.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.threat import Watcher
 
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
@@ -89,9 +89,10 @@ class Frame:
         dq, ddq: (dof,) velocity and acceleration of the set-point.
         pace: What the executor does: "moving", "slowed", "braked", ...
         brake: Why it is slowed or braked.
+        escape: Whether it retreats, and in this hold began to within the clearance.
         guess: (k, 7) where the person is [m]; None where `capsules` say it.
         wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
-        polish_s: Time of its polishing after the answer [s].
+        polish_s, polish_cpu_s: Time of its polishing after the answer [s].
     """
 
     index: int
@@ -105,10 +106,12 @@ class Frame:
     wall_s: float
     cpu_s: float
     polish_s: float
+    polish_cpu_s: float = 0.0
     dq: np.ndarray | None = None
     ddq: np.ndarray | None = None
     pace: str = ""
     brake: str = ""
+    escape: bool = False
     guess: np.ndarray | None = None
 
 
@@ -148,6 +151,7 @@ class Loop:
         )
         self._watcher = Watcher()
         self._moving = robot.moving
+        self._retreats = self._escape = False
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
         self._centers = sphere_centers(robot, self._q)
         _optional(planner, "reset")
@@ -171,22 +175,27 @@ class Loop:
             threat = self._watcher.look(capsules, points, centers, now)
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
+        separation = self._separation(capsules if guess is None else guess)
+        escape = self._escapes(answer.status == "holding")
+        polish_s, polish_cpu_s = self._polish()
         frame = Frame(
             index=self.index,
             q=self._q,
             capsules=capsules,
             answer=answer,
             place=self.place,
-            separation=self._separation(capsules if guess is None else guess),
+            separation=separation,
             joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
             wall_s=wall,
             cpu_s=cpu,
-            polish_s=self._polish(),
+            polish_s=polish_s,
+            polish_cpu_s=polish_cpu_s,
             dq=point.dq,
             ddq=point.ddq,
             pace=self.executor.state,
             brake=self.executor.reason,
+            escape=escape,
             guess=guess,
         )
         self._move()
@@ -215,12 +224,23 @@ class Loop:
         """Return the exact distance of the robot and the person [m]."""
         return self._audit(self._q, capsules) if len(capsules) else np.inf
 
-    def _polish(self) -> float:
-        begun = time.perf_counter()
+    def _escapes(self, holding: bool) -> bool:
+        """Return whether it retreats, in this hold, from points within clearance."""
+        before, self._retreats = self._retreats, self.executor.state == RETREATING
+        if not holding:
+            self._escape = False
+        elif self._retreats and not before:
+            keep = getattr(self.planner, "keep", 0.0)
+            self._escape |= bool(self.planner.separation(self._q) < keep)
+        return self._retreats and self._escape
+
+    def _polish(self) -> tuple[float, float]:
+        """Return the time it took: passed, and computed [s]."""
+        begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.polish:
             ahead = self.executor.ahead()
             _optional(self.planner, "polish", self.settings.polish, ahead)
-        return time.perf_counter() - begun
+        return time.perf_counter() - begun, time.thread_time() - busy
 
     def _point_speed(self) -> float:
         before, self._centers = self._centers, sphere_centers(self.robot, self._q)
@@ -302,12 +322,20 @@ def light(answer: object, frames: list[Frame]) -> _Light:
     return _Light(answer.status, reason, dict(answer.latency_s))
 
 
+def retreat_of(frame: Frame) -> str:
+    """Return the name of what the robot does in a frame, one of `RETREATS`."""
+    if frame.pace != RETREATING:
+        return RETREATS[0]
+    return RETREATS[2] if frame.escape else RETREATS[1]
+
+
 def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
     """Return the frames of a loop as a result."""
     answers = [frame.answer for frame in frames]
     names = sorted({name for answer in answers for name in answer.stages})
     place = np.array([frame.place for frame in frames])
     status = np.array([STATUS.index(answer.status) for answer in answers])
+    retreat = [RETREATS.index(retreat_of(frame)) for frame in frames]
     columns = ("q", "capsules", "separation", "joint_speed", "point_speed")
     rows = {name: [getattr(frame, name) for frame in frames] for name in columns}
     rate = loop.settings.rate_hz
@@ -323,6 +351,8 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         wall_s=[frame.wall_s for frame in frames],
         cpu_s=[frame.cpu_s for frame in frames],
         polish_s=[frame.polish_s for frame in frames],
+        retreat=retreat,
+        polish_cpu_s=[frame.polish_cpu_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         **rows,

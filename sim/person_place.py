@@ -8,6 +8,7 @@ from roadmap.arrays import frozen
 from roadmap.kinematics import tool_pose
 from roadmap.robot import Robot
 from sim.human_motion import HumanMotion, motion_names
+from sim.scenes import Scene
 
 # the scripts are written for work places on both sides of here, base frame [m]
 SCRIPTED_FOR = (0.42, 0.0, 0.23)
@@ -53,13 +54,16 @@ def before_work_places(
 ) -> HumanMotion:
     """Return a scripted motion with the person moved along with the work places.
 
-    Other motions (recorded ones, keys) stand where they were told to.
+    A scene (`sim.scenes`) is staged before them. Other motions (recorded ones, keys)
+    stand where they were told to.
 
     Args:
         motion: The person.
         robot: The robot.
         places: (n, dof) its work places.
     """
+    if isinstance(motion, Scene):
+        return motion.before(robot, places)
     if motion.name not in motion_names():
         return motion
     tools = [tool_pose(robot, q)[:3, 3] for q in places]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sim.human_motion import HumanMotion
     from sim.run_result import RunResult
 
+WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 DEMO = "demo"  # its recipe and the folder of its map
 
 
@@ -76,6 +77,7 @@ def person_of(
     base_height: float = 0.75,
 ) -> "HumanMotion":
     """Return the person of a run; a wrong name or file is refused before any work."""
+    import sim.scenes  # noqa: F401 (makes them known by name)
     from sim.human_motion import make_motion
 
     if motion != "mocap":
@@ -149,7 +151,9 @@ def run_motion(
         print_report([result], alone, cell_map.hash)
         for note in notes:
             print(note)
-    written = write_files(files, cell_map, result, places)
+    written = write_files(
+        files, cell_map, result, places, getattr(motion, "film_s", None)
+    )
     if not quiet:
         for path in written:
             print(path)
@@ -163,9 +167,16 @@ def run_motion(
 
 
 def write_files(
-    files: RunFiles, cell_map: "CellMap", result: "RunResult", places: object
+    files: RunFiles,
+    cell_map: "CellMap",
+    result: "RunResult",
+    places: object,
+    film_s: float | None = None,
 ) -> list[Path]:
-    """Write the pictures that were asked for; return their paths."""
+    """Write the pictures that were asked for; return their paths.
+
+    The film shows the first `film_s` seconds, or the liveliest ones where that is None.
+    """
     asked = (files.plot, files.animation, files.figures)
     written = [path for path in asked if path is not None]
     for path in written:
@@ -175,13 +186,18 @@ def write_files(
 
         write_latency_plot(result, files.plot)
     if files.animation is not None:
-        from sim.animation import write_animation
+        from sim.animation import FilmSettings, write_animation
         from sim.demo import open_world
 
+        film = FilmSettings()
+        if film_s is not None:
+            n = round(film_s * film.fps)
+            film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
         with stdout_to_stderr():  # pybullet greets and warns on stdout
             world, _ = open_world(cell_map)
         with world:
-            write_animation(result, cell_map.robot, places, world, files.animation)
+            robot = cell_map.robot
+            write_animation(result, robot, places, world, files.animation, film)
     if files.figures is not None:
         write_text(files.figures, result.to_json())
     return written

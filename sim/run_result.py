@@ -12,6 +12,7 @@ import numpy as np
 from roadmap.arrays import frozen
 
 STATUS = ("following", "replanned", "holding")  # codes of RunResult.status
+RETREATS = ("", "backing off", "escaping")  # codes of RunResult.retreat
 MOVING = 0.01  # a joint faster than this moves [rad/s or m/s]
 
 _ARRAYS = {
@@ -67,6 +68,8 @@ class RunResult:
         polish_s: (F,) time of its polishing after the answer [s].
         stages: The planner's own times by stage, (F,) each [s].
         paths: Frame -> (k, dof) planned path, where they were kept.
+        polish_cpu_s: (F,) computing time of the polishing [s]; None: as `polish_s`.
+        retreat: (F,) index into `RETREATS`: whether the robot got out of the way.
     """
 
     motion: str
@@ -87,11 +90,17 @@ class RunResult:
     polish_s: np.ndarray
     stages: dict[str, np.ndarray]
     paths: dict[int, np.ndarray] = field(default_factory=dict)
+    polish_cpu_s: np.ndarray | None = None
+    retreat: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         """Freeze every array."""
         for name, dtype in _ARRAYS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        retreat = np.zeros(len(self.q)) if self.retreat is None else self.retreat
+        object.__setattr__(self, "retreat", frozen(retreat, np.uint8))
+        polish = self.polish_s if self.polish_cpu_s is None else self.polish_cpu_s
+        object.__setattr__(self, "polish_cpu_s", frozen(polish, np.float64))
         stages = {k: frozen(v, np.float64) for k, v in self.stages.items()}
         object.__setattr__(self, "stages", stages)
 
@@ -161,6 +170,8 @@ class RunResult:
             "closest_while_moving": self._moment(self.closest(while_moving=True)),
             "path_changes": self.path_changes,
             "held_s": held,
+            "backing_off_s": self._retreat_s("backing off"),
+            "escaping_s": self._retreat_s("escaping"),
             "hold_reasons": self.hold_reasons(most=10),
             "trajectory_sha256": self.fingerprint(),
         }
@@ -193,6 +204,9 @@ class RunResult:
             digest.update(str(array.shape).encode() + array.tobytes())
         return digest.hexdigest()
 
+    def _retreat_s(self, name: str) -> float:
+        return float(np.sum(self.retreat == RETREATS.index(name))) / self.rate_hz
+
     def _moment(self, frame: int | None) -> dict | None:
         if frame is None:
             return None
@@ -205,7 +219,9 @@ class RunResult:
         }
 
     def _busy(self, clock: str) -> np.ndarray:
-        return getattr(self, f"{clock}_s") + self.polish_s
+        if clock == "cpu":
+            return self.cpu_s + self.polish_cpu_s
+        return self.wall_s + self.polish_s
 
     def _late(self, clock: str) -> list[dict]:
         times, frames = self._busy(clock), self.misses(clock)

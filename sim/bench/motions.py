@@ -13,6 +13,7 @@ from sim.loop import LoopSettings, run_loop
 from sim.person_place import before_work_places
 from sim.run_command import person_of
 from sim.run_result import RunResult
+from sim.scenes import SCENES
 
 TRIPS = 60.0  # asked of the trips made without a person [%]
 FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed
@@ -38,7 +39,8 @@ def run(
         map_dir: Folder of a built map.
         seconds: Simulated time of each run [s].
         seeds: Runs of each motion, from `seed` on.
-        motions: Names of motions; None: all scripted ones.
+        motions: Names of motions; None: all scripted ones but the scenes, which are
+            staged so that the robot has to hold.
         files: Recorded motions (CSV, BVH), each played once for its length at most.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
         seed: The first seed.
@@ -49,7 +51,7 @@ def run(
     Returns:
         Plain data for JSON: "header", "setup", "rows" and "runs".
     """
-    names = tuple(motions or motion_names())
+    names = tuple(motions or (n for n in motion_names() if n not in SCENES))
     for name in names:
         make_motion(name, seed)  # a wrong name is refused before any work
     files = tuple(str(file) for file in files)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.execution import RETREATING
 from sim.run_result import Hold, RunResult
 
 FORMAT = 1
@@ -90,7 +91,14 @@ class RunRecord:
             **{name: self.arrays[name] for name in columns},
             **dict.fromkeys(("wall_s", "cpu_s", "polish_s"), np.zeros(n)),
             stages={},
+            retreat=self._retreat(),
         )
+
+    def _retreat(self) -> np.ndarray:
+        """Return (F,) 1 where the robot backed off; escapes are not told apart."""
+        names = self.head["pace_names"]
+        code = names.index(RETREATING) if RETREATING in names else -1
+        return self.arrays["pace"].astype(int) == code
 
     def _padded(self) -> np.ndarray:
         """Return the capsules (F, k, 7), NaN where a frame has fewer than others."""
