@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close
+from odm._kernels.types import Work
 from odm.answer import Freedom
 from odm.checks import check_configuration, outside_limits
 from odm.explain import link_of
@@ -22,7 +23,7 @@ from odm.static import StaticTest
 from odm.tool_line import Follow, Line, ToolKinematics, follow, pose_gaps
 from roadmap.errors import BadInput
 from roadmap.ik import checked_pose
-from roadmap.kinematics import difference, jacobian, tool_pose
+from roadmap.kinematics import difference, tool_pose
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -209,7 +210,7 @@ class Approacher:
         if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
             return free
         q_a = np.array(q_a, float)
-        tested = self._by_fine(self.fine, q_a, planner._difference(q_a, q_b))
+        tested = self._by_fine(q_a, planner._difference(q_a, q_b))
         return Freedom(not tested.failed, tested.failed or None, tested.text)
 
     # --- inside ----------------------------------------------------------------
@@ -250,12 +251,14 @@ class Approacher:
         return self._prove(way, line, search)
 
     def _from_end(self, line: Line, search: _Search):
-        """Try solutions of the pose, best first; return (way, needed the fine cover)."""
+        """Try solutions of the pose, best first; return (way, fine cover needed)."""
         target, tried = line.poses(1.0)[0], []
         nearest = (np.inf, np.inf)
         for seeds in self._seeds(target):
             new, nearest = self._solutions(target, seeds, tried, nearest)
-            for q in self._ranked(new, search):
+            for q in self._ranked(new):
+                if not self._free_at_end(q, search):
+                    continue
                 way = self._follow(line, q, 1.0, 0.0)
                 if way.stopped:
                     search.failed(0.0, way.stopped)
@@ -326,20 +329,19 @@ class Approacher:
             new.append(q)
         return new, nearest
 
-    def _ranked(self, solutions: list[np.ndarray], search: _Search) -> list[np.ndarray]:
-        """Return those free at the pose: the clear first, then the most manipulable."""
-        rows, still = [], np.zeros(self.planner.robot.dof)
+    def _ranked(self, solutions: list[np.ndarray]) -> list[np.ndarray]:
+        """Return the clear first, by whole centimetres, then the most manipulable."""
+        m, rows = self.planner.memory, []
         for k, q in enumerate(solutions):
-            tested = self._test(q, still, search)
-            if tested.failed:
-                self._tell(tested, -1, 0, "the pose itself is not free", 0.0, search)
-                continue
-            m = self.planner.memory
             gap = close.separation(m.arm, q, m.cloud, _FAR, m.work)
-            J = jacobian(self.planner.robot, q)
-            supple = np.sqrt(max(0.0, np.linalg.det(J @ J.T)))
-            rows.append((-np.floor(gap / _CLASS), -supple, k))
+            rows.append((-np.floor(gap / _CLASS), -self.tool.manipulability(q), k))
         return [solutions[k] for *_, k in sorted(rows)]
+
+    def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
+        tested = self._test(q, np.zeros_like(q), search)
+        if tested.failed:
+            self._tell(tested, -1, 0, "the pose itself is not free", 0.0, search)
+        return not tested.failed
 
     def _prove(self, way: Follow, line: Line, search: _Search):
         """Test every leg; return (way, whether the fine cover was needed) or None."""
@@ -355,7 +357,7 @@ class Approacher:
             dq = np.ascontiguousarray(
                 difference(self.planner.robot, way.q[k], way.q[k + 1])
             )
-            tested = self._test(way.q[k].copy(), dq, search)
+            tested = self._test(way.q[k].copy(), dq, search, fine)
             if tested.failed:
                 left = 100 * (1.0 - way.s[k]) * line.length
                 place = f"leg {k} of {legs} is blocked, {left:.1f} cm before the end"
@@ -367,49 +369,56 @@ class Approacher:
     def _tell(self, tested, leg, legs, place, share, search) -> None:
         text = f"{place}: {tested.text}"
         if tested.failed == "frame":
-            text += f"; move it {100 * tested.missing_m:.1f} cm away"
+            text += f"; move it {1e3 * tested.missing_m + 0.1:.1f} mm away"
         text += ", or give another pose or direction"
         what = Obstruction(
             leg, legs, tested.failed, tested.link, tested.point, tested.missing_m
         )
         search.failed(share, text, what)
 
-    def _test(self, q: np.ndarray, dq: np.ndarray, search: _Search) -> _Tested:
-        """Test a motion: by the map's cover, and where that says no by the fine one."""
-        planner, m = self.planner, self.planner.memory
+    def _test(
+        self, q: np.ndarray, dq: np.ndarray, search: _Search, fine_first: bool = False
+    ) -> _Tested:
+        """Test a motion: by the map's cover, and where that says no by the fine one.
+
+        With `fine_first`, where the leg before needed it, the other way round.
+        """
+        robot = self.planner.robot
         search.motions += 1
         for end in (q, q + dq):
-            trouble = outside_limits(planner.robot, end, 0.0)
+            trouble = outside_limits(robot, end, 0.0)
             if trouble is not None:
                 return _Tested("limits", trouble)
-        stands = planner.static.motion_free(q, dq)
-        if stands and close.motion_clear(
-            m.arm,
-            planner.radii,
-            q,
-            dq,
-            planner.cell_map.motion_tolerance,
-            m.cloud,
-            False,
-            m.work,
+        if not self.settings.fine:
+            return self._by_map(q, dq)
+        ways = (self._by_map, self._by_fine)
+        for test in ways[::-1] if fine_first else ways:
+            tested = test(q, dq)
+            if not tested.failed:
+                return tested
+        return self._by_fine(q, dq) if fine_first else tested
+
+    def _by_map(self, q: np.ndarray, dq: np.ndarray) -> _Tested:
+        planner, m = self.planner, self.planner.memory
+        if not planner.static.motion_free(q, dq):
+            return _scenery(planner.static, q, dq)
+        tolerance = planner.cell_map.motion_tolerance
+        if close.motion_clear(
+            m.arm, planner.radii, q, dq, tolerance, m.cloud, False, m.work
         ):
             return _Tested()
-        if self.settings.fine:
-            return self._by_fine(self.fine, q, dq)
-        if not stands:
-            return _scenery(planner.static, q, dq)
         sphere, point = m.work.found[:2].tolist()
-        link = link_of(planner, sphere)
-        return _frame(link, point, planner.radii[sphere], m.work.value)
+        return _frame(link_of(planner, sphere), point, planner.radii[sphere], m.work)
 
-    def _by_fine(self, fine: FineTest, q: np.ndarray, dq: np.ndarray) -> _Tested:
+    def _by_fine(self, q: np.ndarray, dq: np.ndarray) -> _Tested:
+        fine = self.fine
         if not fine.static.motion_free(q, dq):
             return _scenery(fine.static, q, dq)
         if fine.frame_free(q, dq):
             return _Tested(fine=True)
         sphere, point = fine.work.found[:2].tolist()
         link = self.planner.robot.link_names[fine.link[sphere]]
-        return _frame(link, point, fine.radii[sphere], fine.work.value)
+        return _frame(link, point, fine.radii[sphere], fine.work)
 
 
 def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> _Tested:
@@ -419,7 +428,7 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> _Tested:
     return _Tested("self-collision" if itself else "scenery", text, link)
 
 
-def _frame(link: str, point: int, radius: float, found: np.ndarray) -> _Tested:
-    missing = float(radius - found[1])
-    text = f"{link} would come too near to point {point}, by {100 * missing:.1f} cm"
+def _frame(link: str, point: int, radius: float, work: Work) -> _Tested:
+    missing = float(radius - work.value[1])
+    text = f"{link} would come {1e3 * missing:.1f} mm too near to point {point}"
     return _Tested("frame", text, link, point, missing)

@@ -25,7 +25,7 @@ from roadmap.spheres import cover_excess, cover_solids, robot_solids
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
-EXCESS = 0.004  # [m] asked for; 60 spheres per link may give more
+EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
 
 
 @lru_cache(maxsize=8)

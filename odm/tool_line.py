@@ -8,6 +8,7 @@ bend / (8 n^2). The same holds for the rotation matrices: with W the sum of the 
 displacements that turn the tool, a column moves by |u''| <= 3/2 W^2.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from roadmap.reach import joint_span, point_reach
 from roadmap.robot import JOINT, KIND, PARENT, REVOLUTE, Robot
 
 SAMPLES = 4  # parts of a leg between which the deviation is bounded
+_PARTS = np.linspace(0.0, 1.0, SAMPLES + 1)[:, None]
 _STEPS = 60  # of one descent
 _GOAL = np.array([2e-7, 2e-7])  # [m, rad] what a descent aims at
 _NEAR = np.array([1e-5, 1e-5])  # [m, rad] what counts as reached
@@ -32,11 +34,15 @@ class Line:
     Attributes:
         T_from, T_to: (4, 4) poses of the tool in the base frame [m].
         turn: (3,) rotation vector from the one to the other, base frame [rad].
+        length: Way of the tool [m].
+        angle: Turn of the tool [rad].
     """
 
     T_from: np.ndarray
     T_to: np.ndarray
     turn: np.ndarray
+    length: float
+    angle: float
 
     @classmethod
     def between(cls, T_from: np.ndarray, T_to: np.ndarray) -> "Line":
@@ -46,17 +52,8 @@ class Line:
         R = T_to[:3, :3] @ T_from[:3, :3].T
         angle = np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0))
         turn = np.zeros(3) if angle < 1e-7 else Rotation.from_matrix(R).as_rotvec()
-        return cls(T_from, T_to, turn)
-
-    @property
-    def length(self) -> float:
-        """Way of the tool [m]."""
-        return float(np.linalg.norm(self.T_to[:3, 3] - self.T_from[:3, 3]))
-
-    @property
-    def angle(self) -> float:
-        """Turn of the tool [rad]."""
-        return float(np.linalg.norm(self.turn))
+        way = float(np.linalg.norm(T_to[:3, 3] - T_from[:3, 3]))
+        return cls(T_from, T_to, turn, way, float(np.linalg.norm(turn)))
 
     def poses(self, s: np.ndarray) -> np.ndarray:
         """Return the poses at shares s (k,) of the way as rows (k, 12)."""
@@ -90,11 +87,15 @@ class ToolKinematics:
         self._reach = point_reach(robot.tree_i, robot.tree_f, span, body, tip)
         self._reach.setflags(write=False)
         self._turns = np.zeros(robot.dof)
+        chain = []
         b = int(robot.tip_body)
         while b > 0:
+            if robot.tree_i[b, JOINT] >= 0:
+                chain.append(b)
             if robot.tree_i[b, KIND] == REVOLUTE:
                 self._turns[robot.tree_i[b, JOINT]] += abs(robot.tree_f[b, 15])
             b = int(robot.tree_i[b, PARENT])
+        self._chain = np.array(chain)
         n = len(robot.tree_i)
         self._frames, self._rates = np.empty((n, 12)), np.empty((2, n))
         self._first, self._second = np.empty(1), np.empty(1)
@@ -111,6 +112,34 @@ class ToolKinematics:
         result[:, :9] = (R @ self.robot.T_body_tip[:3, :3]).reshape(-1, 9)
         result[:, 9:] = R @ self.robot.T_body_tip[:3, 3] + rows[:, 9:]
         return result
+
+    def manipulability(self, q: np.ndarray) -> float:
+        """Return sqrt(det(J J^T)) of the tool at q [Yoshikawa1985]; 0 where singular.
+
+        For fewer than six joints: of J^T J.
+        """
+        robot = self.robot
+        kernels.body_frames(robot.tree_i, robot.tree_f, q, self._frames)
+        frames = self._frames[self._chain]
+        R = frames[:, :9].reshape(-1, 3, 3)
+        z = np.einsum("nij,nj->ni", R, robot.tree_f[self._chain, 12:15])
+        z *= robot.tree_f[self._chain, 15:16]
+        tip = self._frames[robot.tip_body]
+        arm = tip[:9].reshape(3, 3) @ robot.T_body_tip[:3, 3] + tip[9:] - frames[:, 9:]
+        turns = (robot.tree_i[self._chain, KIND] == REVOLUTE)[:, None]
+        linear = np.stack(
+            [
+                z[:, 1] * arm[:, 2] - z[:, 2] * arm[:, 1],
+                z[:, 2] * arm[:, 0] - z[:, 0] * arm[:, 2],
+                z[:, 0] * arm[:, 1] - z[:, 1] * arm[:, 0],
+            ],
+            axis=1,
+        )
+        J = np.zeros((robot.dof, 6))
+        rows = np.hstack([np.where(turns, linear, z), np.where(turns, z, 0.0)])
+        np.add.at(J, robot.tree_i[self._chain, JOINT], rows)
+        square = J.T @ J if robot.dof >= 6 else J @ J.T
+        return math.sqrt(max(0.0, float(np.linalg.det(square))))
 
     def reach(self, pose: np.ndarray, q: np.ndarray) -> tuple[bool, float, float]:
         """Bring `q` in place to a pose (12,); return (reached, [m], [rad])."""
@@ -153,9 +182,8 @@ class ToolKinematics:
         """
         robot = self.robot
         dq = difference(robot, q_a, q_b)
-        t = np.linspace(0.0, 1.0, SAMPLES + 1)
-        rows = self.tools(q_a + t[:, None] * dq)
-        rows -= line.poses(s_a + t * (s_b - s_a))
+        rows = self.tools(q_a + _PARTS * dq)
+        rows -= line.poses(s_a + _PARTS[:, 0] * (s_b - s_a))
         kernels.motion_bounds(
             robot.tree_i,
             robot.tree_f,
@@ -166,13 +194,14 @@ class ToolKinematics:
             self._second,
         )
         share = 1.0 / (8 * SAMPLES**2)
-        off = float(np.linalg.norm(rows[:, 9:], axis=1).max())
-        turned = float(np.linalg.norm(rows[:, :9], axis=1).max())
+        squares = rows * rows
+        off = math.sqrt(squares[:, 9:].sum(axis=1).max())
+        turned = math.sqrt(squares[:, :9].sum(axis=1).max())
         w = float(self._turns @ np.abs(dq))
         own = abs(s_b - s_a) * line.angle
-        turned += share * (np.sqrt(3.0) * 1.5 * w * w + np.sqrt(2.0) * own * own)
-        angle = 2.0 * np.arcsin(min(1.0, turned / np.sqrt(8.0)))
-        return off + share * float(self._second[0]), float(angle)
+        turned += share * (math.sqrt(3.0) * 1.5 * w * w + math.sqrt(2.0) * own * own)
+        angle = 2.0 * math.asin(min(1.0, turned / math.sqrt(8.0)))
+        return off + share * float(self._second[0]), angle
 
 
 def flat(T: np.ndarray) -> np.ndarray:
@@ -232,7 +261,10 @@ def follow(
     smallest = abs(s_to - s_from) / n / 16.0
     qs, ss, worst = [q.copy()], [s_from], [0.0, 0.0]
     ahead = np.zeros_like(q)  # joint change per share, of the last leg
+    fits = 2.0  # share of the line; what was halved is not tried at full length again
     while goals:
+        while abs(goals[-1] - ss[-1]) > 1.5 * fits:
+            goals.append(0.5 * (goals[-1] + ss[-1]))
         s = goals[-1]
         new = qs[-1] + ahead * (s - ss[-1])
         reached, off, turned = tool.reach(line.poses(s)[0], new)
@@ -241,7 +273,7 @@ def follow(
             error = tool.leg_error(line, ss[-1], s, qs[-1], new)
         if error[0] > limits[0] or error[1] > limits[1]:
             if abs(s - ss[-1]) > smallest * 1.5:
-                goals.append(0.5 * (s + ss[-1]))
+                fits = 0.5 * abs(s - ss[-1])
                 continue
             stopped = _stop(tool, line, ss[-1], s, new, reached, off, turned)
             return Follow(np.array(qs), np.array(ss), *worst, stopped)
