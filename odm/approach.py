@@ -17,8 +17,10 @@ from odm._kernels import close
 from odm._kernels.types import Work
 from odm.answer import Freedom
 from odm.checks import check_configuration, outside_limits
+from odm.clouds import SortedCloud
 from odm.explain import link_of
 from odm.fine_cover import FineTest
+from odm.grid import WorkspaceGrid
 from odm.static import StaticTest
 from odm.tool_line import Follow, Line, ToolKinematics, follow, pose_gaps
 from roadmap.errors import BadInput
@@ -162,14 +164,24 @@ class Approacher:
         self._nodes = planner.cell_map.roadmap.nodes
         self._poses = self.tool.tools(self._nodes)
         self._fine: FineTest | None = None
+        grid = planner.cell_map.grid
+        # smaller blocks than the map's: dense points of a bin are told apart sooner
+        halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
+        self._sorted = SortedCloud(halved)
+        self._cloud = self._sorted.of(planner.points)
 
     @property
     def fine(self) -> FineTest:
         """The finer cover; made at the first use, which takes seconds."""
         if self._fine is None:
             self._fine = FineTest(self.planner)
-        self._fine.follow()
         return self._fine
+
+    def _look(self) -> None:
+        """Take the planner's points, scenery and sampling as they are now."""
+        self._cloud = self._sorted.of(self.planner.points)
+        if self.settings.fine:
+            self.fine.follow()
 
     def run(
         self,
@@ -182,9 +194,7 @@ class Approacher:
         planner = self.planner
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
-        planner._sort()
-        if self.settings.fine:
-            _ = self.fine
+        self._look()
         search, before = _Search(self.settings.motions), self.tool.descents
         if q is not None:
             q = np.ascontiguousarray(check_configuration(planner.robot, q, None))
@@ -209,6 +219,7 @@ class Approacher:
         free = planner.is_free(q_a, q_b)
         if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
             return free
+        self._look()
         q_a = np.array(q_a, float)
         tested = self._by_fine(q_a, planner._difference(q_a, q_b))
         return Freedom(not tested.failed, tested.failed or None, tested.text)
@@ -333,7 +344,7 @@ class Approacher:
         """Return the clear first, by whole centimetres, then the most manipulable."""
         m, rows = self.planner.memory, []
         for k, q in enumerate(solutions):
-            gap = close.separation(m.arm, q, m.cloud, _FAR, m.work)
+            gap = close.separation(m.arm, q, self._cloud, _FAR, m.work)
             rows.append((-np.floor(gap / _CLASS), -self.tool.manipulability(q), k))
         return [solutions[k] for *_, k in sorted(rows)]
 
@@ -369,7 +380,7 @@ class Approacher:
     def _tell(self, tested, leg, legs, place, share, search) -> None:
         text = f"{place}: {tested.text}"
         if tested.failed == "frame":
-            text += f"; move it {1e3 * tested.missing_m + 0.1:.1f} mm away"
+            text += f"; move it at least {1e3 * tested.missing_m + 0.1:.1f} mm away"
         text += ", or give another pose or direction"
         what = Obstruction(
             leg, legs, tested.failed, tested.link, tested.point, tested.missing_m
@@ -404,7 +415,7 @@ class Approacher:
             return _scenery(planner.static, q, dq)
         tolerance = planner.cell_map.motion_tolerance
         if close.motion_clear(
-            m.arm, planner.radii, q, dq, tolerance, m.cloud, False, m.work
+            m.arm, planner.radii, q, dq, tolerance, self._cloud, False, m.work
         ):
             return _Tested()
         sphere, point = m.work.found[:2].tolist()
@@ -414,7 +425,7 @@ class Approacher:
         fine = self.fine
         if not fine.static.motion_free(q, dq):
             return _scenery(fine.static, q, dq)
-        if fine.frame_free(q, dq):
+        if fine.frame_free(q, dq, self._cloud):
             return _Tested(fine=True)
         sphere, point = fine.work.found[:2].tolist()
         link = self.planner.robot.link_names[fine.link[sphere]]

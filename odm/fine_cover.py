@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close
-from odm._kernels.types import make_work
+from odm._kernels.types import Cloud, make_work
 from odm.cell_map import arm_of
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
@@ -133,18 +133,9 @@ class FineTest:
                 for ball in self.balls
             ]
 
-    def frame_free(self, q: np.ndarray, dq: np.ndarray) -> bool:
-        """Test q + t dq against the frame's points; False leaves them in `work`."""
-        planner = self.planner
-        return bool(
-            close.motion_clear(
-                self.arm,
-                self.radii,
-                q,
-                dq,
-                planner.cell_map.motion_tolerance,
-                planner.memory.cloud,
-                False,
-                self.work,
-            )
+    def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
+        """Test q + t dq against points; where False, `work` says which one."""
+        tolerance = self.planner.cell_map.motion_tolerance
+        return close.motion_clear(
+            self.arm, self.radii, q, dq, tolerance, cloud, False, self.work
         )
