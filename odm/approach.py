@@ -13,15 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels import close
-from odm._kernels.types import Work
 from odm.answer import Freedom
-from odm.checks import check_configuration, outside_limits
-from odm.clouds import SortedCloud
-from odm.explain import link_of
-from odm.fine_cover import FineTest
-from odm.grid import WorkspaceGrid
-from odm.static import StaticTest
+from odm.approach_answer import Approach, ApproachSettings, Obstruction
+from odm.checks import check_configuration
+from odm.legs import LegTest, Tested
 from odm.tool_line import Follow, Line, ToolKinematics, follow, pose_gaps
 from roadmap.errors import BadInput
 from roadmap.ik import checked_pose
@@ -35,115 +30,16 @@ _CLASS = 0.01  # [m] clearances within this are equal: the better posture goes f
 _FAR = 0.06  # [m] more clearance than this is no better
 
 
-@dataclass(frozen=True)
-class ApproachSettings:
-    """What a user may turn.
-
-    Attributes:
-        step_m: Legs start with this length of the tool's way [m]; halved where needed.
-        line_m, line_rad: Largest deviation of the tool from the line [m], [rad].
-        seeds: Descents that look for solutions of the pose, in rounds.
-        rounds: Rounds at most; the next one only when no solution was proved.
-        motions: Motions that are tested at most.
-        fine: Let a finer cover of the tool's links decide where the map's says no.
-            Braking tests and `is_free` of the planner go on with the map's cover.
-    """
-
-    step_m: float = 0.03
-    line_m: float = 0.001
-    line_rad: float = 0.01
-    seeds: int = 12
-    rounds: int = 3
-    motions: int = 200
-    fine: bool = True
-
-
-@dataclass(frozen=True)
-class Obstruction:
-    """What is in the way of a leg.
-
-    Attributes:
-        leg: Number of the leg, counted from the start of the approach; -1 where the
-            start itself is not free.
-        legs: Number of legs.
-        failed: "limits", "self-collision", "scenery" or "frame".
-        link: Link of the arm, None where that is not known.
-        point: Index of the frame's point, -1 where it is none.
-        missing_m: How much farther away the point should be [m].
-    """
-
-    leg: int
-    legs: int
-    failed: str
-    link: str | None = None
-    point: int = -1
-    missing_m: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Approach:
-    """A proved straight tool motion, or why there is none.
-
-    Attributes:
-        path: (k, dof) corners from the pre-pose to the pose [rad or m]; (0, dof)
-            where none was proved. Backwards it is proved, too.
-        error_m, error_rad: Largest deviation of the tool from the straight line [m],
-            [rad]: a bound over the whole motion, not a sample.
-        reason: One sentence where none was proved: what blocks, and what would help.
-        blocker: The same as data; None where no leg was blocked.
-        fine: True where a leg needed the finer cover; the planner's own `is_free`,
-            which uses the map's cover, refuses such a leg.
-        descents, motions: Counted work: descents of inverse kinematics, motions tested.
-    """
-
-    path: np.ndarray
-    error_m: float = 0.0
-    error_rad: float = 0.0
-    reason: str | None = None
-    blocker: Obstruction | None = None
-    fine: bool = False
-    descents: int = 0
-    motions: int = 0
-
-    def __bool__(self) -> bool:
-        """Return True where a motion was proved."""
-        return self.reason is None
-
-    @property
-    def q_pre(self) -> np.ndarray | None:
-        """(dof,) where the approach begins: a goal for `planner.set_goals`."""
-        return self.path[0].copy() if len(self.path) else None
-
-    @property
-    def q_end(self) -> np.ndarray | None:
-        """(dof,) where it ends: the tool is at the pose."""
-        return self.path[-1].copy() if len(self.path) else None
-
-
 @dataclass
 class _Search:
     """The work of one call, and the failure that came nearest to an approach."""
 
-    left: int
-    motions: int = 0
     best: tuple = ((-1.0, 0.0), "", None)
 
     def failed(self, share: float, text: str, what: Obstruction | None = None) -> None:
         key = (share, -what.missing_m if what else 0.0)
         if key > self.best[0]:
             self.best = (key, text, what)
-
-
-@dataclass(frozen=True)
-class _Tested:
-    """What a motion's test found; see Obstruction."""
-
-    failed: str = ""
-    text: str = ""
-    link: str | None = None
-    point: int = -1
-    missing_m: float = 0.0
-    fine: bool = False
 
 
 class Approacher:
@@ -163,25 +59,7 @@ class Approacher:
         self.tool = ToolKinematics(planner.robot)
         self._nodes = planner.cell_map.roadmap.nodes
         self._poses = self.tool.tools(self._nodes)
-        self._fine: FineTest | None = None
-        grid = planner.cell_map.grid
-        # smaller blocks than the map's: dense points of a bin are told apart sooner
-        halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
-        self._sorted = SortedCloud(halved)
-        self._cloud = self._sorted.of(planner.points)
-
-    @property
-    def fine(self) -> FineTest:
-        """The finer cover; made at the first use, which takes seconds."""
-        if self._fine is None:
-            self._fine = FineTest(self.planner)
-        return self._fine
-
-    def _look(self) -> None:
-        """Take the planner's points, scenery and sampling as they are now."""
-        self._cloud = self._sorted.of(self.planner.points)
-        if self.settings.fine:
-            self.fine.follow()
+        self.legs = LegTest(planner, self.settings.fine)
 
     def run(
         self,
@@ -194,14 +72,15 @@ class Approacher:
         planner = self.planner
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
-        self._look()
-        search, before = _Search(self.settings.motions), self.tool.descents
+        self.legs.look()
+        search, before = _Search(), self.tool.descents
+        self.legs.motions = 0
         if q is not None:
             q = np.ascontiguousarray(check_configuration(planner.robot, q, None))
             found = self._from_start(line, q.copy(), search)
         else:
             found = self._from_end(line, search)
-        work = {"descents": self.tool.descents - before, "motions": search.motions}
+        work = {"descents": self.tool.descents - before, "motions": self.legs.motions}
         if found is None:
             nothing = np.empty((0, planner.robot.dof))
             _, text, what = search.best
@@ -219,9 +98,9 @@ class Approacher:
         free = planner.is_free(q_a, q_b)
         if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
             return free
-        self._look()
+        self.legs.look()
         q_a = np.array(q_a, float)
-        tested = self._by_fine(q_a, planner._difference(q_a, q_b))
+        tested = self.legs.by_fine(q_a, planner._difference(q_a, q_b))
         return Freedom(not tested.failed, tested.failed or None, tested.text)
 
     # --- inside ----------------------------------------------------------------
@@ -278,7 +157,7 @@ class Approacher:
                 if not self._starts_free(way.q[0].copy(), search):
                     continue
                 found = self._prove(way, line, search)
-                if found is not None or search.motions >= search.left:
+                if found is not None or self._is_spent():
                     return found
         if not tried:
             off, turned = nearest
@@ -293,7 +172,7 @@ class Approacher:
     def _starts_free(self, q: np.ndarray, search: _Search) -> bool:
         """Test the pre-pose by the map's cover: the planner must get there by it."""
         free = self.planner.is_free(q, q)
-        search.motions += 1
+        self.legs.motions += 1
         if not free:
             text = (
                 f"the start of the approach is not free: {free.reason}; give a longer "
@@ -342,14 +221,17 @@ class Approacher:
 
     def _ranked(self, solutions: list[np.ndarray]) -> list[np.ndarray]:
         """Return the clear first, by whole centimetres, then the most manipulable."""
-        m, rows = self.planner.memory, []
+        rows = []
         for k, q in enumerate(solutions):
-            gap = close.separation(m.arm, q, self._cloud, _FAR, m.work)
+            gap = self.legs.gap(q, _FAR)
             rows.append((-np.floor(gap / _CLASS), -self.tool.manipulability(q), k))
         return [solutions[k] for *_, k in sorted(rows)]
 
+    def _is_spent(self) -> bool:
+        return self.legs.motions >= self.settings.motions
+
     def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
-        tested = self._test(q, np.zeros_like(q), search)
+        tested = self.legs.test(q, np.zeros_like(q))
         if tested.failed:
             self._tell(tested, -1, 0, "the pose itself is not free", 0.0, search)
         return not tested.failed
@@ -358,17 +240,17 @@ class Approacher:
         """Test every leg; return (way, whether the fine cover was needed) or None."""
         legs, fine = len(way.q) - 1, False
         for k in range(legs):
-            if search.motions >= search.left:
+            if self._is_spent():
                 text = (
-                    f"the budget of {search.left} motions was spent before a line was "
-                    "proved; allow more motions, or give a start q"
+                    f"the budget of {self.settings.motions} motions was spent before "
+                    "a line was proved; allow more motions, or give a start q"
                 )
                 search.failed(float(way.s[k]), text)
                 return None
             dq = np.ascontiguousarray(
                 difference(self.planner.robot, way.q[k], way.q[k + 1])
             )
-            tested = self._test(way.q[k].copy(), dq, search, fine)
+            tested = self.legs.test(way.q[k].copy(), dq, fine)
             if tested.failed:
                 left = 100 * (1.0 - way.s[k]) * line.length
                 place = f"leg {k} of {legs} is blocked, {left:.1f} cm before the end"
@@ -377,7 +259,7 @@ class Approacher:
             fine |= tested.fine
         return way, fine
 
-    def _tell(self, tested, leg, legs, place, share, search) -> None:
+    def _tell(self, tested: Tested, leg, legs, place, share, search) -> None:
         text = f"{place}: {tested.text}"
         if tested.failed == "frame":
             text += f"; move it at least {1e3 * tested.missing_m + 0.1:.1f} mm away"
@@ -386,60 +268,3 @@ class Approacher:
             leg, legs, tested.failed, tested.link, tested.point, tested.missing_m
         )
         search.failed(share, text, what)
-
-    def _test(
-        self, q: np.ndarray, dq: np.ndarray, search: _Search, fine_first: bool = False
-    ) -> _Tested:
-        """Test a motion: by the map's cover, and where that says no by the fine one.
-
-        With `fine_first`, where the leg before needed it, the other way round.
-        """
-        robot = self.planner.robot
-        search.motions += 1
-        for end in (q, q + dq):
-            trouble = outside_limits(robot, end, 0.0)
-            if trouble is not None:
-                return _Tested("limits", trouble)
-        if not self.settings.fine:
-            return self._by_map(q, dq)
-        ways = (self._by_map, self._by_fine)
-        for test in ways[::-1] if fine_first else ways:
-            tested = test(q, dq)
-            if not tested.failed:
-                return tested
-        return self._by_fine(q, dq) if fine_first else tested
-
-    def _by_map(self, q: np.ndarray, dq: np.ndarray) -> _Tested:
-        planner, m = self.planner, self.planner.memory
-        if not planner.static.motion_free(q, dq):
-            return _scenery(planner.static, q, dq)
-        tolerance = planner.cell_map.motion_tolerance
-        if close.motion_clear(
-            m.arm, planner.radii, q, dq, tolerance, self._cloud, False, m.work
-        ):
-            return _Tested()
-        sphere, point = m.work.found[:2].tolist()
-        return _frame(link_of(planner, sphere), point, planner.radii[sphere], m.work)
-
-    def _by_fine(self, q: np.ndarray, dq: np.ndarray) -> _Tested:
-        fine = self.fine
-        if not fine.static.motion_free(q, dq):
-            return _scenery(fine.static, q, dq)
-        if fine.frame_free(q, dq, self._cloud):
-            return _Tested(fine=True)
-        sphere, point = fine.work.found[:2].tolist()
-        link = self.planner.robot.link_names[fine.link[sphere]]
-        return _frame(link, point, fine.radii[sphere], fine.work)
-
-
-def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> _Tested:
-    text = static.why(q, dq) or "the motion is not free"
-    itself = static.touches_itself(q, dq) is not None
-    link = text.split(" would touch ")[0]
-    return _Tested("self-collision" if itself else "scenery", text, link)
-
-
-def _frame(link: str, point: int, radius: float, work: Work) -> _Tested:
-    missing = float(radius - work.value[1])
-    text = f"{link} would come {1e3 * missing:.1f} mm too near to point {point}"
-    return _Tested("frame", text, link, point, missing)

@@ -244,7 +244,7 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="latency|motions|tax|build|ompl|odm-paper|camera|human",
+            metavar="latency|motions|tax|build|ompl|odm-paper|camera|human|approach",
             help="Which one.",
         ),
     ],
