@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm import attach, calm, explain, polish, smooth
+from odm import approach, attach, calm, explain, polish, smooth
 from odm._kernels import close, frame, occupancy, step
 from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
 from odm.answer import (
@@ -96,6 +96,7 @@ class ReactivePlanner:
         self._sampled: tuple[float | None, float | None] = (None, None)
         self.keep = cell_map.safety.rho + cell_map.safety.m
         self.attacher = attach.Attacher(self)
+        self._approacher: approach.Approacher | None = None
         self.polisher = polish.Polisher(self)
         self.smoother = smooth.Smoother(self)
         self.calm = calm.Calm(self)
@@ -331,6 +332,31 @@ class ReactivePlanner:
             BadInput: Wrong length or not finite.
         """
         return explain.is_free(self, q_a, q_b)
+
+    def approach(
+        self,
+        T_base_tool: np.ndarray,
+        q: np.ndarray | None = None,
+        distance: float = 0.15,
+        direction: np.ndarray | None = None,
+    ) -> "approach.Approach":
+        """Find a straight tool motion to a pose, every leg proved free.
+
+        Scenery and the last frame's points count. The first call prepares for seconds.
+
+        Args:
+            T_base_tool: (4, 4) where the tool ends, base frame [m].
+            q: (dof,) where the motion starts; None finds the start, too: `distance`
+                back from the pose.
+            distance: Length of the motion where q is None [m].
+            direction: (3,) which way the tool moves, base frame; None: along its z.
+
+        Raises:
+            BadInput: The pose is not rigid, q, distance or direction is out of range.
+        """
+        if self._approacher is None:
+            self._approacher = approach.Approacher(self)
+        return self._approacher.run(T_base_tool, q, distance, direction)
 
     def blocked_leg(
         self, path: np.ndarray, extra: float = 0.0, points: np.ndarray | None = None

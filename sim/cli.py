@@ -247,7 +247,8 @@ def bench(
         str,
         typer.Argument(
             metavar="NAME",
-            help="latency, motions, memory, tax, build, ompl, odm-paper, camera, human.",
+            help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
+            "human or approach.",
         ),
     ],
     map_dir: Annotated[
