@@ -17,7 +17,7 @@ from odm.answer import Freedom
 from odm.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.checks import check_configuration
 from odm.legs import LegTest, Tested
-from odm.tool_line import Follow, Line, ToolKinematics, follow, pose_gaps
+from odm.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from roadmap.errors import BadInput
 from roadmap.ik import checked_pose
 from roadmap.kinematics import difference, tool_pose
@@ -58,7 +58,7 @@ class Approacher:
         self.settings = settings or ApproachSettings()
         self.tool = ToolKinematics(planner.robot)
         self._nodes = planner.cell_map.roadmap.nodes
-        self._poses = self.tool.tools(self._nodes)
+        self._near = NearPoses(self.tool.tools(self._nodes))
         self.legs = LegTest(planner, self.settings.fine)
 
     def run(
@@ -192,10 +192,7 @@ class Approacher:
         A round takes every so-manieth of the near ones, so that postures differ.
         """
         n, rounds = self.settings.seeds, self.settings.rounds
-        gaps = pose_gaps(self._poses, target)
-        near = np.argpartition(gaps, min(4 * n * rounds, len(gaps) - 1))
-        near = near[: 4 * n * rounds]
-        near = near[np.lexsort((near, gaps[near]))]
+        near = self._near.nearest(target, 4 * n * rounds)
         here = self.planner._q
         first = [here] if np.isfinite(here).all() else []
         chosen = [
@@ -213,7 +210,7 @@ class Approacher:
                 nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
                 continue
             robot = self.planner.robot
-            if any(np.abs(difference(robot, s, q)).max() < _SAME for s in tried):
+            if tried and np.abs(difference(robot, tried, q)).max(axis=1).min() < _SAME:
                 continue
             tried.append(q)
             new.append(q)
