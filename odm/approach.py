@@ -32,7 +32,10 @@ _FAR = 0.06  # [m] more clearance than this is no better
 
 @dataclass
 class _Search:
-    """The work of one call, and the failure that came nearest to an approach."""
+    """The failure that came nearest to an approach, by the share of the line.
+
+    Below 0: not even the pose itself was free.
+    """
 
     best: tuple = ((-1.0, 0.0), "", None)
 
@@ -166,7 +169,7 @@ class Approacher:
                 f"found is {100 * off:.1f} cm and {np.degrees(turned):.0f} deg away; "
                 "move the pose nearer or turn it"
             )
-            search.failed(0.0, text)
+            search.failed(-0.9, text)
         return None
 
     def _starts_free(self, q: np.ndarray, search: _Search) -> bool:
@@ -230,7 +233,8 @@ class Approacher:
     def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
         tested = self.legs.test(q, np.zeros_like(q))
         if tested.failed:
-            self._tell(tested, -1, 0, "the pose itself is not free", 0.0, search)
+            share = -0.5 if tested.failed == "frame" else -0.6
+            self._tell(tested, -1, 0, "the pose itself is not free", share, search)
         return not tested.failed
 
     def _prove(self, way: Follow, line: Line, search: _Search):

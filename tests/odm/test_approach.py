@@ -1,6 +1,8 @@
 """The last centimetres: straight tool motions on a table, a shelf, a hand, in a bin."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -295,3 +297,14 @@ def test_a_small_budget_is_kept(planner):
 def test_bad_input_is_refused(planner, change, text):
     with pytest.raises(BadInput, match=text):
         planner.approach(**({"T_base_tool": DOWN} | change))
+
+
+def test_the_example_of_the_docs_runs(planner, cell_map, capsys):
+    text = (Path(odm.__file__).parents[1] / "docs" / "approach.md").read_text()
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
+    assert len(code.strip().splitlines()) <= 6
+    points, q_now = NOBODY, cell_map.roadmap.nodes[0].copy()
+    names = {"planner": planner, "points": points, "q_now": q_now, "T_base_tool": DOWN}
+    exec(code, names)
+    assert names["way"] and "mm of the line" in capsys.readouterr().out
+    assert np.array_equal(planner.goals, [names["way"].q_pre])
