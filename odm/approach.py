@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from odm._kernels.types import N_BAD
 from odm.answer import Freedom
 from odm.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.checks import check_configuration
+from odm.explain import unfit
 from odm.legs import LegTest, Tested
 from odm.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from roadmap.errors import BadInput
@@ -76,6 +78,10 @@ class Approacher:
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
         self.legs.look()
+        nothing = np.empty((0, planner.robot.dof))
+        trouble = unfit(planner, int(self.legs.cloud.counts[N_BAD]), None, None)
+        if trouble is not None:
+            return Approach(nothing, reason=trouble)
         search, before = _Search(), self.tool.descents
         self.legs.motions = 0
         if q is not None:
@@ -85,7 +91,6 @@ class Approacher:
             found = self._from_end(line, search)
         work = {"descents": self.tool.descents - before, "motions": self.legs.motions}
         if found is None:
-            nothing = np.empty((0, planner.robot.dof))
             _, text, what = search.best
             return Approach(nothing, reason=text, blocker=what, **work)
         way, fine = found

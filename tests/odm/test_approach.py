@@ -273,6 +273,13 @@ def test_a_line_that_leaves_the_reach_says_where(planner):
     assert "cm before its end" in answer.reason
 
 
+def test_points_that_are_nowhere_allow_no_approach(planner):
+    q = planner.cell_map.roadmap.nodes[0]
+    planner.step(np.array([[2.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]), q)
+    answer = planner.approach(DOWN)
+    assert not answer and "1 obstacle points are NaN" in answer.reason
+
+
 def test_a_small_budget_is_kept(planner):
     see(planner, [])
     tight = Approacher(planner, ApproachSettings(motions=3)).run(DOWN)

@@ -1,4 +1,4 @@
-"""`odm bench approach` asks for approaches into bins, and exact geometry checks them."""
+"""`odm bench approach` asks for approaches into bins; exact geometry checks them."""
 
 from dataclasses import replace
 
