@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from odm._kernels.types import N_BAD
 from odm.answer import Freedom
 from odm.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.checks import check_configuration
+from odm.explain import unfit
 from odm.legs import LegTest, Tested
-from odm.tool_line import Follow, Line, ToolKinematics, follow, pose_gaps
+from odm.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from roadmap.errors import BadInput
 from roadmap.ik import checked_pose
 from roadmap.kinematics import difference, tool_pose
@@ -32,7 +34,10 @@ _FAR = 0.06  # [m] more clearance than this is no better
 
 @dataclass
 class _Search:
-    """The work of one call, and the failure that came nearest to an approach."""
+    """The failure that came nearest to an approach, by the share of the line.
+
+    Below 0: not even the pose itself was free.
+    """
 
     best: tuple = ((-1.0, 0.0), "", None)
 
@@ -58,7 +63,7 @@ class Approacher:
         self.settings = settings or ApproachSettings()
         self.tool = ToolKinematics(planner.robot)
         self._nodes = planner.cell_map.roadmap.nodes
-        self._poses = self.tool.tools(self._nodes)
+        self._near = NearPoses(self.tool.tools(self._nodes))
         self.legs = LegTest(planner, self.settings.fine)
 
     def run(
@@ -73,6 +78,10 @@ class Approacher:
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
         self.legs.look()
+        nothing = np.empty((0, planner.robot.dof))
+        trouble = unfit(planner, int(self.legs.cloud.counts[N_BAD]), None, None)
+        if trouble is not None:
+            return Approach(nothing, reason=trouble)
         search, before = _Search(), self.tool.descents
         self.legs.motions = 0
         if q is not None:
@@ -82,7 +91,6 @@ class Approacher:
             found = self._from_end(line, search)
         work = {"descents": self.tool.descents - before, "motions": self.legs.motions}
         if found is None:
-            nothing = np.empty((0, planner.robot.dof))
             _, text, what = search.best
             return Approach(nothing, reason=text, blocker=what, **work)
         way, fine = found
@@ -166,7 +174,7 @@ class Approacher:
                 f"found is {100 * off:.1f} cm and {np.degrees(turned):.0f} deg away; "
                 "move the pose nearer or turn it"
             )
-            search.failed(0.0, text)
+            search.failed(-0.9, text)
         return None
 
     def _starts_free(self, q: np.ndarray, search: _Search) -> bool:
@@ -192,10 +200,7 @@ class Approacher:
         A round takes every so-manieth of the near ones, so that postures differ.
         """
         n, rounds = self.settings.seeds, self.settings.rounds
-        gaps = pose_gaps(self._poses, target)
-        near = np.argpartition(gaps, min(4 * n * rounds, len(gaps) - 1))
-        near = near[: 4 * n * rounds]
-        near = near[np.lexsort((near, gaps[near]))]
+        near = self._near.nearest(target, 4 * n * rounds)
         here = self.planner._q
         first = [here] if np.isfinite(here).all() else []
         chosen = [
@@ -213,7 +218,7 @@ class Approacher:
                 nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
                 continue
             robot = self.planner.robot
-            if any(np.abs(difference(robot, s, q)).max() < _SAME for s in tried):
+            if tried and np.abs(difference(robot, tried, q)).max(axis=1).min() < _SAME:
                 continue
             tried.append(q)
             new.append(q)
@@ -233,7 +238,8 @@ class Approacher:
     def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
         tested = self.legs.test(q, np.zeros_like(q))
         if tested.failed:
-            self._tell(tested, -1, 0, "the pose itself is not free", 0.0, search)
+            share = -0.5 if tested.failed == "frame" else -0.6
+            self._tell(tested, -1, 0, "the pose itself is not free", share, search)
         return not tested.failed
 
     def _prove(self, way: Follow, line: Line, search: _Search):

@@ -22,8 +22,8 @@ class ApproachSettings:
     step_m: float = 0.03
     line_m: float = 0.001
     line_rad: float = 0.01
-    seeds: int = 12
-    rounds: int = 3
+    seeds: int = 8
+    rounds: int = 4
     motions: int = 200
     fine: bool = True
 

@@ -209,11 +209,24 @@ def flat(T: np.ndarray) -> np.ndarray:
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
-def pose_gaps(rows: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Return how far poses (k, 12) are from one (12,): metres, 0.3 m per radian."""
-    way = np.linalg.norm(rows[:, 9:] - pose[9:], axis=1)
-    cosine = 0.5 * (rows[:, :9] @ pose[:9] - 1.0)
-    return way + _LENGTH * np.arccos(np.clip(cosine, -1.0, 1.0))
+class NearPoses:
+    """Ranks poses by nearness: squared metres, 0.3 m per radian (for small angles).
+
+    The squared Frobenius norm of two rotations' difference is 2 angle^2 for small
+    angles and grows with the angle up to half a turn.
+    """
+
+    def __init__(self, rows: np.ndarray) -> None:
+        """Keep poses (k, 12)."""
+        weights = np.array([0.5 * _LENGTH**2] * 9 + [1.0] * 3)
+        self._squares = (rows * rows) @ weights
+        self._weighted = rows * (-2.0 * weights)
+
+    def nearest(self, pose: np.ndarray, n: int) -> np.ndarray:
+        """Return the indices of the n poses nearest to one (12,), nearest first."""
+        gaps = self._squares + self._weighted @ pose
+        near = np.argpartition(gaps, min(n, len(gaps)) - 1)[:n]
+        return near[np.lexsort((near, gaps[near]))]
 
 
 @dataclass(frozen=True, eq=False)

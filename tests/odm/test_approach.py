@@ -1,6 +1,8 @@
 """The last centimetres: straight tool motions on a table, a shelf, a hand, in a bin."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -271,6 +273,13 @@ def test_a_line_that_leaves_the_reach_says_where(planner):
     assert "cm before its end" in answer.reason
 
 
+def test_points_that_are_nowhere_allow_no_approach(planner):
+    q = planner.cell_map.roadmap.nodes[0]
+    planner.step(np.array([[2.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]), q)
+    answer = planner.approach(DOWN)
+    assert not answer and "1 obstacle points are NaN" in answer.reason
+
+
 def test_a_small_budget_is_kept(planner):
     see(planner, [])
     tight = Approacher(planner, ApproachSettings(motions=3)).run(DOWN)
@@ -295,3 +304,14 @@ def test_a_small_budget_is_kept(planner):
 def test_bad_input_is_refused(planner, change, text):
     with pytest.raises(BadInput, match=text):
         planner.approach(**({"T_base_tool": DOWN} | change))
+
+
+def test_the_example_of_the_docs_runs(planner, cell_map, capsys):
+    text = (Path(odm.__file__).parents[1] / "docs" / "approach.md").read_text()
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
+    assert len(code.strip().splitlines()) <= 6
+    points, q_now = NOBODY, cell_map.roadmap.nodes[0].copy()
+    names = {"planner": planner, "points": points, "q_now": q_now, "T_base_tool": DOWN}
+    exec(code, names)
+    assert names["way"] and "mm of the line" in capsys.readouterr().out
+    assert np.array_equal(planner.goals, [names["way"].q_pre])
