@@ -8,13 +8,14 @@ import numpy as np
 from sim.execution import RETREATING
 from sim.run_result import Hold, RunResult
 
-FORMAT = 1
+FORMAT = 2
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told
     "status": np.uint8,
     "place": np.int32,
     "pace": np.uint8,
+    "escape": np.uint8,
     "q": np.float64,
     "dq": np.float64,
     "ddq": np.float64,
@@ -95,10 +96,11 @@ class RunRecord:
         )
 
     def _retreat(self) -> np.ndarray:
-        """Return (F,) 1 where the robot backed off; escapes are not told apart."""
+        """Return (F,) 1 where the robot backed off, 2 where it escaped."""
         names = self.head["pace_names"]
         code = names.index(RETREATING) if RETREATING in names else -1
-        return self.arrays["pace"].astype(int) == code
+        backs = self.arrays["pace"].astype(int) == code
+        return backs * (1 + (self.arrays["escape"] > 0))
 
     def _padded(self) -> np.ndarray:
         """Return the capsules (F, k, 7), NaN where a frame has fewer than others."""

@@ -79,13 +79,13 @@ def test_a_changed_setting_is_refused(file, tmp_path):
 
 @pytest.mark.parametrize(
     ("version", "remedy"),
-    [(0, "record the run again"), (2, "update"), ("x", "record the run again")],
+    [(0, "record the run again"), (9, "update"), ("x", "record the run again")],
 )
 def test_another_format_is_refused(version, remedy, file, tmp_path):
     path = tampered(
         file, tmp_path / "run.npz", HEAD, lambda head: head.update(format=version)
     )
-    with pytest.raises(BadRecord, match=f"format {version}, but.* reads 1; {remedy}"):
+    with pytest.raises(BadRecord, match=f"format {version}, but.* reads 2; {remedy}"):
         read_record(path)
 
 
