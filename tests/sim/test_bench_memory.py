@@ -46,7 +46,7 @@ def test_a_loop_that_keeps_its_frames_is_found_out(grows):
 
         def frame(self):
             if grows:
-                kept.append(np.ones(25_000))  # 200 kB a frame, beyond what a heap has left
+                kept.append(np.ones(25_000))  # 200 kB: not from a heap
 
             class Frame:
                 wall_s = cpu_s = 0.02
