@@ -1,6 +1,7 @@
 """The bench of long runs: what grows is found, what is flat is not, late frames too."""
 
 import json
+import mmap
 
 import numpy as np
 import pytest
@@ -46,7 +47,9 @@ def test_a_loop_that_keeps_its_frames_is_found_out(grows):
 
         def frame(self):
             if grows:
-                kept.append(np.ones(25_000))  # 200 kB: not from a heap
+                own = mmap.mmap(-1, 200_000)  # never from what the heap has left
+                own.write(bytes(200_000))
+                kept.append(own)
 
             class Frame:
                 wall_s = cpu_s = 0.02
