@@ -37,9 +37,19 @@ def test_the_short_bench_has_every_row_and_every_look(odm, map_dir, tmp_path):
     assert result["rows"][-1]["n"] == 600
 
 
+def test_memory_that_is_used_is_seen():
+    before = memory.memory_bytes()
+    with mmap.mmap(-1, 64_000_000) as own:  # never from what the heap has left
+        own.write(bytes(64_000_000))
+        assert memory.memory_bytes() - before > 32_000_000
+
+
 @pytest.mark.parametrize("grows", [True, False])
-def test_a_loop_that_keeps_its_frames_is_found_out(grows):
+def test_a_loop_that_keeps_its_frames_is_found_out(grows, monkeypatch):
     kept = []
+    # a process reuses what other tests left in its heap: here memory is what is kept
+    used = lambda: 300_000_000 + 16_000 * len(kept)  # noqa: E731
+    monkeypatch.setattr(memory, "memory_bytes", used)
 
     class Loop:
         class settings:  # noqa: N801 (as a loop has it)
@@ -47,9 +57,7 @@ def test_a_loop_that_keeps_its_frames_is_found_out(grows):
 
         def frame(self):
             if grows:
-                own = mmap.mmap(-1, 200_000)  # never from what the heap has left
-                own.write(bytes(200_000))
-                kept.append(own)
+                kept.append(self)
 
             class Frame:
                 wall_s = cpu_s = 0.02
