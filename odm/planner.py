@@ -2,13 +2,12 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from odm import approach, attach, calm, explain, polish, smooth
+from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import close, frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
+from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -23,6 +22,7 @@ from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud
 from odm.direct import DirectMap
 from odm.place import close_items, place_points
+from odm.planner_settings import PlannerSettings
 from odm.state import lay_out
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
@@ -30,38 +30,6 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
-_WORTH = 1.1  # times the straight length: a rest shorter than that stays
-
-
-@dataclass(frozen=True)
-class PlannerSettings:
-    """What a user may turn.
-
-    Attributes:
-        attachments: Motions that join a goal to near nodes.
-        start_attachments: The same for a start never seen before.
-        close_tests: Free attachments the close test looks for when cells find none.
-        margin: A free path is given up only for one shorter by this share.
-        looks: So many looks in a row, eight frames apart, must find a better path.
-        memory_s: A new path keeps clear of where the obstacles were so long ago, if
-            there is such a path [s]; 0 looks at the present frame only.
-        calm: It keeps so much more distance than it must, too [m].
-        patience: Where there is none, and the last path was soon blocked again, the
-            next one must be there for so many frames.
-        max_age_s: Older obstacle data hold the robot [s].
-        max_points: Room for points of a frame; grows when a frame has more.
-    """
-
-    attachments: int = 18
-    start_attachments: int = 8
-    close_tests: int = 3
-    margin: float = 0.15
-    looks: int = 3
-    memory_s: float = 0.25
-    calm: float = 0.03
-    patience: int = 25
-    max_age_s: float = 0.1
-    max_points: int = 32768
 
 
 class ReactivePlanner:
@@ -100,6 +68,7 @@ class ReactivePlanner:
         self.polisher = polish.Polisher(self)
         self.smoother = smooth.Smoother(self)
         self.calm = calm.Calm(self)
+        self.straightener = straight.Straightener(self)
         self._ahead = SortedCloud(cell_map.grid)
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
@@ -110,7 +79,6 @@ class ReactivePlanner:
         self.last: Answer | None = None
         self._q = self.memory.own.q
         self._here = b""
-        self._straight = 0  # looks in a row that found the straight way free
         self._moving = False
         self._new_goals = False
         self._nowhere = np.empty((0, self.robot.dof))
@@ -211,7 +179,7 @@ class ReactivePlanner:
         if end - at > 2 and (
             code == step.PLANNED or not numbers[N_FRAME] % _LOOK_STRAIGHT
         ):
-            code = self._straighten(code)
+            code = self.straightener.run(code)
             at, end = int(numbers[N_SEGMENT]), int(way.count[0])
         path = way.q[at:end].copy()
         path[0] = q
@@ -252,47 +220,12 @@ class ReactivePlanner:
             return self._step(points, q)
         return code
 
-    def _straighten(self, code: int) -> int:
-        """Go straight to the goal where a robot on its way can; returns the code.
-
-        From an attached start the search itself tries the straight motion, by its
-        cells. On the way there are none for it: the close test decides.
-        """
-        m, way = self.memory, self.memory.way
-        at = int(m.own.numbers[N_SEGMENT])
-        last = int(way.count[0]) - 1
-        if self.attacher.is_fresh(self._q):
-            return code
-        q = self._q.copy()
-        dq = self._difference(q, way.q[last])
-        if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
-            return code
-        tolerance = self.cell_map.motion_tolerance
-        if not close.motion_clear(
-            m.arm, self.radii, q, dq, tolerance, self.calm_cloud(), False, m.work
-        ) or not self.static.motion_free(q, dq):
-            self._straight = 0
-            return code
-        self._straight += 1
-        if code == step.FOLLOWING and self._straight < self.settings.looks:
-            return code
-        self._straight = 0
-        way.vertex[:2] = m.goals.count[2], way.vertex[last]
-        way.q[0], way.q[1] = q, q + dq
-        way.ref[0] = NO_ITEM
-        way.count[0] = 2
-        m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
-        return step.PLANNED
-
     def calm_cloud(self) -> object:
         """Return what new legs keep clear of: the points, and where they have been."""
         if self.always_replan or not self.settings.memory_s:
             self._sort()
             return self.memory.cloud
         return self.calm.recent.cloud()
-
-    def _length(self, dq: np.ndarray) -> float:
-        return float(np.linalg.norm(dq * self.cell_map.roadmap.weights))
 
     def _step(self, points: np.ndarray, q: np.ndarray) -> int:
         s = self.settings

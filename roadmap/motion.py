@@ -17,6 +17,7 @@ from roadmap.blend import joint_sway, lay_way
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
+from roadmap.stopping import quickest_stop, settled
 from roadmap.timing import (
     NoProfile,
     Phase,
@@ -25,14 +26,12 @@ from roadmap.timing import (
     after,
     fill,
     junction_speeds,
-    passing,
 )
-from roadmap.way import NEAR, SAME, Way
+from roadmap.way import NEAR, SAME, Way, check_scale, unwound
 
 BLEND = 0.005  # [m] default bound on what the blending of corners gives away
 _MEETS = 1e-6  # a phase begins at the end of a piece, give or take that
 _STEADY = 1e-3  # less is no acceleration: a rounding of v by e leaves sqrt(e j) of it
-_OVER = 4  # pieces that a stop may lead over
 _SETTLE = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # shares of a speed that are tried
 
 
@@ -143,76 +142,8 @@ class Motion:
         Raises:
             BadInput: `t` is negative or not a number.
         """
-        found = []
-        for over in (False, True):
-            try:
-                profiles = self._stopped(t, over)
-            except NoProfile:
-                continue
-            found.append(profiles)
-            k = self._way.index_of(self._state(t))
-            if not self._way.pieces or profiles.state.s <= self._way.pieces[k].end:
-                break
-        if found:
-            profiles = min(found, key=_ends)
-        else:  # as planned to the end, which is a stop, too
-            profiles = Profiles(self._state(t))
-            self._finish(profiles, t)
+        profiles = quickest_stop(self, t)
         return self._with(self._way, profiles, self.speed_scale)
-
-    def _stopped(self, t: float, over: bool) -> Profiles:
-        """Return the stop from time `t` on, by the limits of the pieces on the way.
-
-        With `over` it may begin on one piece and end on a later one; else it goes on
-        as planned to the end of a piece that is too short.
-        """
-        way = self._way
-        profiles = Profiles(self._state(t))
-        while profiles.state.v > 0.0 or profiles.state.a != 0.0:
-            k = way.index_of(profiles.state)
-            if self._stop_within(profiles, k, k):
-                break
-            if way.pieces[k].end >= self._end - NEAR:
-                self._finish(profiles, t + profiles.t)
-                break
-            if over and self._stop_over(profiles, k):
-                break
-            self._repeat(profiles, t + profiles.t, way.pieces[k].end)
-            if way.index_of(profiles.state) <= k:
-                raise NoProfile(f"the end of piece {k} leads to no further one")
-        return profiles
-
-    def _stop_over(self, profiles: Profiles, k: int) -> bool:
-        """Stop from piece k on behind its end; False where a limit forbids it."""
-        way = self._way
-        for last in range(k + 1, min(k + 1 + _OVER, len(way.pieces))):
-            if way.corners[last]:
-                return False
-            if self._stop_within(profiles, k, last):
-                return True
-        return False
-
-    def _stop_within(self, profiles: Profiles, k: int, last: int) -> bool:
-        """Stop by what all of the pieces k..last allow, if that is on them."""
-        way, begun = self._way, profiles.t
-        state, n = profiles.state, len(profiles.phases)
-        profiles.to_speed(0.0, way.a[k : last + 1].min(), way.j[k : last + 1].min())
-        end = min(way.pieces[last].end, self._end) + NEAR
-        if profiles.state.s <= end and self._enters(profiles.phases[n:], k, last):
-            return True
-        profiles.t, profiles.state = begun, state
-        del profiles.phases[n:]
-        return False
-
-    def _enters(self, phases: list[Phase], k: int, last: int) -> bool:
-        """Whether phases come into the pieces k + 1..last within their limits."""
-        way = self._way
-        for piece in range(k + 1, last + 1):
-            v, a = passing(phases, way.pieces[piece].begin)
-            fastest = min(way.swift[piece], way.turning[piece])
-            if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * way.a[piece]:
-                return False
-        return True
 
     def rescaled(self, t: float, speed_scale: float) -> "Motion":
         """Return the rest from time `t` on at another share of the velocity limits.
@@ -222,7 +153,7 @@ class Motion:
         Raises:
             BadInput: The share lies outside (0, 1], or `t` is no time.
         """
-        _check_scale(speed_scale)
+        check_scale(speed_scale)
         try:
             return self._go_on(t, self._way, speed_scale)
         except NoProfile:  # from rest it always goes on
@@ -266,7 +197,7 @@ class Motion:
             BadInput: The path does not begin at the commit point.
         """
         robot = self._way.robot
-        path = _unwound(robot, path)
+        path = unwound(robot, path)
         path = path + (commit.q - difference(robot, commit.q, path[0]) - path[0])
         off = np.abs(path[0] - commit.q).max()
         if off > 1e-6:
@@ -277,7 +208,7 @@ class Motion:
         path[0] = commit.q
         state = self._state(t)
         scale = self.speed_scale if speed_scale is None else speed_scale
-        _check_scale(scale)
+        check_scale(scale)
         # a little of what is behind stays: the state must lie on a piece of its own
         before = self._way.part(state.s - 10.0 * NEAR, commit.s)
         sway = joint_sway(robot)
@@ -287,7 +218,7 @@ class Motion:
                 tail, stray = lay_way(path, sway, blend, at=commit.s)
                 pieces = head + tail
             else:
-                room = commit.s - self._settled(state)
+                room = commit.s - settled(self._way, state)
                 pieces, stray = lay_way(path, sway, blend, head, room_before=room)
             stray = max(stray, before.stray)
             way = Way.of(robot, pieces, stray, commit.q)
@@ -322,14 +253,6 @@ class Motion:
         return cls(
             profiles.t, scale, way, tuple(profiles.phases), float(profiles.state.s)
         )
-
-    def _settled(self, state: State) -> float:
-        """Return the arc length at which the acceleration of a state has ended."""
-        k = self._way.index_of(state)
-        profiles = Profiles(state)
-        natural = state.v + state.a * abs(state.a) / (2.0 * self._way.j[k])
-        profiles.to_speed(max(natural, 0.0), self._way.a[k], self._way.j[k])
-        return profiles.state.s
 
     def _repeat(self, profiles: Profiles, t: float, s_end: float) -> None:
         """Add what this motion does from time `t` until arc length `s_end`."""
@@ -460,36 +383,14 @@ def time_path(
     Raises:
         BadInput: Wrong shape, not finite, no corner, or a value out of its range.
     """
-    _check_scale(speed_scale)
+    check_scale(speed_scale)
     if not 0.0 <= blend < math.inf:
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
-    path = _unwound(robot, path)
+    path = unwound(robot, path)
     pieces, stray = lay_way(path, joint_sway(robot), blend)
     way = Way.of(robot, pieces, stray, frozen(path[0], np.float64))
     return Motion._timed(way, State(0.0, 0.0, 0.0), speed_scale)
 
 
-def _unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
-    """Return the path (k, dof) checked, continuous joints going the short way."""
-    path = np.array(path, float)
-    if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
-        raise BadInput(
-            f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
-        )
-    if not np.isfinite(path).all():
-        raise BadInput("a corner of the path is not finite; give real numbers")
-    path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
-    return path
-
-
-def _check_scale(speed_scale: float) -> None:
-    if not 0.0 < speed_scale <= 1.0:
-        raise BadInput(f"a speed scale of {speed_scale} is no share; give (0, 1]")
-
-
 def _begins(phase: Phase) -> float:
     return phase.t
-
-
-def _ends(profiles: Profiles) -> float:
-    return profiles.t

@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from roadmap.blend import Piece, scalar_limits, without_gaps
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference
 from roadmap.robot import Robot
 from roadmap.timing import State
 
@@ -84,3 +86,22 @@ class Way:
         pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
         limits = (array[kept] for array in (self.swift, self.turning, self.a, self.j))
         return Way(self.robot, pieces, *limits, self.stray, self.at(end)[0])
+
+
+def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Return the path (k, dof) checked, continuous joints going the short way."""
+    path = np.array(path, float)
+    if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
+        raise BadInput(
+            f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
+        )
+    if not np.isfinite(path).all():
+        raise BadInput("a corner of the path is not finite; give real numbers")
+    path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
+    return path
+
+
+def check_scale(speed_scale: float) -> None:
+    """Refuse what is no share of the velocity limits."""
+    if not 0.0 < speed_scale <= 1.0:
+        raise BadInput(f"a speed scale of {speed_scale} is no share; give (0, 1]")

@@ -17,6 +17,7 @@ from roadmap.robot import Robot
 from sim.arm import HumanArm
 from sim.arm_path import Person, Round, ScriptedMotion
 from sim.human_motion import HumanMotion, Together, register_motion
+from sim.placed import Placed, turned
 
 TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
 SHOULDER = (0.45, 0.15, 0.25)  # from the tool: outward, to the left, up [m]
@@ -128,46 +129,6 @@ class Stand:
         return first
 
 
-def turned(capsules: np.ndarray, yaw: float) -> np.ndarray:
-    """Return capsules (k, 7) turned about the z axis of the base by `yaw` [rad]."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    ends = capsules[:, :6].reshape(-1, 3) @ R.T
-    return np.column_stack([ends.reshape(-1, 6), capsules[:, 6]])
-
-
-@dataclass(frozen=True, eq=False)
-class Turned:
-    """A scripted arm in the base frame; a HumanMotion.
-
-    Attributes:
-        motion: The arm in the turned frame of its stand.
-        yaw: Angle of that frame [rad].
-    """
-
-    motion: ScriptedMotion
-    yaw: float
-
-    @property
-    def name(self) -> str:
-        """Name of the motion."""
-        return self.motion.name
-
-    @property
-    def max_speed(self) -> float:
-        """No point of the surface advances faster than this [m/s]."""
-        return self.motion.max_speed
-
-    @property
-    def period(self) -> float:
-        """Time after which the motion repeats [s]."""
-        return self.motion.period
-
-    def capsules(self, t: float) -> np.ndarray:
-        """Return the arm at time `t` [s] as (2, 7) capsules a, b, radius [m]."""
-        return turned(self.motion.capsules(t), self.yaw)
-
-
 @dataclass(frozen=True)
 class Cue:
     """One move of a hand.
@@ -183,7 +144,7 @@ class Cue:
     rest: float
 
 
-def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Turned:
+def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
     """Return an arm that begins at a place and then follows its cues, over and over.
 
     Args:
@@ -203,19 +164,19 @@ def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Turned:
     script.legs[-1] = replace(last, rest=last.rest + rest)
     legs = tuple(script.legs)
     arm = ScriptedMotion(name, limit, stand.person, legs, np.zeros(3))
-    return Turned(arm, stand.yaw)
+    return Placed(arm, stand.yaw)
 
 
 # --- the scenes: arms before the first work place and before the second --------------
 
 
-def hold(waiting: Stand, goal: Stand) -> tuple[Turned, ...]:
+def hold(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
     """Let a hand come to where the robot is going, stay for 4 s and leave."""
     block = Cue(goal.stop(BLOCK_GAP), 1.0, 4.0)
     return (play("goal", goal, goal.home, block, Cue(goal.home, 0.8, 8.0)),)
 
 
-def backoff(waiting: Stand, goal: Stand) -> tuple[Turned, ...]:
+def backoff(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
     """Let one hand block the goal, and another come slowly near the waiting robot."""
     near = waiting.stop(BACKOFF_GAP)
     come = Cue(near, 0.12, 2.0)
@@ -224,7 +185,7 @@ def backoff(waiting: Stand, goal: Stand) -> tuple[Turned, ...]:
     return _blocking(goal, 9.0), arm
 
 
-def escape(waiting: Stand, goal: Stand) -> tuple[Turned, ...]:
+def escape(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
     """Let one hand block the goal, and another rest within the robot's clearance.
 
     It is there from the start: from one that comes a robot backs off before.
@@ -235,7 +196,7 @@ def escape(waiting: Stand, goal: Stand) -> tuple[Turned, ...]:
     return _blocking(goal, 7.0), arm
 
 
-def _blocking(goal: Stand, rest: float) -> Turned:
+def _blocking(goal: Stand, rest: float) -> Placed:
     there = goal.stop(BLOCK_GAP)
     return play("goal", goal, there, _stay(there, rest), Cue(goal.home, 0.8, 4.0))
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from handover import Chain
+from handover.reach_recall import random_poses
 
 # parts of the arm's length: MMM's 0.188, 0.145 and half of 0.108 of the height
 UPPER, FORE, GRIP = 0.188 / 0.387, 0.145 / 0.387, 0.054 / 0.387
@@ -79,3 +80,19 @@ def slow_dexterity(chain, q, J):
     weights = np.where(chain.endless > 0, 1.0, 1 / np.sqrt(1 + slope))
     J = np.vstack([J[:3] / chain.length, J[3:]]) * weights
     return np.prod(np.linalg.svd(J, compute_uv=False))
+
+
+def naive_cell(grid, T):
+    """The cell of a pose (4, 4) by numpy."""
+    index = np.floor((T[:3, 3] - grid.origin) / grid.cell).astype(int)
+    if (index < 0).any() or (index >= grid.shape).any():
+        return -1
+    position = np.ravel_multi_index(index, grid.shape)
+    return position * grid.rotations.n_cells + grid.rotations.cell_of(T[:3, :3])
+
+
+def some_poses(reach, n, rng):
+    flat = random_poses(reach.grid.box + [[-0.1], [0.1]], n, rng)
+    poses = np.tile(np.eye(4), (n, 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = flat[:, :9].reshape(-1, 3, 3), flat[:, 9:]
+    return poses

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import roadmap
-from roadmap import motion as motions
+from roadmap import stopping
 from roadmap.timing import after
 
 PERIOD = 0.01
@@ -67,7 +67,7 @@ def test_a_stop_is_within_limits_where_it_leads_over_blends(panda, rng, monkeypa
         for t in rng.uniform(0.0, motion.duration, 5):
             stop = motion.stop(t)
             with monkeypatch.context() as patch:
-                patch.setattr(motions, "_OVER", 0)
+                patch.setattr(stopping, "_OVER", 0)
                 late = motion.stop(t)
             assert stop.duration <= late.duration + 1e-9
             shorter += stop.duration < 0.8 * late.duration

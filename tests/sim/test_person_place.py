@@ -3,7 +3,8 @@
 import numpy as np
 
 from sim.human_motion import make_motion
-from sim.person_place import SCRIPTED_FOR, Moved, before_work_places
+from sim.person_place import SCRIPTED_FOR, before_work_places
+from sim.placed import Placed
 
 
 class Recorded:
@@ -25,7 +26,7 @@ def test_the_person_moves_along_with_the_work_places(crane, places):
     motion = make_motion("sweep", 1)
     moved = before_work_places(motion, crane, places)
     offset = tools_of(crane, places).mean(axis=0) - SCRIPTED_FOR
-    assert isinstance(moved, Moved) and np.linalg.norm(offset) > 0.1
+    assert isinstance(moved, Placed) and np.linalg.norm(offset) > 0.1
     assert (moved.name, moved.max_speed) == (motion.name, motion.max_speed)
     for t in (0.0, 0.7, 3.1):
         here, there = motion.capsules(t), moved.capsules(t)

@@ -1,13 +1,12 @@
 """`odm run` with a recorded person, and the options that do not go together."""
 
 import json
-import sys
+from functools import partial
 
 import pytest
 from mocap_files import person, write_bvh, write_csv
 
 from odm import build_map
-from sim import cli
 from sim.warmup import tiny_recipe
 
 
@@ -18,18 +17,8 @@ def map_dir(tmp_path_factory):
 
 
 @pytest.fixture
-def odm(capsys, monkeypatch):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["odm", "run", *map(str, words)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        shown = capsys.readouterr()
-        return code, shown.out, shown.err
-
-    return run
+def odm(odm):
+    return partial(odm, "run")
 
 
 CLIPS = [(write_csv, "a.csv"), (write_bvh, "b.bvh")]

@@ -1,0 +1,34 @@
+"""What a user of the reactive planner may turn."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """What a user may turn.
+
+    Attributes:
+        attachments: Motions that join a goal to near nodes.
+        start_attachments: The same for a start never seen before.
+        close_tests: Free attachments the close test looks for when cells find none.
+        margin: A free path is given up only for one shorter by this share.
+        looks: So many looks in a row, eight frames apart, must find a better path.
+        memory_s: A new path keeps clear of where the obstacles were so long ago, if
+            there is such a path [s]; 0 looks at the present frame only.
+        calm: It keeps so much more distance than it must, too [m].
+        patience: Where there is none, and the last path was soon blocked again, the
+            next one must be there for so many frames.
+        max_age_s: Older obstacle data hold the robot [s].
+        max_points: Room for points of a frame; grows when a frame has more.
+    """
+
+    attachments: int = 18
+    start_attachments: int = 8
+    close_tests: int = 3
+    margin: float = 0.15
+    looks: int = 3
+    memory_s: float = 0.25
+    calm: float = 0.03
+    patience: int = 25
+    max_age_s: float = 0.1
+    max_points: int = 32768

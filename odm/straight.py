@@ -1,0 +1,62 @@
+"""The straight way to the goal, for a robot that is on its way along another one."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm._kernels import close, step
+from odm._kernels.types import N_SAME, N_SEGMENT, NO_ITEM
+
+if TYPE_CHECKING:
+    from odm.planner import ReactivePlanner
+
+_WORTH = 1.1  # times the straight length: a rest shorter than that stays
+
+
+class Straightener:
+    """Goes straight where that is free.
+
+    From an attached start the search itself tries the straight motion, by its cells.
+    On the way there are none for it: the close test decides.
+
+    Args:
+        planner: The planner whose way is changed.
+    """
+
+    def __init__(self, planner: "ReactivePlanner") -> None:
+        """No look has found anything."""
+        self.planner = planner
+        self._found = 0  # looks in a row that found the straight way free
+
+    def run(self, code: int) -> int:
+        """Take the straight way where it is free; returns the frame's code."""
+        planner = self.planner
+        m, way = planner.memory, planner.memory.way
+        at = int(m.own.numbers[N_SEGMENT])
+        last = int(way.count[0]) - 1
+        if planner.attacher.is_fresh(planner._q):
+            return code
+        q = planner._q.copy()
+        dq = planner._difference(q, way.q[last])
+        if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
+            return code
+        tolerance = planner.cell_map.motion_tolerance
+        cloud = planner.calm_cloud()
+        if not close.motion_clear(
+            m.arm, planner.radii, q, dq, tolerance, cloud, False, m.work
+        ) or not planner.static.motion_free(q, dq):
+            self._found = 0
+            return code
+        self._found += 1
+        if code == step.FOLLOWING and self._found < planner.settings.looks:
+            return code
+        self._found = 0
+        way.vertex[:2] = m.goals.count[2], way.vertex[last]
+        way.q[0], way.q[1] = q, q + dq
+        way.ref[0] = NO_ITEM
+        way.count[0] = 2
+        m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
+        return step.PLANNED
+
+    def _length(self, dq: np.ndarray) -> float:
+        return float(np.linalg.norm(dq * self.planner.cell_map.roadmap.weights))
