@@ -23,6 +23,7 @@ from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud
 from odm.direct import DirectMap
 from odm.place import close_items, place_points
+from odm.retreat import find_way_out
 from odm.state import lay_out
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
@@ -365,6 +366,24 @@ class ReactivePlanner:
         """
         q = check_configuration(self.robot, q, None)
         return self._nearest(q)
+
+    def way_out(self, q: np.ndarray, points: np.ndarray) -> np.ndarray | None:
+        """Return a (2, dof) motion from q away from where points will be, or None.
+
+        It is free of the last frame's points or an escape from them, see
+        `Answer.retreat`; free of limits, self-collision and scenery; and ends
+        clearly farther from `points` than q is.
+
+        Args:
+            q: (dof,) where the robot stands.
+            points: (n, 3) float64 where obstacles are and will be soon [m].
+
+        Raises:
+            BadInput: Wrong shape, dtype or length.
+        """
+        q = check_configuration(self.robot, q, None)
+        points = check_points(points, None, None, self.rho)
+        return find_way_out(self, q, points)
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""

@@ -14,6 +14,7 @@ import numpy as np
 from roadmap.kinematics import difference
 from roadmap.motion import Commit, Motion, SetPoint, time_path
 from roadmap.robot import Robot
+from sim.lookout import Lookout
 from sim.threat import Threat
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
@@ -53,7 +54,7 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg` and `separation` where it has them.
+        planner: Asked with `blocked_leg`, `separation` and `way_out` where it has them.
         q: (dof,) where the robot stands.
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -89,6 +90,9 @@ class Executor:
         self._gap = np.inf
         self._heeded = False  # a frame was answered since the last period
         self._asked = -RETREAT_EVERY  # frame in which a retreat was asked for
+        looks = self.brakes and callable(getattr(planner, "way_out", None))
+        self._lookout = Lookout(planner, period) if looks else None
+        self._yielding = False  # it gets out of the way, whatever the planner says
         self._held: Motion | None = None  # the stop that was tested, and
         self._held_t = 0.0  # the time on it at this moment
 
@@ -112,13 +116,16 @@ class Executor:
         """Return where a new path would begin: the planner plans from there.
 
         It is on the path in use, even if the robot has not come to its beginning yet.
+        Out of the way it goes to the end.
         """
         least = 0.0 if self.at_rest or not self._on_path else self._begin
+        least = math.inf if self._yielding else least
         return self.motion.commit(self.t, self.settings.ahead, least)
 
     def ahead(self) -> np.ndarray:
         """Return (dof,) where the next frame's path will begin, if nothing changes."""
         least = self._begin if self._on_path else 0.0
+        least = math.inf if self._yielding else least
         t = min(self.t + self.period, self.motion.duration)
         return self.motion.commit(t, self.settings.ahead, least).q
 
@@ -129,6 +136,8 @@ class Executor:
         """
         self._frame += 1
         self._heeded = True
+        if self._yields(threat):
+            return
         if answer.status == "holding":
             self._hold(answer, threat)
         else:
@@ -171,6 +180,39 @@ class Executor:
         self._held_t += self.period
 
     # --- hold, back off, escape -------------------------------------------------
+
+    def _yields(self, threat: Threat | None) -> bool:
+        """Whether it gets out of the way of who comes, and heeds no answer."""
+        if self._yielding:
+            self._yielding = not self.at_rest
+            if self._yielding and self._wise():
+                if self._untouched(self.motion, self.t, threat):
+                    return True
+            if self._yielding:
+                self._yielding = False
+                self._halt()
+                return True
+            self.state, self.reason = STANDING, ""
+        if self._lookout is None or not hasattr(threat, "likely"):
+            return False  # nobody is about, or another robot that tells its way
+        commit = self.motion.commit(self.t, 0.0)
+        way = self._lookout.way_out(self.motion, self.t, commit, threat)
+        return way is not None and self._leave(way, commit, threat)
+
+    def _leave(self, way: np.ndarray, commit: Commit, threat: Threat) -> bool:
+        """Get out of the way, as fast as the person lets it; False if none."""
+        self._gap = self.planner.separation(self.set_point.q)
+        if self._gap < self.settings.stand_below:
+            return False
+        for share in _RETREATS:
+            scale = share * self.settings.retreat_scale
+            motion = self.motion.join(self.t, commit, way, blend=0, speed_scale=scale)
+            if self._untouched(motion, 0.0, threat):
+                self._take(motion)
+                self._yielding, self._on_path = True, False
+                self.state, self.reason = RETREATING, "somebody comes"
+                return True
+        return False
 
     def _hold(self, answer: object, threat: Threat | None) -> None:
         self._on_path, self.reason = False, ""
