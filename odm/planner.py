@@ -101,6 +101,7 @@ class ReactivePlanner:
         self.smoother = smooth.Smoother(self)
         self.calm = calm.Calm(self)
         self._ahead = SortedCloud(cell_map.grid)
+        self._coming: list[SortedCloud] = []
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
         self.rho = cell_map.safety.rho
@@ -367,23 +368,39 @@ class ReactivePlanner:
         q = check_configuration(self.robot, q, None)
         return self._nearest(q)
 
-    def way_out(self, q: np.ndarray, points: np.ndarray) -> np.ndarray | None:
-        """Return a (2, dof) motion from q away from where points will be, or None.
+    def way_out(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a (2, dof) motion from q that evades what comes, or None.
 
-        It is free of the last frame's points or an escape from them, see
-        `Answer.retreat`; free of limits, self-collision and scenery; and ends
-        clearly farther from `points` than q is.
+        It is free of the last frame's points or an escape from them, as
+        `Answer.retreat` is, and of limits, self-collision and scenery.
 
         Args:
             q: (dof,) where the robot stands.
-            points: (n, 3) float64 where obstacles are and will be soon [m].
+            coming: Times from now [s], each with (n, 3) float64 points: where
+                obstacles are expected then [m].
+            speed_scale: Share of the joints' speed limits that it will use, (0, 1].
 
         Raises:
-            BadInput: Wrong shape, dtype or length.
+            BadInput: Wrong shape, dtype or length, or a share outside (0, 1].
         """
+        if not 0.0 < speed_scale <= 1.0:
+            raise BadInput(
+                f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
+            )
         q = check_configuration(self.robot, q, None)
-        points = check_points(points, None, None, self.rho)
-        return find_way_out(self, q, points)
+        coming = [(t, check_points(p, None, None, self.rho)) for t, p in coming]
+        return find_way_out(self, q, coming, speed_scale)
+
+    def clouds_of(self, sets: Sequence[np.ndarray]) -> list:
+        """Return sets of points (n, 3) as clouds; those before are overwritten."""
+        while len(self._coming) < len(sets):
+            self._coming.append(SortedCloud(self.cell_map.grid))
+        return [room.of(p) for room, p in zip(self._coming, sets, strict=False)]
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""

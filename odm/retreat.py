@@ -1,5 +1,6 @@
 """Backing off and escape: a motion to offer while no way to a goal is free."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +15,10 @@ NEAR = 0.15  # [m] farther points are no reason to move
 _GAIN = 0.01  # [m] a retreat must gain this much separation
 _TRIED = 12  # directions: to the nearest nodes
 _SHARES = (1.0, 0.5, 0.25)  # of the way to the node
-_AMPLE = 0.12  # [m] so far from where the points will be, the shortest way is best
-_AHEAD_GAIN = 0.05  # [m] what a retreat gains from where they will be
-_AHEAD_TRIED = 24
+_AMPLE = 0.12  # [m] who keeps so much more than the planner asks is out of the way
+_WORTH = 0.03  # [m] what a motion gains, against standing there
+_DIRECTIONS = 24
+_SETS_OFF = 0.06  # [s] that it takes to be on the way
 
 
 def find_retreat(planner: "ReactivePlanner", q: np.ndarray) -> np.ndarray | None:
@@ -33,70 +35,86 @@ def find_retreat(planner: "ReactivePlanner", q: np.ndarray) -> np.ndarray | None
     now = planner._nearest(q)
     if now > NEAR:
         return None
-    return _best(planner, q, m.cloud, now + _GAIN, np.inf, _TRIED)
+    planner._sort()
+    best, found = now + _GAIN, None
+    escape = _place_anchor(planner, q)
+    for node in _near_nodes(planner, q, _TRIED):
+        dq = planner._difference(q, planner.cell_map.roadmap.nodes[node])
+        for share in _SHARES:
+            end = q + share * dq
+            gap = planner._nearest(end)
+            if gap <= best:
+                continue
+            if _is_clear(planner, q, share * dq, escape):
+                best, found = gap, np.stack([q, end])
+                break
+    return found
 
 
 def find_way_out(
-    planner: "ReactivePlanner", q: np.ndarray, points: np.ndarray
+    planner: "ReactivePlanner",
+    q: np.ndarray,
+    coming: Sequence[tuple[float, np.ndarray]],
+    speed_scale: float,
 ) -> np.ndarray | None:
-    """Return a (2, dof) motion from q away from where points will be.
+    """Return a (2, dof) motion from q that evades what comes, or None.
 
     It is free of the frame's points, or an escape from them, as in `find_retreat`.
-    Only its end is judged by `points`: what comes may pass where the robot still is.
-    Whoever takes it tests it against the person's motion as it goes. Of those that
-    lead far enough the one to the nearest node is taken.
+    Of those to the near nodes it is the one on which the robot, as far as it gets
+    by then, keeps most distance from where the points will be at each of the times;
+    the first that keeps plenty is as good as any. It must keep clearly more than a
+    robot that stays.
 
     Args:
         planner: A planner that was asked for a frame.
         q: (dof,) where the robot stands.
-        points: (n, 3) all the places where obstacles will be soon [m].
+        coming: Times from now [s], each with the points (n, 3) that are expected [m].
+        speed_scale: Share of the joints' speed limits that it will use.
     """
-    cloud = planner._ahead.of(points)
-    if cloud.counts[N_OCCUPIED] == 0:
+    m, robot = planner.memory, planner.robot
+    clouds = planner.clouds_of([points for _, points in coming])
+    times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
+    ample = planner.keep + _AMPLE
+    here = m.arm, m.work
+
+    def kept(way: np.ndarray, least: float) -> float:
+        """Return the least distance on a way, or some value below `least` [m]."""
+        needed = np.abs(way / (speed_scale * robot.max_velocity)).max()
+        gap = ample
+        for t, cloud in zip(times, clouds, strict=True):
+            at = q + min(1.0, t / max(needed, 1e-9)) * way
+            gap = min(gap, close.separation(here[0], at, cloud, gap, here[1]))
+            if gap <= least:
+                break
+        return gap
+
+    best, found = kept(np.zeros_like(q), -np.inf) + _WORTH, None
+    if best >= ample:
         return None
     planner._sort()
-    m = planner.memory
-    ample = planner.keep + _AMPLE
-    now = close.separation(m.arm, q, cloud, ample, m.work)
-    return _best(planner, q, cloud, now + _AHEAD_GAIN, ample, _AHEAD_TRIED)
-
-
-def _best(
-    planner: "ReactivePlanner",
-    q: np.ndarray,
-    cloud: object,
-    least: float,
-    ample: float,
-    tried: int,
-) -> np.ndarray | None:
-    """Return the motion whose end is farthest from a cloud, more than `least` [m].
-
-    The first one that ends at `ample` or more [m] is as good as any.
-    """
-    m = planner.memory
-    escape = bool(planner._nearest(q) < planner.keep)
-    kinematics_door.place_anchor(m.arm, q, m.work)
-    best, found = least, None
-    for node in _near_nodes(planner, q, tried):
+    escape = _place_anchor(planner, q)
+    for node in _near_nodes(planner, q, _DIRECTIONS):
         dq = planner._difference(q, planner.cell_map.roadmap.nodes[node])
-        for share in _SHARES:
-            end = q + share * dq
-            gap = close.separation(m.arm, end, cloud, ample, m.work)
-            if gap <= best:
-                continue
-            way = np.ascontiguousarray(share * dq)
-            if _is_clear(planner, q, way, escape):
-                best, found = gap, np.stack([q, end])
+        gap = kept(dq, best)
+        if gap > best and _is_clear(planner, q, dq, escape):
+            best, found = gap, np.stack([q, q + dq])
+            if best >= ample:
                 break
-        if best >= ample:
-            break
     return found
+
+
+def _place_anchor(planner: "ReactivePlanner", q: np.ndarray) -> bool:
+    """Remember where the spheres are at q; return whether a point is too near."""
+    m = planner.memory
+    kinematics_door.place_anchor(m.arm, q, m.work)
+    return bool(planner._nearest(q) < planner.keep)
 
 
 def _is_clear(
     planner: "ReactivePlanner", q: np.ndarray, way: np.ndarray, escape: bool
 ) -> bool:
     m, tolerance = planner.memory, planner.cell_map.motion_tolerance
+    way = np.ascontiguousarray(way)
     return close.motion_clear(
         m.arm, planner.radii, q, way, tolerance, m.cloud, escape, m.work
     ) and planner.static.motion_free(q, way)

@@ -188,6 +188,11 @@ class Executor:
             if self._yielding and self._wise():
                 if self._untouched(self.motion, self.t, threat):
                     return True
+                scale = _LOWER * self.motion.speed_scale
+                slower = self.motion.rescaled(self.t, scale)
+                if self._untouched(slower, 0.0, threat):
+                    self._take(slower)
+                    return True
             if self._yielding:
                 self._yielding = False
                 self._halt()
@@ -196,7 +201,8 @@ class Executor:
         if self._lookout is None or not hasattr(threat, "likely"):
             return False  # nobody is about, or another robot that tells its way
         commit = self.motion.commit(self.t, 0.0)
-        way = self._lookout.way_out(self.motion, self.t, commit, threat)
+        scale = self.settings.speed_scale
+        way = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
         return way is not None and self._leave(way, commit, threat)
 
     def _leave(self, way: np.ndarray, commit: Commit, threat: Threat) -> bool:
@@ -205,7 +211,7 @@ class Executor:
         if self._gap < self.settings.stand_below:
             return False
         for share in _RETREATS:
-            scale = share * self.settings.retreat_scale
+            scale = share * self.settings.speed_scale
             motion = self.motion.join(self.t, commit, way, blend=0, speed_scale=scale)
             if self._untouched(motion, 0.0, threat):
                 self._take(motion)

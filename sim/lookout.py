@@ -29,7 +29,12 @@ class Lookout:
         self._wait_s = 0.0
 
     def way_out(
-        self, motion: Motion, t: float, commit: Commit, threat: Threat
+        self,
+        motion: Motion,
+        t: float,
+        commit: Commit,
+        threat: Threat,
+        speed_scale: float,
     ) -> np.ndarray | None:
         """Return (2, dof) a motion out of the way, or None; ask in every frame.
 
@@ -38,6 +43,7 @@ class Lookout:
             t: The time on it [s].
             commit: Where it could leave it.
             threat: The person.
+            speed_scale: Share of the speed limits that it will use.
         """
         self._wait_s -= self.period
         if self._wait_s > 1e-9:
@@ -51,7 +57,8 @@ class Lookout:
         if self.planner.blocked_leg(commit.q[None], 0.0, points) is None:
             return None
         self._wait_s = AGAIN
-        return self.planner.way_out(commit.q, points)
+        coming = [(t, threat.likely(t)) for t in AHEAD]
+        return self.planner.way_out(commit.q, coming, speed_scale)
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
