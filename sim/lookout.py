@@ -62,7 +62,7 @@ class Lookout:
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
-        for ahead in AHEAD:
+        for ahead in AHEAD[1::2]:
             q = motion.at(t + ahead).q[None]
             if self.planner.blocked_leg(q, 0.0, threat.likely(ahead)) is not None:
                 return True
