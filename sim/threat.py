@@ -124,6 +124,7 @@ class Watcher:
         velocity = drift = None
         if before is not None and before.shape == ends.shape and passed > 0.0:
             since, old = self._old(now)
+            since = min(since, now - _DRIFT)  # seen for less: it rested before
             moving = np.stack([(ends - before) / passed, (ends - old) / (now - since)])
             velocity, drift = _velocities(near, ends, moving, capsules[:, 6])
         else:
