@@ -77,12 +77,15 @@ def find_way_out(
     ample = planner.keep + _AMPLE
     here = m.arm, m.work
 
+    def duration(way: np.ndarray) -> float:
+        return max(np.abs(way / (speed_scale * robot.max_velocity)).max(), 1e-9)
+
     def kept(way: np.ndarray, least: float) -> float:
         """Return the least distance on a way, or some value below `least` [m]."""
-        needed = np.abs(way / (speed_scale * robot.max_velocity)).max()
+        needed = duration(way)
         gap = ample
         for t, cloud in zip(times, clouds, strict=True):
-            at = q + min(1.0, t / max(needed, 1e-9)) * way
+            at = q + min(1.0, t / needed) * way
             gap = min(gap, close.separation(here[0], at, cloud, gap, here[1]))
             if gap <= least:
                 break
@@ -95,6 +98,7 @@ def find_way_out(
     escape = _place_anchor(planner, q)
     for node in _near_nodes(planner, q, _DIRECTIONS):
         dq = planner._difference(q, planner.cell_map.roadmap.nodes[node])
+        dq = min(1.0, max(times, default=0.0) / duration(dq)) * dq  # no farther
         gap = kept(dq, best)
         if gap > best and _is_clear(planner, q, dq, escape):
             best, found = gap, np.stack([q, q + dq])

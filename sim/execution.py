@@ -200,6 +200,8 @@ class Executor:
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not hasattr(threat, "likely"):
             return False  # nobody is about, or another robot that tells its way
+        if self.state == MOVING and not self.at_rest:
+            return False  # nobody slows it: it may be gone before they come
         commit = self.motion.commit(self.t, 0.0)
         scale = self.settings.speed_scale
         way = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
