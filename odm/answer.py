@@ -1,7 +1,7 @@
 """What the planner says to a frame."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -31,6 +31,16 @@ class Blockers:
 NOTHING = Blockers()
 
 
+class Explains(Protocol):
+    """What knows why the robot holds and how it could get away; asked once each."""
+
+    def reason(self) -> tuple[str, Blockers]:
+        """Return the reason and what stands behind it."""
+
+    def retreat(self) -> np.ndarray | None:
+        """Return a (k, dof) motion out of the way, or None."""
+
+
 class Answer:
     """The answer to one frame; read-only by convention, cheap to make.
 
@@ -44,7 +54,7 @@ class Answer:
     """
 
     __slots__ = (
-        "_counted", "_explain", "_times", "_told", "certified", "goal", "path",
+        "_counted", "_explain", "_led", "_times", "_told", "certified", "goal", "path",
         "status",
     )
 
@@ -56,9 +66,9 @@ class Answer:
         certified: str,
         times: tuple[int, int, int],
         counted: tuple[list[int], list[int]],
-        explain: Callable[[], tuple[str, Blockers, np.ndarray | None]] | None = None,
+        explain: "Explains | None" = None,
     ) -> None:
-        """Keep the values; `explain` is called when the reason is asked for.
+        """Keep the values; `explain` is asked when the reason or the retreat is.
 
         `times` are begin, end of the occupancy and end [ns]; `counted` the counts of
         the cloud and of the search.
@@ -70,7 +80,8 @@ class Answer:
         self._times = times
         self._counted = counted
         self._explain = explain
-        self._told: tuple[str, Blockers, np.ndarray | None] | None = None
+        self._told: tuple[str, Blockers] | None = None
+        self._led: tuple[np.ndarray | None] | None = None
 
     @property
     def latency_s(self) -> dict[str, float]:
@@ -108,13 +119,14 @@ class Answer:
 
         It leads away from the points, to be executed at reduced speed.
         """
-        return self._tell()[2]
+        if self._led is None:
+            self._led = (None if self._explain is None else self._explain.retreat(),)
+        return self._led[0]
 
-    def _tell(self) -> tuple[str, Blockers, np.ndarray | None]:
+    def _tell(self) -> tuple[str, Blockers]:
         if self._told is None:
-            empty = ("", NOTHING, None)
-            self._told = empty if self._explain is None else self._explain()
-            self._explain = None
+            none = ("", NOTHING)
+            self._told = none if self._explain is None else self._explain.reason()
         return self._told
 
     def __repr__(self) -> str:

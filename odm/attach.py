@@ -113,7 +113,11 @@ class Attacher:
 
     def is_fresh(self, q: np.ndarray) -> bool:
         """Return True if q is the configuration that was attached last, in full."""
-        return not self.quick and bool(np.array_equal(q, self.q_fresh))
+        return not self.quick and self.is_at(q)
+
+    def is_at(self, q: np.ndarray) -> bool:
+        """Return True if q is the configuration that was attached last."""
+        return bool(np.array_equal(q, self.q_fresh))
 
     def forget_start(self) -> None:
         """Drop the attached start."""
@@ -273,6 +277,11 @@ class Attacher:
             m.pool,
             *self.scratch,
         )
+
+    def nearest(self, q: np.ndarray, count: int) -> np.ndarray:
+        """Return the nodes nearest to q, at most `count`, nearest first."""
+        self._measure(q)
+        return self._least(self.near, min(count, self.roadmap.n_nodes))
 
     def new_vertex(self) -> int:
         """Return a number that no vertex had before."""

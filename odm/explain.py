@@ -1,5 +1,6 @@
 """Why the robot holds, and what would help; and what a motion is not free of."""
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,28 +63,35 @@ class Reasons:
         self.frame = int(planner.memory.own.numbers[0])
         self.q = planner._q.copy()
 
-    def __call__(self) -> tuple[str, Blockers, np.ndarray | None]:
-        """Return (reason, blockers, retreat)."""
+    def reason(self) -> tuple[str, Blockers]:
+        """Return the reason and what stands behind it."""
+        if self._unable is not None:
+            return self._unable, NOTHING
+        if self._is_over:
+            return "no free way was found (ask for the reason in the frame)", NOTHING
+        return self._blocked()
+
+    def retreat(self) -> np.ndarray | None:
+        """Return a motion that gets away from the points, or None."""
+        if self._unable is not None or self._is_over:
+            return None
+        return find_retreat(self.planner, self.q)
+
+    @property
+    def _is_over(self) -> bool:
+        return self.frame != self.planner.memory.own.numbers[0]
+
+    @cached_property
+    def _unable(self) -> str | None:
+        """Why it could not move in an empty world, either."""
         if self.trouble is not None:
-            return self.trouble, NOTHING, None
-        planner = self.planner
-        if self.frame != planner.memory.own.numbers[0]:
-            return (
-                "no free way was found (ask for the reason in the frame)",
-                NOTHING,
-                None,
-            )
-        if len(planner.goals) == 0:
-            return "no goal is set; call set_goals first", NOTHING, None
-        why = planner.static.why(self.q, np.zeros_like(self.q))
+            return self.trouble
+        if len(self.planner.goals) == 0:
+            return "no goal is set; call set_goals first"
+        why = self.planner.static.why(self.q, np.zeros_like(self.q))
         if why is not None:
-            return (
-                f"the start is not free: {why}; move the robot by hand",
-                NOTHING,
-                None,
-            )
-        reason, blockers = self._blocked()
-        return reason, blockers, find_retreat(planner, self.q)
+            return f"the start is not free: {why}; move the robot by hand"
+        return None
 
     def _blocked(self) -> tuple[str, Blockers]:
         planner = self.planner

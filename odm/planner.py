@@ -7,6 +7,7 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import close, frame, occupancy, step
+from odm._kernels.braking import first_blocked
 from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
@@ -19,10 +20,11 @@ from odm.answer import (
 )
 from odm.cell_map import CellMap
 from odm.checks import check_configuration, check_goals, check_points, goals_of
-from odm.clouds import SortedCloud
+from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
 from odm.place import close_items, place_points
 from odm.planner_settings import PlannerSettings
+from odm.retreat import find_way_out
 from odm.state import lay_out
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
@@ -30,6 +32,8 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
+_STAYS = 3  # frames at the same place
+_PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
 class ReactivePlanner:
@@ -70,6 +74,9 @@ class ReactivePlanner:
         self.calm = calm.Calm(self)
         self.straightener = straight.Straightener(self)
         self._ahead = SortedCloud(cell_map.grid)
+        self.coming = SortedClouds(cell_map.grid)
+        self._scratch = np.empty(len(self.radii)), np.empty(self.robot.dof)
+        self._tolerance = cell_map.motion_tolerance
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
         self.rho = cell_map.safety.rho
@@ -80,6 +87,7 @@ class ReactivePlanner:
         self._q = self.memory.own.q
         self._here = b""
         self._moving = False
+        self._stood = 0  # frames without a move
         self._new_goals = False
         self._nowhere = np.empty((0, self.robot.dof))
         self.attacher.forget_start()
@@ -204,21 +212,32 @@ class ReactivePlanner:
         self.keep = m + float(np.max(needed))
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
-        here = q.tobytes()  # compared much faster than arrays
-        same, self._here = here == self._here, here
-        standing = same and (self.attacher.quick or self._new_goals)
-        if standing and not self.attacher.is_fresh(q):
-            self.attacher.attach_start(q)  # look around before it leaves
+        here, before = q.tobytes(), self._here  # compared much faster than arrays
+        same, self._here = here == before, here
+        self._stood = self._stood + 1 if same else 0
+        attacher, first = self.attacher, self._new_goals
         self._new_goals = False
-        moved = self._moving and not same
+        stays = self._stood >= _STAYS
+        if same and (first or (attacher.quick and stays)) and not attacher.is_fresh(q):
+            # look around before it leaves, thoroughly where it stays for a while
+            attacher.attach_start(q, quick=not stays)
         code = self._step(points, q)
-        lost = code == step.NOT_ATTACHED
+        if code == step.NOT_ATTACHED:
+            attacher.attach_start(q, quick=True)
+            code = self._step(points, q)
         # on the way, but its segment is blocked at both ends: look around
-        stuck = code == step.NO_PATH and not self.attacher.is_fresh(q)
-        if lost or (stuck and len(self.goals)):
-            self.attacher.attach_start(q, quick=moved and not lost)
-            return self._step(points, q)
+        if code == step.NO_PATH and len(self.goals) and not attacher.is_fresh(q):
+            passing = not same and self._is_near(q, before)
+            if not (passing and attacher.is_at(q)):
+                attacher.attach_start(q, quick=passing)
+                code = self._step(points, q)
         return code
+
+    def _is_near(self, q: np.ndarray, before: bytes) -> bool:
+        """Whether the robot may have moved to q since the frame before."""
+        if not before:
+            return False
+        return bool(np.abs(self._difference(np.frombuffer(before), q)).max() < _PASSES)
 
     def calm_cloud(self) -> object:
         """Return what new legs keep clear of: the points, and where they have been."""
@@ -302,23 +321,18 @@ class ReactivePlanner:
         Args:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
             extra: Distance the points may have come nearer meanwhile [m].
-            points: (n, 3) where they are then [m]; None: those of the frame.
+            points: (n, 3) where they are then [m], also outside the grid; one that is
+                not finite blocks all. None: where they are in the frame.
         """
-        m = self.memory
-        if points is None:
-            self._sort()
-            cloud = m.cloud
-        else:
-            cloud = self._ahead.of(points)
+        cloud, bad = self._ahead.of_all(self.points if points is None else points)
+        if bad:
+            return 0
+        arm, work, tolerance = self.memory.arm, self.memory.work, self._tolerance
         path = np.ascontiguousarray(path, np.float64)
-        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
-        radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance
-        for k, dq in enumerate(legs):
-            if not close.motion_clear(
-                m.arm, radii, path[k], dq, tolerance, cloud, False, m.work
-            ):
-                return k
-        return None
+        leg = first_blocked(
+            arm, self.radii, extra, path, tolerance, cloud, work, *self._scratch
+        )
+        return None if leg < 0 else leg
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
@@ -327,6 +341,18 @@ class ReactivePlanner:
         """
         q = check_configuration(self.robot, q, None)
         return self._nearest(q)
+
+    def way_out(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a (2, dof) motion from q that evades what comes, or None.
+
+        See `odm.retreat.find_way_out`.
+        """
+        return find_way_out(self, q, coming, speed_scale)
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from odm._kernels import close, ways
+from odm._kernels import close, smoothing, ways
+from odm._kernels.state import N_TRACK
 from odm._kernels.types import N_SEGMENT
 from odm.answer import HOLDING
+from roadmap.blend import STRAY, TURN_A, TURN_J, joint_sway
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -22,9 +24,7 @@ if TYPE_CHECKING:
 _WORTH = 0.01  # a change must save this share of the whole rest
 _PACE = 0.5  # share of the joints' speed limits that is likely used
 _LEAD_S = 0.05  # what the robot reaches in this time at full speed stays [s]
-_DRAWS = 12  # changes looked at for each one that is tested
-# Roberts' R2 sequence in the plane: pairs of places, evenly spread and the same always
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+_DRAWS = 40  # changes looked at for each one that is tested
 
 
 class Change(NamedTuple):
@@ -54,8 +54,19 @@ class Smoother:
         """Begin the order of the changes."""
         self.planner = planner
         robot = planner.robot
-        self._speed = _PACE * robot.max_velocity
-        self._acceleration = robot.max_acceleration
+        self._robot = np.stack(
+            [
+                _PACE * robot.max_velocity,
+                robot.max_acceleration,
+                robot.max_jerk,
+                joint_sway(robot),
+                planner.cell_map.roadmap.weights,
+            ]
+        )
+        own, way = planner.memory.own, planner.memory.way
+        self._rounding = np.array([own.terms[N_TRACK], STRAY, TURN_A, TURN_J])
+        self._continuous = own.continuous
+        self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
         self.reset()
 
     def reset(self) -> None:
@@ -71,33 +82,34 @@ class Smoother:
         way = planner.memory.way
         if planner.last is None or planner.last.status == HOLDING:
             return 0
-        made, located = 0, False
-        for _ in range(_DRAWS * budget):
+        made, located, looks = 0, False, _DRAWS * budget
+        while budget > 0 and looks > 0:
             # a change alters the segments: what stays is found again
             located = located or (way.count[0] > 2 and self._begin(ahead))
-            if budget <= 0 or not located:
+            if not located:
                 break
-            change = self._draw()
-            if change is not None:
-                budget -= len(change.corners) - 1
-                changed = self._try(change)
-                made, located = made + changed, not changed
+            begun = self._drawn
+            change = self._draw(looks)
+            if change is None:
+                break
+            looks -= self._drawn - begun
+            budget -= len(change.corners) - 1
+            changed = self._try(change)
+            made, located = made + changed, not changed
         return made
 
-    def _draw(self) -> Change | None:
-        """Return the next change if it is worth a test."""
-        self._drawn += 1
-        u, v = (0.5 + self._drawn * _R2) % 1.0
-        rest = self._rest()
-        change = self._cut(rest, u, v) if self._drawn % 2 else self._pull(rest, u, v)
-        if change is None:
+    def _draw(self, most: int) -> Change | None:
+        """Return the next change that is worth a test, of at most so many."""
+        way = self.planner.memory.way
+        self._drawn, found = smoothing.next_change(
+            way.q, self._at, int(way.count[0]) - 1, self._share, self._drawn, most,
+            _WORTH, self._robot, self._rounding, self._continuous, *self._scratch,
+        )
+        if not found:
             return None
-        at, _, corners = rest
-        i, j = change.i - at, change.j - at
-        tail = corners[j:] if change.to_vertex else corners[j + 1 :]
-        new = np.concatenate([corners[: i + 1], change.corners, tail])
-        before, after = self._time(corners), self._time(new)
-        return change if after < (1.0 - _WORTH) * before else None
+        _, corners, ints = self._scratch
+        i, j, a, b, n = ints.tolist()
+        return Change(i, j, bool(a), bool(b), corners[:n].copy())
 
     def _begin(self, ahead: np.ndarray | None) -> bool:
         """Find the first segment and the share of it that stay; False: none is left."""
@@ -122,61 +134,10 @@ class Smoother:
             at, done = at + 1, 0.0
         return False
 
-    def _rest(self) -> tuple[int, float, np.ndarray]:
-        """Return the first segment, the share of it that stays, and corners."""
-        way = self.planner.memory.way
-        return self._at, self._share, way.q[self._at : way.count[0]]
-
-    def _cut(
-        self, rest: tuple[int, float, np.ndarray], u: float, v: float
-    ) -> Change | None:
-        """Return a straight leg between two places of the way."""
-        at, first, corners = rest
-        legs = np.diff(corners, axis=0)
-        lengths = np.linalg.norm(legs * self.planner.cell_map.roadmap.weights, axis=1)
-        ends = np.cumsum(lengths)
-        begin = first * lengths[0]
-        a, b = begin + np.sort([u, v]) * (ends[-1] - begin)
-        i, j = np.searchsorted(ends, [a, b], side="right")
-        if i == j or j >= len(legs):
-            return None
-        q_a = corners[i + 1] - (ends[i] - a) / lengths[i] * legs[i]
-        q_b = corners[j + 1] - (ends[j] - b) / lengths[j] * legs[j]
-        return self._change(at + int(i), at + int(j), False, False, [q_a, q_b])
-
-    def _pull(
-        self, rest: tuple[int, float, np.ndarray], u: float, v: float
-    ) -> Change | None:
-        """Return two legs past a corner, nearer to the straight line."""
-        at, first, corners = rest
-        n = len(corners) - 2
-        if n < 1:
-            return None
-        k = 1 + min(int(u * n), n - 1)
-        behind, q_b = k > 1, corners[k + 1]
-        q_a = corners[k - 1] if behind else _between(corners[0], corners[1], first)
-        line = q_b - q_a
-        share = float((corners[k] - q_a) @ line) / max(float(line @ line), 1e-12)
-        foot = q_a + min(max(share, 0.0), 1.0) * line
-        via = _between(corners[k], foot, v)
-        return self._change(at + k - 1, at + k + 1, behind, True, [q_a, via, q_b])
-
-    def _change(self, i: int, j: int, a: bool, b: bool, corners: list) -> Change | None:
-        """Return the change with its legs the short way round."""
-        planner = self.planner
-        pairs = zip(corners, corners[1:], strict=False)
-        legs = np.array([planner._difference(*pair) for pair in pairs])
-        ends = corners[0] + np.cumsum(legs, axis=0)
-        return Change(i, j, a, b, np.vstack([corners[:1], ends]))
-
-    def _time(self, corners: np.ndarray) -> float:
-        """Return the time that a path takes, about [s]."""
-        legs = np.diff(corners, axis=0)
-        times = (np.abs(legs) / self._speed).max(axis=1)
-        moving = times > 1e-9
-        speeds = legs[moving] / times[moving, None]
-        turns = np.abs(np.diff(speeds, axis=0)) / self._acceleration
-        return float(times.sum() + turns.max(axis=1, initial=0.0).sum())
+    def time(self, path: np.ndarray) -> float:
+        """Return about how long a path (k, dof) takes [s], as it is counted here."""
+        path = np.ascontiguousarray(path, np.float64)
+        return smoothing.path_time(path, len(path), self._robot, self._rounding)
 
     def _try(self, change: Change) -> int:
         """Test a change; make it where it is free; return how many were made."""
@@ -218,6 +179,3 @@ class Smoother:
         way.ref[: n - 1] = refs
         ways.unwind(way, self.planner.robot.continuous)
 
-
-def _between(q_a: np.ndarray, q_b: np.ndarray, share: float) -> np.ndarray:
-    return q_a + share * (q_b - q_a)

@@ -71,7 +71,10 @@ def _stop_over(way: Way, profiles: Profiles, k: int, end: float) -> bool:
 def _stop_within(way: Way, profiles: Profiles, k: int, last: int, end: float) -> bool:
     """Stop by what all of the pieces k..last allow, if that is on them."""
     begun, state, n = profiles.t, profiles.state, len(profiles.phases)
-    profiles.to_speed(0.0, way.a[k : last + 1].min(), way.j[k : last + 1].min())
+    if k == last:
+        profiles.to_rest(way.a[k], way.j[k])
+    else:
+        profiles.to_rest(min(way.a[k : last + 1]), min(way.j[k : last + 1]))
     end = min(way.pieces[last].end, end) + NEAR
     if profiles.state.s <= end and _enters(way, profiles.phases[n:], k, last):
         return True

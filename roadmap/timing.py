@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 
+from roadmap._kernels.profile import reachable
 from roadmap.errors import PlanningError
 
-_SLACK = 1.0 - 1e-6  # ruckig turns back where a length is short by a rounding
 _BACK = 1e-9  # slower than this is at rest, not backwards [rad or m per second]
 _NOTHING = 1e-8  # no way to speak of [rad or m of joint space]
 
@@ -51,30 +51,52 @@ class Profiles:
         """Begin at time 0."""
         self.phases: list[Phase] = []
         self.t, self.state = 0.0, state
-        self._otg, self._input = Ruckig(1), InputParameter(1)
+        self._otg: Ruckig | None = None
 
     def to_speed(self, v: float, a: float, j: float) -> None:
         """Add the quickest change to speed `v` and no acceleration within a and j."""
-        begin = self.state
-        self._input.max_acceleration, self._input.max_jerk = [a], [j]
+        self._begin(self.state, a, j)
         self._input.control_interface = ControlInterface.Velocity
         self._input.max_velocity = [math.inf]
-        self._begin(begin)
         self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
         self._run(None, v)
+
+    def to_rest(self, a: float, j: float) -> None:
+        """Add the quickest stop within a and j, as `to_speed` would, but much faster.
+
+        A stop is asked for in every frame. It falls to -p and rises to 0: with
+        acceleration a_0, p^2 = j v + a_0^2 / 2, or a constant -a in between.
+        """
+        _, v, a_0 = self.state
+        if v + a_0 * abs(a_0) / (2.0 * j) <= 0.0 or abs(a_0) > a:
+            self.to_speed(0.0, a, j)
+            return
+        a, j = float(a), float(j)
+        peak, level = math.sqrt(j * v + 0.5 * a_0 * a_0), 0.0
+        if peak > a:
+            peak, level = a, (v + (0.5 * a_0 * a_0 - a * a) / j) / a
+        t, state = self.t, self.state
+        for dt, jerk in (((a_0 + peak) / j, -j), (level, 0.0), (peak / j, j)):
+            if dt > 0.0:
+                phase = Phase(t, *state, jerk)
+                self.phases.append(phase)
+                t, state = t + dt, after(phase, dt)
+        self.t, self.state = t, State(state.s, 0.0, 0.0)
 
     def to_place(self, s: float, v: float, fastest: float, a: float, j: float) -> None:
         """Add the quickest profile to arc length `s` with speed `v`."""
         begin = self.state
-        self._input.max_acceleration, self._input.max_jerk = [a], [j]
+        self._begin(begin, a, j)
         self._input.control_interface = ControlInterface.Position
         self._input.max_velocity = [max(fastest, begin.v, v)]
-        self._begin(begin)
         self._input.target_position = [s - begin.s]
         self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
         self._run(s, v)
 
-    def _begin(self, begin: State) -> None:
+    def _begin(self, begin: State, a: float, j: float) -> None:
+        if self._otg is None:
+            self._otg, self._input = Ruckig(1), InputParameter(1)
+        self._input.max_acceleration, self._input.max_jerk = [a], [j]
         # relative to the present place, which keeps all digits
         self._input.current_position = [0.0]
         self._input.current_velocity = [begin.v]
@@ -143,27 +165,6 @@ def passing(phases: list[Phase], s: float) -> tuple[float, float]:
             state = after(phase, high)
             return state.v, state.a
     return phases[-1].v, phases[-1].a
-
-
-def way_to_change(v_a: float, v_b: float, a: float, j: float) -> float:
-    """Return the arc length that the quickest change of speed takes, rest to rest."""
-    dv = abs(v_b - v_a)
-    t = 2.0 * math.sqrt(dv / j) if dv * j <= a * a else dv / a + a / j
-    return 0.5 * (v_a + v_b) * t
-
-
-def reachable(v: float, length: float, limit: float, a: float, j: float) -> float:
-    """Return the highest speed up to `limit` that can be had within a length from v."""
-    if v >= limit or way_to_change(v, limit, a, j) <= _SLACK * length:
-        return max(v, limit) if v < limit else v
-    low, high = v, limit
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if way_to_change(v, middle, a, j) <= _SLACK * length:
-            low = middle
-        else:
-            high = middle
-    return low
 
 
 def junction_speeds(

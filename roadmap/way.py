@@ -52,8 +52,11 @@ class Way:
 
     def index(self, s: float) -> int:
         """Return the piece that holds arc length `s`."""
-        begins = [p.begin for p in self.pieces]
-        return max(0, bisect_right(begins, s) - 1)
+        return max(0, bisect_right(self._begins, s) - 1)
+
+    @cached_property
+    def _begins(self) -> list[float]:
+        return [p.begin for p in self.pieces]
 
     def index_of(self, state: State) -> int:
         """Return the piece a state is on; without acceleration, a next one counts."""

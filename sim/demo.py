@@ -20,6 +20,7 @@ from sim.loop import LoopSettings, run_loop
 from sim.pictures import write_latency_plot
 from sim.report import print_report
 from sim.run_result import RunResult
+from sim.warmup import exercise
 from sim.work_places import work_places
 from sim.world import SimulatorMissing, World
 
@@ -125,6 +126,7 @@ def warm_up(
     settings: LoopSettings,
 ) -> None:
     """Run a few frames so that everything is compiled before time is measured."""
+    exercise(planner.cell_map)
     brief = replace(settings, duration_s=3.0, keep_paths=0)
     human = make_motion(motion) if isinstance(motion, str) else motion
     run_loop(planner, planner.robot, places, human, brief)

@@ -14,6 +14,8 @@ import numpy as np
 from roadmap.kinematics import difference
 from roadmap.motion import Commit, Motion, SetPoint, time_path
 from roadmap.robot import Robot
+from sim.braking import BrakingTest
+from sim.lookout import Lookout
 from sim.threat import Threat
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
@@ -22,7 +24,6 @@ RETREAT_EVERY = 5  # frames between two searches for a way out, which take a whi
 _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
 _RAISE_EVERY = 1  # frames between two tries to be faster
-_SLICE = 0.04  # a motion is tested in pieces of this length [s]
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 
@@ -53,7 +54,7 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg` and `separation` where it has them.
+        planner: Asked with `blocked_leg`, `separation` and `way_out` where it has them.
         q: (dof,) where the robot stands.
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -81,6 +82,7 @@ class Executor:
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance = planner.cell_map.safety.m if self.brakes else 0.0
+        self._test = BrakingTest(planner)
         self._level = 0
         self._frame = 0
         self._on_path = False
@@ -90,6 +92,9 @@ class Executor:
         self._heeded = False  # a frame was answered since the last period
         self._asked = -RETREAT_EVERY  # frame in which a retreat was asked for
         self._next: tuple[Motion, float, float, Commit] | None = None  # see `ahead`
+        looks = self.brakes and callable(getattr(planner, "way_out", None))
+        self._lookout = Lookout(planner, period) if looks else None
+        self._yielding = False  # it gets out of the way, whatever the planner says
         self._held: Motion | None = None  # the stop that was tested, and
         self._held_t = 0.0  # the time on it at this moment
 
@@ -113,8 +118,9 @@ class Executor:
         """Return where a new path would begin: the planner plans from there.
 
         It is on the path in use, even if the robot has not come to its beginning yet.
+        Out of the way it goes to the end.
         """
-        least = 0.0 if self.at_rest or not self._on_path else self._begin
+        least = self._least(self.t)
         known = self._next
         if known is not None and known[0] is self.motion:
             if known[1:3] == (self.t, least):
@@ -124,11 +130,17 @@ class Executor:
     def ahead(self) -> np.ndarray:
         """Return (dof,) where the next frame's path will begin, if nothing changes."""
         t = self.t + self.period
-        over = t >= self.motion.duration
-        least = 0.0 if over or not self._on_path else self._begin
+        least = self._least(t)
         commit = self.motion.commit(t, self.settings.ahead, least)
         self._next = (self.motion, t, least, commit)
         return commit.q
+
+    def _least(self, t: float) -> float:
+        """Return the arc length before which no new path begins."""
+        if self._yielding:
+            return math.inf
+        on_path = self._on_path and t < self.motion.duration
+        return self._begin if on_path else 0.0
 
     def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
         """Take an answer planned from `commit`, then brake where it must be.
@@ -137,6 +149,8 @@ class Executor:
         """
         self._frame += 1
         self._heeded = True
+        if self._yields(threat):
+            return
         if answer.status == "holding":
             self._hold(answer, threat)
         else:
@@ -179,6 +193,47 @@ class Executor:
         self._held_t += self.period
 
     # --- hold, back off, escape -------------------------------------------------
+
+    def _yields(self, threat: Threat | None) -> bool:
+        """Whether it gets out of the way of who comes, and heeds no answer."""
+        if self._yielding:
+            self._yielding = not self.at_rest
+            if self._yielding and self._wise():
+                if self._untouched(self.motion, self.t, threat):
+                    return True
+                scale = _LOWER * self.motion.speed_scale
+                slower = self.motion.rescaled(self.t, scale)
+                if self._untouched(slower, 0.0, threat):
+                    self._take(slower)
+                    return True
+            if self._yielding:
+                self._yielding = False
+                self._halt()
+                return True
+            self.state, self.reason = STANDING, ""
+        if self._lookout is None or not hasattr(threat, "likely"):
+            return False  # nobody is about, or another robot that tells its way
+        if self.state == MOVING and not self.at_rest:
+            return False  # nobody slows it: it may be gone before they come
+        commit = self.motion.commit(self.t, 0.0)
+        scale = self.settings.speed_scale
+        way = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
+        return way is not None and self._leave(way, commit, threat)
+
+    def _leave(self, way: np.ndarray, commit: Commit, threat: Threat) -> bool:
+        """Get out of the way, as fast as the person lets it; False if none."""
+        self._gap = self.planner.separation(self.set_point.q)
+        if self._gap < self.settings.stand_below:
+            return False
+        for share in _RETREATS:
+            scale = share * self.settings.speed_scale
+            motion = self.motion.join(self.t, commit, way, blend=0, speed_scale=scale)
+            if self._untouched(motion, 0.0, threat):
+                self._take(motion)
+                self._yielding, self._on_path = True, False
+                self.state, self.reason = RETREATING, "somebody comes"
+                return True
+        return False
 
     def _hold(self, answer: object, threat: Threat | None) -> None:
         self._on_path, self.reason = False, ""
@@ -300,40 +355,15 @@ class Executor:
     ) -> bool:
         """Test the way from `t` to the end of a stop behind the next set-point.
 
-        It is cut into pieces by time, and each is tested against where the person
-        can be then. Afterwards the robot rests. It may come `closer` than m [m].
+        Afterwards the robot rests. It may come `closer` than m [m].
         """
-        go = self.period + ahead
-        begin = min(t + go, motion.duration)
+        begin = min(t + self.period + ahead, motion.duration)
         stop = motion.stop(begin)
-        if not self._clear(motion, t, begin, 0.0, threat, closer):
-            return False
-        if not self._clear(stop, 0.0, stop.duration, begin - t, threat, closer):
+        if not self._test.passes(motion, t, begin, stop, threat, closer):
             return False
         # with a look ahead the stop begins later than behind the next set-point
         self._held = stop if ahead == 0.0 else motion.stop(t + self.period)
         self._held_t = -self.period
-        return True
-
-    def _clear(
-        self,
-        motion: Motion,
-        begin: float,
-        end: float,
-        later: float,
-        threat: Threat,
-        closer: float,
-    ) -> bool:
-        """Test a motion from `begin` to `end`, which is at `later` from now on."""
-        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
-        for k in range(n):
-            a = begin + (end - begin) * k / n
-            b = begin + (end - begin) * (k + 1) / n
-            points, radius = threat.between(later + a - begin, later + b - begin)
-            corners = motion.path_from(a, motion.place(b))
-            grown = radius - closer
-            if self.planner.blocked_leg(corners, grown, points) is not None:
-                return False
         return True
 
     def _why(self, threat: Threat) -> str:

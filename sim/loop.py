@@ -17,6 +17,7 @@ from sim.kinematic import KinematicMover
 from sim.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.threat import Watcher
 
+FRESH, MORE = 5, 3  # frames of a new path, in which so many times more is tested
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
 
@@ -41,7 +42,9 @@ class LoopSettings:
             then, and to be touched at rest is the lesser evil. With samples 3 cm
             apart an arm can touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
-        polish: Motions the planner may test between two frames to shorten its path.
+        polish: Motions the planner may test between two frames to shorten its path;
+            the first frames of a new path, whose beginning is soon behind the robot,
+            three times as many.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -152,6 +155,7 @@ class Loop:
         self._watcher = Watcher()
         self._moving = robot.moving
         self._retreats = self._escape = False
+        self._fresh = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
         self._centers = sphere_centers(robot, self._q)
         _optional(planner, "reset")
@@ -177,6 +181,7 @@ class Loop:
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
         escape = self._escapes(answer.status == "holding")
+        self._fresh = FRESH if answer.status == "replanned" else self._fresh - 1
         polish_s, polish_cpu_s = self._polish()
         frame = Frame(
             index=self.index,
@@ -239,7 +244,8 @@ class Loop:
         begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.polish:
             ahead = self.executor.ahead()
-            _optional(self.planner, "polish", self.settings.polish, ahead)
+            most = self.settings.polish * (MORE if self._fresh > 0 else 1)
+            _optional(self.planner, "polish", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy
 
     def _point_speed(self) -> float:

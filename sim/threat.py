@@ -8,10 +8,15 @@ A person who rests, passes by or moves away slows the robot less than one who co
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
+from sim._kernels.threat import near_points, velocities
+
+_DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
 
 
 @dataclass(frozen=True)
@@ -41,12 +46,15 @@ class Threat:
         velocity: (n, 3) velocity of each [m/s]; None where it is not known.
         age: Age of the data [s].
         settings: What a person is able to do.
+        drift: (n, 3) mean velocity of each in the last fifth of a second [m/s]; None
+            takes `velocity`.
     """
 
     points: np.ndarray
     velocity: np.ndarray | None
     age: float
     settings: ThreatSettings
+    drift: np.ndarray | None = None
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return points (n, 3) and the radius [m] of balls that hold the person.
@@ -60,6 +68,17 @@ class Threat:
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         gained = 0.5 * self.settings.acceleration * end * end
         return self.points + middle * self.velocity, gained + half * self.fastest
+
+    def likely(self, *times: float) -> np.ndarray | None:
+        """Return (n, 3) where its points will be at some times from now [s].
+
+        As their mean velocities bring them: where they are likely to be, not where
+        they can be. None where no velocities are known.
+        """
+        drift = self.velocity if self.drift is None else self.drift
+        if drift is None:
+            return None
+        return np.concatenate([self.points + (self.age + t) * drift for t in times])
 
     @cached_property
     def fastest(self) -> float:
@@ -82,6 +101,7 @@ class Watcher:
         self.settings = settings or ThreatSettings()
         self._ends: np.ndarray | None = None
         self._time = 0.0
+        self._past: deque[tuple[float, np.ndarray]] = deque()
 
     def look(
         self,
@@ -103,27 +123,24 @@ class Watcher:
         ends = capsules[:, :6].reshape(-1, 2, 3)
         before, passed = self._ends, now - self._time
         self._ends, self._time = ends.copy(), now
-        low = centers.min(axis=0) - self.settings.far
-        high = centers.max(axis=0) + self.settings.far
-        near = points[((points > low) & (points < high)).all(axis=1)]
-        velocity = None
+        room = np.empty((3, len(points), 3))
+        near = room[0, : near_points(points, centers, self.settings.far, room[0])]
+        velocity = drift = None
         if before is not None and before.shape == ends.shape and passed > 0.0:
-            velocity = _velocities(near, ends, (ends - before) / passed, capsules[:, 6])
-        return Threat(near, velocity, age, self.settings)
+            since, old = self._old(now)
+            since = min(since, now - _DRIFT)  # seen for less: it rested before
+            velocity, drift = room[1, : len(near)], room[2, : len(near)]
+            radii = np.ascontiguousarray(capsules[:, 6])
+            velocities(near, ends, before, passed, radii, velocity)
+            velocities(near, ends, old, now - since, radii, drift)
+        else:
+            self._past.clear()
+        self._past.append((now, self._ends))
+        return Threat(near, velocity, age, self.settings, drift)
 
-
-def _velocities(
-    points: np.ndarray, ends: np.ndarray, moving: np.ndarray, radii: np.ndarray
-) -> np.ndarray:
-    """Return the velocity (n, 3) of points on capsules whose ends move: a, b (k, 2, 3).
-
-    A point moves as the place of the axis that it stands above.
-    """
-    a, along = ends[:, 0], ends[:, 1] - ends[:, 0]
-    length2 = np.maximum((along * along).sum(axis=1), 1e-12)
-    share = (points @ along.T - (a * along).sum(axis=1)) / length2
-    share = np.clip(share, 0.0, 1.0)  # (n, k)
-    off = points[:, None] - a - share[:, :, None] * along
-    own = np.abs(np.sqrt((off * off).sum(axis=2)) - radii).argmin(axis=1)
-    t = share[np.arange(len(points)), own][:, None]
-    return (1.0 - t) * moving[own, 0] + t * moving[own, 1]
+    def _old(self, now: float) -> tuple[float, np.ndarray]:
+        """Return the time and the ends of the oldest frame that counts."""
+        past = self._past
+        while len(past) > 1 and now - past[0][0] > _DRIFT + 1e-9:
+            past.popleft()
+        return past[0]

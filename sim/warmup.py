@@ -27,6 +27,7 @@ from odm import (
     sample_capsules,
     surface_of,
 )
+from odm._kernels import step
 from odm.cameras import look_at
 from odm.recipe import RobotRecipe, Safety
 from roadmap.build import RoadmapSettings
@@ -69,13 +70,12 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     """
     begun, before = time.perf_counter(), cache_misses()
     sizes = (COARSE, FINE) if fine else (COARSE,)
-    stages = 7 * len(sizes)
     for k, h in enumerate(sizes):
         with tempfile.TemporaryDirectory() as folder:
             jobs = _jobs(Path(folder), h)
-            for i, job in enumerate(jobs, 7 * k + 1):
+            for i, job in enumerate(jobs, len(jobs) * k + 1):
                 job()
-                progress("kernels", i, stages)
+                progress("kernels", i, len(jobs) * len(sizes))
     return time.perf_counter() - begun, cache_misses() - before
 
 
@@ -97,6 +97,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         lambda: _see(loaded[0]),
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
+        _watch,
         _person,
         lambda: _reach(loaded[0], folder),
     ]
@@ -138,6 +139,11 @@ def exercise(cell_map: CellMap) -> None:
             planner.polish(8)
             planner.separation(start)
             planner.is_free(start, goal)
+            planner.blocked_leg(np.stack([start, goal]), 0.1, points)
+            planner.way_out(start, [(0.1, points)], 0.5)
+            if planner.memory.way.count[0] >= 2:
+                planner.attacher.forget_start()
+                planner.straightener.run(step.FOLLOWING)
             planner.invalid_nodes()
             planner.invalid_edges()
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
@@ -218,6 +224,14 @@ def _measure(cell_map: CellMap) -> None:
     exact_audit(cell_map.robot)(q, np.array([[1.0, 0, 0, 1.0, 0, 0.3, 0.05]]))
 
 
+def _watch() -> None:
+    from sim.threat import Watcher
+
+    watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
+    for now in (0.0, 0.01):
+        watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
+
+
 def _person() -> None:
     from handover import ArmState, Human, QualitySettings, posture_quality
     from sim.human_command import grip_points
@@ -229,6 +243,8 @@ def _person() -> None:
     arm.jacobian(joints)
     grip_points(human, 8)
     posture_quality(ArmState.of(human, "left", QualitySettings()), joints)
+
+
 def _reach(cell_map: CellMap, folder: Path) -> None:
     """Build, store, load and ask a reach map."""
     from handover import ReachSettings, build_reach_map, chain_of, load_reach_map

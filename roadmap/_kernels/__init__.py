@@ -9,7 +9,13 @@ import hashlib
 from pathlib import Path
 
 # each calls those before it only, as the packages import each other
-_FOLDERS = ("roadmap/_kernels", "odm/_kernels", "handover/_kernels", "sim/bench")
+_FOLDERS = (
+    "roadmap/_kernels",
+    "odm/_kernels",
+    "handover/_kernels",
+    "sim/_kernels",
+    "sim/bench",
+)
 
 
 def drop_stale_code() -> bool:

@@ -6,6 +6,7 @@ from naive_cells import smallest_gap
 from small import AWAY, HOME, draw_arm, draw_valid, wrapped
 
 import odm
+from roadmap.kinematics import sphere_centers
 
 
 def test_every_piece_of_a_path_keeps_its_distance(small_map, planner, rng):
@@ -63,6 +64,44 @@ def test_a_known_rounding_or_dense_points_cost_less_space(small_map, planner):
     assert np.allclose(planner.radii, plain - 0.02)
     planner.step(points, q=HOME)
     assert np.allclose(planner.radii, plain, atol=1e-12)
+
+
+def test_braking_sees_points_outside_the_grid(small_map, planner):
+    # stretched out, the hand is near the grid's top; who is above it comes in
+    q = np.array([0.0, 0.0, 0.0])
+    grid, keep = small_map.grid, planner.keep
+    balls = sphere_centers(planner.robot, q)[planner.robot.moving]
+    radii = planner.robot.spheres[planner.robot.moving, 3]
+    far = int(np.argmax(balls[:, 2] + radii))
+    point = np.array([[*balls[far, :2], grid.upper[2] + 0.02]])
+    gap = (np.linalg.norm(point - balls, axis=1) - radii).min()
+    assert (grid.locate(point) < 0).any()
+    assert planner.blocked_leg(q[None], gap - keep - 1e-6, point) is None
+    assert planner.blocked_leg(q[None], gap - keep + 1e-6, point) == 0
+    planner.step(point, q=q)
+    assert planner.blocked_leg(q[None], gap - keep + 1e-6) == 0
+
+
+def test_a_point_that_is_no_number_blocks_every_leg(planner):
+    nan = np.array([[5.0, np.nan, 0.0]])
+    assert planner.blocked_leg(np.stack([HOME, AWAY]), 0.0, nan) == 0
+
+
+def test_braking_agrees_with_a_slow_twin_wherever_points_are(small_map, planner, rng):
+    found = {True: 0, False: 0}
+    for _ in range(200):
+        q, end = draw_valid(planner, rng), draw_valid(planner, rng)
+        dq = 0.2 * (end - q)
+        points = rng.uniform(-1.2, 1.2, (6, 3))  # many lie outside the grid
+        extra = rng.uniform(0.0, 0.5)
+        gap = smallest_gap(small_map, q, dq, points, 200)
+        blocked = planner.blocked_leg(np.stack([q, q + dq]), extra, points) is not None
+        if gap < planner.keep + extra - 1e-9:
+            assert blocked
+        elif gap > planner.keep + extra + 0.03:
+            assert not blocked
+        found[blocked] += 1
+    assert min(found.values()) > 30
 
 
 def capsule_of(row):

@@ -34,7 +34,7 @@ def smoothed(planner, points, q, rounds=40, ahead=None):
 def test_a_path_gets_quicker_and_stays_free(small_map, seed):
     planner, points, first = on_its_way(small_map, seed)
     last = smoothed(planner, points, HOME)
-    time = planner.smoother._time
+    time = planner.smoother.time
     assert time(last.path) < 0.95 * time(first.path)
     assert np.allclose(last.path[-1], first.path[-1])
     for a, b in zip(last.path, last.path[1:], strict=False):

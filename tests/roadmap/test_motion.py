@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import roadmap
+from roadmap._kernels.profile import way_to_change
 from roadmap.blend import joint_sway
 from roadmap.errors import BadInput
 from roadmap.kinematics import sphere_centers
 from roadmap.motion import Motion
-from roadmap.timing import way_to_change
 
 DT = 1e-3
 

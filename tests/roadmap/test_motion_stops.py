@@ -7,7 +7,7 @@ import pytest
 
 import roadmap
 from roadmap import stopping
-from roadmap.timing import after
+from roadmap.timing import NoProfile, Profiles, State, after
 
 PERIOD = 0.01
 
@@ -84,3 +84,32 @@ def test_pieces_of_a_way_leave_no_gap(panda, rng):
         pieces = motion._way.pieces
         for piece, later in zip(pieces, pieces[1:], strict=False):
             assert piece.end == later.begin
+
+
+def test_a_stop_in_closed_form_is_the_one_that_ruckig_finds(rng):
+    closed = 0
+    for _ in range(2000):
+        v, a_most, j = rng.uniform(0, 3), rng.uniform(0.2, 8), rng.uniform(2, 400)
+        state = State(rng.uniform(-5, 5), v, rng.uniform(-1.1, 1.1) * a_most)
+        mine, ruckigs = Profiles(state), Profiles(state)
+        try:
+            ruckigs.to_speed(0.0, a_most, j)
+        except NoProfile:
+            with pytest.raises(NoProfile):
+                mine.to_rest(a_most, j)
+            continue
+        mine.to_rest(a_most, j)
+        closed += mine._otg is None
+        assert mine.t == pytest.approx(ruckigs.t, abs=1e-9)
+        assert mine.state.s == pytest.approx(ruckigs.state.s, abs=1e-8)
+        assert mine.state[1:] == (0.0, 0.0)
+        ends = [p.t for p in mine.phases[1:]] + [mine.t]
+        for k, (phase, end) in enumerate(zip(mine.phases, ends, strict=True)):
+            there = after(phase, end - phase.t)
+            if k + 1 < len(mine.phases):
+                later = mine.phases[k + 1]
+                assert there == pytest.approx(later[1:4], abs=1e-12)
+            else:
+                assert there == pytest.approx(mine.state, abs=1e-9)
+            assert abs(phase.j) <= j and there.a >= -a_most - 1e-9
+    assert closed > 800
