@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels.meet_pose import UNREACHED, pose_value
+from handover._kernels.meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
 from handover._kernels.quality import quality_of
 from handover._kernels.rotations import rotation_cell
 
@@ -168,6 +168,10 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
     pose = room.pose
     for i in range(9):
         pose[i] = hands.pose[r, g, i]
+    hand_y = wx * pose[1] + wy * pose[4] + wz * pose[7]
+    hand_z = wx * pose[2] + wy * pose[5] + wz * pose[8]
+    if not wrist_allows(person.state, hand_y, hand_z, square):
+        return UNREACHED
     pose[9] = x + hands.pose[r, g, 9]
     pose[10] = y + hands.pose[r, g, 10]
     pose[11] = z + hands.pose[r, g, 11]
@@ -180,6 +184,7 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
         dexterity,
         person.scales[1],
         floor,
+        least_effort(person.state, pose[2], pose[5], pose[8], wx, wy, wz, square),
         pose,
         room.work,
         room.parts,
