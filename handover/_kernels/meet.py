@@ -130,7 +130,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         hands.far[i] = np.sqrt(hands.far[i]) + TINY_M
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def position_of(box, x, y, z):
     """Return the position cell of a grip in the person's reach map, -1 outside."""
     i = int(np.floor((x - box[0]) * box[7]))
@@ -142,7 +142,7 @@ def position_of(box, x, y, z):
     return (i * ny + j) * nz + k
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def dexterity_at(person, hands, r, g, x, y, z):
     """Return the dexterity of a hand in rotation r of grasp g with its grip at x, y, z."""
     at = position_of(person.box, x, y, z)
@@ -151,7 +151,7 @@ def dexterity_at(person, hands, r, g, x, y, z):
     return person.dexterity[at, hands.cell[r, g]] / 255.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def hand_value(person, hands, r, g, x, y, z, floor, room):
     """Return q_total of grasp g with the tool at x, y, z in rotation r.
 
