@@ -27,6 +27,7 @@ class Person(NamedTuple):
         dexterity: (n_positions, n_rotations) uint8 of the person's reach map.
         box: (9,) of that map: lower corner, cell [m], numbers of cells, 1 / cell, and
             by how many cells `most` is larger on every side.
+        ceiling: (n_positions,) uint8: the largest dexterity of each position.
         most: (nx, ny, nz) uint8: the largest dexterity near a position of the tool.
         scales: (4,) share of q_online, swivel step, least and largest distance of the
             wrist [m].
@@ -37,6 +38,7 @@ class Person(NamedTuple):
     settings: np.ndarray
     dexterity: np.ndarray
     box: np.ndarray
+    ceiling: np.ndarray
     most: np.ndarray
     scales: np.ndarray
 
@@ -49,12 +51,14 @@ class Hands(NamedTuple):
         wrist: (r, g, 3) offset of the wrist from the tool [m].
         cell: (r, g) rotation cell in the person's reach map.
         far: (2,) largest distance of a wrist and of a grip from the tool [m].
+        same: (g,) whether a grasp has its grip where the one before it has.
     """
 
     pose: np.ndarray
     wrist: np.ndarray
     cell: np.ndarray
     far: np.ndarray
+    same: np.ndarray
 
 
 class Cells(NamedTuple):

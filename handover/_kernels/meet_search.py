@@ -5,7 +5,9 @@ qualities and the dexterity are. What is not known is bounded (decision 0019):
 
 position: the grip is within `far` of the tool, so spatial way and angle to the gaze are at
     least those of the tool less what such a step can change; all else counts as 1.
-byte: the same, with the dexterity of the hand pose's own cell.
+place: the same for the cell of the person's map that holds the grip, in a table.
+byte: the same, with the dexterity of the hand's rotation there, and less what the joints
+    must travel to turn the hand.
 grip: spatial, visibility, safety of the grip exactly; joint travel at least what the
     elbow angle, the direction of the wrist and the hand's rotation ask for.
 
@@ -63,28 +65,61 @@ def position_bounds(person, hands, cells, online, whole):
     far = person.scales[3] + hands.far[0]
     step = hands.far[1]
     shares = _shares(person)
-    sure = settings[OMEGA + JOINT] + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
     for p in range(cells.points.shape[0]):
         x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
         online[p], whole[p] = NO_VALUE, NO_VALUE
         if x * x + y * y + z * z > far * far:
             continue
-        way = max(0.0, spatial_cost(state, x, y, z) - step)
-        total = sure
-        total += settings[OMEGA + SPATIAL] * (
-            1.0 - math.tanh(settings[BETA + SPATIAL] * way)
-        )
-        if state[HAS_GAZE] != 0.0:
-            dx, dy, dz = x - state[EYE], y - state[EYE + 1], z - state[EYE + 2]
-            away = math.sqrt(dx * dx + dy * dy + dz * dz)
-            angle = 0.0
-            if away > step:
-                angle = visibility_cost(state, x, y, z) - math.asin(step / away)
-            total += settings[OMEGA + VISIBILITY] * (
-                1.0 - math.tanh(settings[BETA + VISIBILITY] * max(0.0, angle))
-            )
+        total = open_bound(state, settings, x, y, z, step)
         online[p] = share * total / shares + ROUNDING
         whole[p] = online[p] + (1.0 - share) * most_dexterity(person, x, y, z)
+
+
+@njit(cache=True, nogil=True)
+def fill_places(person, online, whole):
+    """Write bounds of q_online and q_total for a grip in each cell of the person's map.
+
+    They hold in the shoulder frame, so for as long as gaze, grip and eyes stay as they
+    are there, wherever the person goes.
+    """
+    state, settings, box = person.state, person.settings, person.box
+    share, shares = person.scales[0], _shares(person)
+    cell, half = box[3], 0.5 * math.sqrt(3.0) * box[3] + SLACK
+    nx, ny, nz = int(box[4]), int(box[5]), int(box[6])
+    far = (person.scales[3] + state[2] + half) ** 2
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                at = (i * ny + j) * nz + k
+                x = box[0] + (i + 0.5) * cell
+                y = box[1] + (j + 0.5) * cell
+                z = box[2] + (k + 0.5) * cell
+                online[at], whole[at] = NO_VALUE, NO_VALUE
+                if x * x + y * y + z * z > far:
+                    continue
+                sure = open_bound(state, settings, x, y, z, half)
+                online[at] = share * sure / shares + SLACK
+                whole[at] = online[at] + (1.0 - share) * person.ceiling[at] / 255.0
+
+
+@njit(cache=True, nogil=True)
+def open_bound(state, settings, x, y, z, step):
+    """Return a bound of the weighted qualities of a grip within `step` of a place."""
+    total = settings[OMEGA + JOINT] + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
+    way = max(0.0, spatial_cost(state, x, y, z) - step)
+    total += settings[OMEGA + SPATIAL] * (
+        1.0 - math.tanh(settings[BETA + SPATIAL] * way)
+    )
+    if state[HAS_GAZE] == 0.0:
+        return total
+    dx, dy, dz = x - state[EYE], y - state[EYE + 1], z - state[EYE + 2]
+    away = math.sqrt(dx * dx + dy * dy + dz * dz)
+    angle = 0.0
+    if away > step:
+        angle = visibility_cost(state, x, y, z) - math.asin(step / away)
+    return total + settings[OMEGA + VISIBILITY] * (
+        1.0 - math.tanh(settings[BETA + VISIBILITY] * max(0.0, angle))
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -269,7 +304,9 @@ def put(top, key, e, g, value, n):
 
 
 @njit(cache=True, nogil=True)
-def search(person, hands, cells, keys, removed, seen, warm, top, bounds, room, counts):
+def search(
+    person, hands, cells, keys, removed, seen, places, warm, top, bounds, room, counts
+):
     """Fill `top` with the best entries that are not removed.
 
     Args:
@@ -279,6 +316,7 @@ def search(person, hands, cells, keys, removed, seen, warm, top, bounds, room, c
         keys: (n,) of the entries.
         removed: (n,) bool.
         seen: (n,) bool, all False; is left so.
+        places: Bounds of `fill_places`.
         warm: (m,) entries to begin with: the last best.
         top: Written; its size is k.
         bounds: Room (p,) and (p,).
@@ -300,8 +338,7 @@ def search(person, hands, cells, keys, removed, seen, warm, top, bounds, room, c
             continue
         p = np.searchsorted(cells.first, e, side="right") - 1
         n = _look(
-            person, hands, cells, keys, p, e, 0, now, spin, lack, -1e3, top, n, room,
-            counts,
+            person, hands, cells, keys, p, e, 0, now, spin, lack, top, n, room, counts
         )
         seen[e] = True
     online, whole = bounds
@@ -320,8 +357,8 @@ def search(person, hands, cells, keys, removed, seen, warm, top, bounds, room, c
         if whole[p] < floor:
             break
         n = _open(
-            person, hands, cells, keys, removed, seen, p, online[p], now, spin, lack,
-            top, n, room, counts,
+            person, hands, cells, keys, removed, seen, places, p, online[p], now, spin,
+            lack, top, n, room, counts,
         )
     for i in range(warm.shape[0]):
         seen[warm[i]] = False
@@ -330,8 +367,8 @@ def search(person, hands, cells, keys, removed, seen, warm, top, bounds, room, c
 
 @njit(cache=True, nogil=True)
 def _open(
-    person, hands, cells, keys, removed, seen, p, online, now, spin, lack, top, n,
-    room, counts,
+    person, hands, cells, keys, removed, seen, places, p, online, now, spin, lack, top,
+    n, room, counts,
 ):
     """Look at the entries of a position whose bound by the byte passes."""
     counts[POSITIONS] += 1
@@ -339,44 +376,49 @@ def _open(
     k = top.value.shape[0]
     box, dexterity = person.box, person.dexterity
     pose, turned, rotation = hands.pose, hands.cell, cells.rotation
+    same, at = hands.same, -1
     n_grasps, share = pose.shape[1], person.scales[0]
     inverse = box[7]
     x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
     nx, ny, nz = int(box[4]), int(box[5]), int(box[6])
     floor = top.value[k - 1] if n == k else 0.0
-    need = _least_byte(floor, online, share)
+    far = (floor - online) * 255.0 / max(1.0 - share, 1e-9) - 1e-3
+    place_online, place = places
+    need, dead = 0.0, False
+    scale = 255.0 / max(1.0 - share, 1e-9)
     for e in range(cells.first[p], cells.first[p + 1]):
         r = rotation[e]
         for g in range(n_grasps):
+            if not same[g]:
+                at = -1
+                i = int(math.floor((x + pose[r, g, 9] - box[0]) * inverse))
+                j = int(math.floor((y + pose[r, g, 10] - box[1]) * inverse))
+                m = int(math.floor((z + pose[r, g, 11] - box[2]) * inverse))
+                need, dead = far, far > 0.0
+                if 0 <= i < nx and 0 <= j < ny and 0 <= m < nz:
+                    at = (i * ny + j) * nz + m
+                    dead = place[at] < floor
+                    need = (floor - place_online[at]) * scale - 1e-3
+            if dead:
+                continue
             byte = 0
-            i = int(math.floor((x + pose[r, g, 9] - box[0]) * inverse))
-            j = int(math.floor((y + pose[r, g, 10] - box[1]) * inverse))
-            m = int(math.floor((z + pose[r, g, 11] - box[2]) * inverse))
-            if 0 <= i < nx and 0 <= j < ny and 0 <= m < nz:
-                byte = dexterity[(i * ny + j) * nz + m, turned[r, g]]
+            if at >= 0:
+                byte = dexterity[at, turned[r, g]]
             if byte >= need + lack[r, g]:
                 if not removed[e] and not seen[e]:
                     n = _look(
-                        person, hands, cells, keys, p, e, g, now, spin, lack, need, top,
-                        n, room, counts,
+                        person, hands, cells, keys, p, e, g, now, spin, lack, top, n,
+                        room, counts,
                     )
                     floor = top.value[k - 1] if n == k else 0.0
-                    need = _least_byte(floor, online, share)
+                    far = (floor - online) * scale - 1e-3
                 break
     return n
 
 
 @njit(cache=True, nogil=True)
-def _least_byte(floor, online, share):
-    """Return the byte of dexterity with which `floor` can just be reached, or less."""
-    if share >= 1.0:
-        return -1e3 if online >= floor else 1e9
-    return (floor - online) / (1.0 - share) * 255.0 - 1e-6
-
-
-@njit(cache=True, nogil=True)
 def _look(
-    person, hands, cells, keys, p, e, first, now, spin, lack, need, top, n, room, counts
+    person, hands, cells, keys, p, e, first, now, spin, lack, top, n, room, counts
 ):
     """Bound the grasps of an entry from `first` on, solve those that may count."""
     k = top.value.shape[0]
@@ -385,11 +427,6 @@ def _look(
     best, best_g = UNREACHED, -1
     floor = top.value[k - 1] if n == k else 0.0
     for g in range(first, hands.wrist.shape[1]):
-        px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]
-        pz = z + hands.pose[r, g, 11]
-        byte = 255.0 * dexterity_at(person, hands, r, g, px, py, pz)
-        if byte + 1e-6 < need + lack[r, g]:
-            continue
         counts[GRIPS] += 1
         bound = grip_bound(
             person, hands, now, spin[r, g], r, g, x, y, z, floor, room.parts
