@@ -218,6 +218,15 @@ class InteractionWorkspace:
         """Bring all removed targets back."""
         self._removed[:] = False
 
+    def forget(self) -> None:
+        """Forget the last best, which the next `best` would begin with."""
+        self._warm = self._warm[:0]
+
+    @property
+    def removed(self) -> np.ndarray:
+        """(m,) int64 keys that are taken out."""
+        return self._keys[self._removed]
+
     @property
     def keys(self) -> np.ndarray:
         """(n,) int64 cells the robot reaches and the constraints allow, ascending."""
