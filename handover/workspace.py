@@ -1,4 +1,4 @@
-"""InteractionWorkspace: where robot and person can meet, ranked by the person's comfort.
+"""InteractionWorkspace: where robot and person can meet, the most comfortable first.
 
 [Vahrenkamp2016, III-C and Algorithm 1]; what a target is: `docs/workspace.md`.
 """

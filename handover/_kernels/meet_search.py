@@ -3,16 +3,17 @@
 A hand pose is known exactly before any inverse kinematics, so three of the five
 qualities and the dexterity are. What is not known is bounded (decision 0019):
 
-position: the grip is within `far` of the tool, so spatial way and angle to the gaze are at
-    least those of the tool less what such a step can change; all else counts as 1.
+position: the grip is within `far` of the tool, so its way and its angle to the gaze are
+    at least the tool's less what such a step can change; all else counts as 1.
 place: the same for the cell of the person's map that holds the grip, in a table.
-byte: the same, with the dexterity of the hand's rotation there, and less what the joints
+byte: the same, with the dexterity of the hand's rotation there, less what the joints
     must travel to turn the hand.
 grip: spatial, visibility, safety of the grip exactly; joint travel at least what the
-    elbow angle, the direction of the wrist and the hand's rotation ask for.
+    elbow angle, the direction of the wrist and the hand's rotation ask for, and effort
+    at least the torque about the shoulder's y axis.
 
-A bound below the k-th best known quality ends the matter; equal ones go on, so that ties
-are decided by the key as in the full grid.
+A bound below the k-th best known quality ends the matter; equal ones go on, so that
+ties are decided by the key as in the full grid.
 """
 
 import math
@@ -104,7 +105,8 @@ def fill_places(person, online, whole):
 @njit(cache=True, nogil=True)
 def open_bound(state, settings, x, y, z, step):
     """Return a bound of the weighted qualities of a grip within `step` of a place."""
-    total = settings[OMEGA + JOINT] + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
+    total = settings[OMEGA + JOINT] + settings[OMEGA + EFFORT]
+    total += settings[OMEGA + SAFETY]
     way = max(0.0, spatial_cost(state, x, y, z) - step)
     total += settings[OMEGA + SPATIAL] * (
         1.0 - math.tanh(settings[BETA + SPATIAL] * way)
@@ -385,6 +387,7 @@ def _open(
     far = (floor - online) * 255.0 / max(1.0 - share, 1e-9) - 1e-3
     place_online, place = places
     need, dead = 0.0, False
+    single = same[1:].all()  # one place for all grasps, as of a fist turned about a rod
     scale = 255.0 / max(1.0 - share, 1e-9)
     for e in range(cells.first[p], cells.first[p + 1]):
         r = rotation[e]
@@ -400,6 +403,8 @@ def _open(
                     dead = place[at] < floor
                     need = (floor - place_online[at]) * scale - 1e-3
             if dead:
+                if single:
+                    break
                 continue
             byte = 0
             if at >= 0:
