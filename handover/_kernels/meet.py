@@ -89,13 +89,23 @@ class Cells(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room to work in: work (78, 3), parts (5,), q (7,), best (7,), pose (12,)."""
+    """Room to work in.
+
+    Attributes:
+        work: (78, 3) of `arm_ik`.
+        parts: (5,) qualities.
+        q: (7,) joints.
+        best: (7,) the best joints.
+        pose: (12,) a hand.
+        counts: (4,) int64 what a search did.
+    """
 
     work: np.ndarray
     parts: np.ndarray
     q: np.ndarray
     best: np.ndarray
     pose: np.ndarray
+    counts: np.ndarray
 
 
 @njit(cache=True, nogil=True)
