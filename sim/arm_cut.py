@@ -131,8 +131,8 @@ def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> P
         colour_bar(figure, image, axes[:, column])
     where = " and ".join(f"{AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
     figure.suptitle(
-        f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the best "
-        f"over all rotations and elbows in the planes {where}",
+        f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the "
+        f"best over all rotations and elbows in the planes {where}",
         color=INK, x=0.01, ha="left",
     )  # fmt: skip
     return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
@@ -153,13 +153,13 @@ def draw_field(axis: object, x, y, values, top: float, **style: object):
     )
 
 
-def colour_bar(figure: object, image: object, axes: object) -> None:
-    """Add a flat bar of colours below the axes."""
-    bar = figure.colorbar(
-        image, ax=axes, location="bottom", shrink=0.8, aspect=30, pad=0.02
-    )
+def colour_bar(figure: object, image: object, axes: object) -> object:
+    """Add a flat bar of colours below the axes, and return it."""
+    wide = {"shrink": 0.8, "aspect": 30 if len(axes) < 3 else 45}
+    bar = figure.colorbar(image, ax=axes, location="bottom", pad=0.02, **wide)
     bar.outline.set_visible(False)
     bar.ax.tick_params(colors=FAINT, labelsize=9)
+    return bar
 
 
 def _draw(axis: object, cut: Cut, name: str, top: float, body: Silhouette):

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from handover import Human, InteractionWorkspace, Part, Target
+from handover import Human, InteractionWorkspace, Part, ReachMap, Target
 from handover.reach_grid import ReachGrid
 from roadmap.robot import Robot
 from roadmap.self_collision import configuration_free
@@ -13,6 +13,7 @@ from sim.silhouette import moved_capsules
 
 TALL_BASE = 0.5  # [m] a robot whose own base is higher stands on the floor
 TABLE = 0.75  # [m] else its base is this high above it
+TRIES = 60  # targets looked at for one that can be drawn
 NEAR = 0.02  # [m] the drawn robot keeps from the person, the taking hand aside
 
 
@@ -27,6 +28,7 @@ class Meeting:
         robot_q: For each of them joints of the robot, or None where it cannot be
             there exactly.
         drawn: Index of the first whose robot keeps clear of the person; None: none.
+        human_reach: Reach map of a person's arm; None: a coarse one.
     """
 
     meet: InteractionWorkspace
@@ -34,6 +36,7 @@ class Meeting:
     best: list[Target]
     robot_q: list[np.ndarray | None]
     drawn: int | None
+    human_reach: ReachMap | None = None
 
     @property
     def human(self) -> Human:
@@ -78,7 +81,11 @@ def base_height(robot: Robot) -> float:
 
 
 def find_meeting(
-    meet: InteractionWorkspace, robot: Robot, distance: float, k: int, tries: int = 60
+    meet: InteractionWorkspace,
+    robot: Robot,
+    distance: float,
+    k: int,
+    human_reach: ReachMap | None = None,
 ) -> Meeting:
     """Return the best k targets of a workspace and the robot's joints there.
 
@@ -87,9 +94,9 @@ def find_meeting(
         robot: The robot of its reach map.
         distance: See `Meeting`.
         k: How many targets are told.
-        tries: How many are looked at for one that can be drawn.
+        human_reach: What the workspace was given.
     """
-    best = meet.best(max(k, tries))
+    best = meet.best(max(k, TRIES))
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
     distance_to = _exact_distance(robot)
     answers, drawn = [], None
@@ -105,7 +112,7 @@ def find_meeting(
             if clear:
                 drawn, answers[-1] = i, clear[0]
     told = max(k, 0 if drawn is None else drawn + 1)
-    return Meeting(meet, distance, best[:told], answers[:told], drawn)
+    return Meeting(meet, distance, best[:told], answers[:told], drawn, human_reach)
 
 
 def quality_by_position(meet: InteractionWorkspace) -> np.ndarray:
@@ -120,9 +127,8 @@ def fine_workspace(meeting: Meeting, cell: float) -> InteractionWorkspace:
     """Return the same workspace in position cells of `cell` [m], for a picture."""
     meet = meeting.meet
     settings = replace(meet.settings, cell=cell)
-    return InteractionWorkspace(
-        meet.reach, meet.human, meet.obj, meet.grasps, settings
-    )
+    given = meet.reach, meet.human, meet.obj, meet.grasps, settings
+    return InteractionWorkspace(*given, meeting.human_reach)
 
 
 def layer_at(meet: InteractionWorkspace, axis: int, at: float) -> int:

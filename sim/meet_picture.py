@@ -86,7 +86,9 @@ def write_meet_picture(
     images = [
         scene.draw(axis, normal, span, box) for scene, axis, normal in pairs
     ]
-    colour_bar(figure, images[0], list(axes))
+    bar = colour_bar(figure, images[0], list(axes))
+    text = "best quality over all rotations of the tool there, cells of"
+    bar.set_label(f"{text} {100 * cell:g} cm", color=FAINT)
     figure.suptitle(_words(meetings, cell), color=INK, x=0.01, ha="left")
     for scene, axis, normal in pairs:
         set_title(axis, scene.title(normal, several=len(scenes) > 1))
@@ -118,7 +120,10 @@ class _Scene:
         self.human: Human = human
         self.person = Silhouette(human.capsules_of("mean"))
         self.robot = robot_silhouette(robot, q, settings.T_world_base)
-        points = np.concatenate([self.person.points(), self.robot.points()])
+        grid, filled = grid_of(fine), np.argwhere(np.isfinite(self.quality))
+        cells = grid.origin + grid.cell * (filled + 0.5) + settings.T_world_base[:3, 3]
+        points = [self.person.points(), self.robot.points(), cells]
+        points = np.concatenate(points)
         self.box = np.stack([points.min(axis=0) - _ROOM, points.max(axis=0) + _ROOM])
         self.box[0, 2] = min(self.box[0, 2], -0.05)
 
@@ -154,20 +159,20 @@ class _Scene:
         image.set_clim(*span)
         if plane[1] == 2:
             axis.axhline(0.0, color=LINE, lw=1.0, zorder=1)
-        below = self.robot, self.person
-        if normal == 1:
-            below = below[::-1]
+            _draw_stand(axis, T)
+        below = [self.robot, self.person]
+        if normal == 1 or self._height(self.person) < self._height(self.robot):
+            below.reverse()  # what is nearer covers
         for k, solid in enumerate(below):
             own = solid is self.robot
             fill = {"colors": [ROBOT if own else BODY], "zorder": 3 + k}
             line = {"colors": [ROBOT_EDGE if own else EDGE], "zorder": 3 + k}
-            solid.draw(axis, plane, fill | {"alpha": 0.72}, line | {"linewidths": 1.1})
+            solid.draw(axis, plane, fill | {"alpha": 0.65}, line | {"linewidths": 1.1})
         if self.meeting.drawn is not None:
             style = {"colors": [INK], "zorder": 6}
             self.held.draw(axis, plane, style, style | {"linewidths": 0.8})
-            axis.plot(
-                *self.at[list(plane)], "o", mfc="none", mec=TAKEN, ms=11, mew=1.6, zorder=7
-            )
+            ring = {"mfc": "none", "mec": TAKEN, "ms": 11, "mew": 1.6, "zorder": 7}
+            axis.plot(*self.at[list(plane)], "o", **ring)
         if not self.meeting.best and normal == 1:
             self._say_missing(axis)
         axis.set(xlim=box[:, plane[0]], ylim=box[:, plane[1]], aspect="equal")
@@ -176,20 +181,36 @@ class _Scene:
         tidy(axis)
         return image
 
+    @staticmethod
+    def _height(solid: Silhouette) -> float:
+        return float(solid.points()[:, 2].max())
+
     def _say_missing(self, axis: object) -> None:
-        text = f"nothing is shared\n{100 * self.meeting.meet.missing_m:.0f} cm are missing"
+        missing = 100 * self.meeting.meet.missing_m
+        text = f"nothing is shared\n{missing:.0f} cm are missing"
         axis.text(
             0.5, 0.97, text, transform=axis.transAxes, ha="center", va="top", color=INK
         )
 
 
+def _draw_stand(axis: object, T_world_base: np.ndarray) -> None:
+    """Draw what the robot stands on."""
+    from matplotlib.patches import Rectangle
+
+    x, z = T_world_base[0, 3], T_world_base[2, 3]
+    if z > 0.0:
+        stand = Rectangle((x - 0.16, 0.0), 0.32, z, fc="#f1f3f5", ec=LINE, zorder=1)
+        axis.add_patch(stand)
+
+
 def _one(figure: object, wide: float, deep: float, tall: float) -> tuple:
     """Lay out two views of the same scale and the bars of one meeting."""
-    inches = (13.0 - 3.6) / (2 * wide)  # of a metre
-    figure.set_size_inches(13.0, max(4.4, 1.9 + inches * max(deep, tall)))
-    grid = figure.add_gridspec(1, 3, width_ratios=(1.0, 1.0, 0.42))
-    axes = [figure.add_subplot(grid[0, k]) for k in (0, 1)]
-    return axes, figure.add_subplot(grid[0, 2])
+    bars = max(tall - deep, 0.75)
+    inches = 5.2 / wide  # of a metre
+    figure.set_size_inches(12.0, 2.0 + inches * max(tall, deep + bars))
+    grid = figure.add_gridspec(2, 2, height_ratios=(deep, bars))
+    axes = [figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])]
+    return axes, figure.add_subplot(grid[1, 1])
 
 
 def _draw_parts(axis: object, meeting: Meeting) -> None:
@@ -203,14 +224,15 @@ def _draw_parts(axis: object, meeting: Meeting) -> None:
     values = [target.parts.parts[name] for name in PARTS]
     values += [target.parts.online, target.dexterity, target.quality]
     values = np.nan_to_num(values)
-    rows = np.arange(len(names)) + np.array([0.0] * 5 + [0.5] * 2 + [1.0])
+    rows = np.arange(len(names)) + np.array([0.0] * 5 + [0.4] * 2 + [0.8])
     strong = ["#8fb9b5"] * 5 + ["#00857c"] * 2 + [TAKEN]
-    axis.barh(rows, np.ones(len(rows)), height=0.28, color="#eef1f4")
-    axis.barh(rows, values, height=0.28, color=strong)
+    axis.barh(rows, np.ones(len(rows)), height=0.5, color="#eef1f4")
+    axis.barh(rows, values, height=0.5, color=strong)
+    text = {"color": INK, "size": 9.5, "va": "center"}
     for row, name, value in zip(rows, names, values, strict=True):
-        axis.text(0.0, row - 0.24, name, color=INK, size=9, va="bottom")
-        axis.text(1.0, row - 0.24, f"{value:.2f}", color=INK, size=9, ha="right")
-    axis.set(xlim=(-0.02, 1.02), ylim=(rows[-1] + 1.5, -0.9))
+        axis.text(-0.02, row, name, ha="right", **text)
+        axis.text(1.02, row, f"{value:.2f}", **text)
+    axis.set(xlim=(-0.26, 1.14), ylim=(rows[-1] + 1.0, -0.8))
     said = f"target {rank + 1}: its quality"
     if meeting.drawn is None:
         said += "\n(the robot cannot be there exactly)"
@@ -231,7 +253,6 @@ def _words(meetings: list[Meeting], cell: float) -> str:
     human, side = meet.human, meet.settings.side
     far = ", ".join(f"{100 * m.distance:.0f}" for m in meetings)
     return (
-        f"{meet.reach.chain.name} hands a {meet.obj.name} to the {side} hand of a person "
-        f"of {human.height:.2f} m, {human.posture}, at {far} cm; colour: best quality "
-        f"over all rotations, cells of {100 * cell:.0f} cm"
+        f"{meet.reach.chain.name} hands a {meet.obj.name} to the {side} hand of a "
+        f"person of {human.height:.2f} m, {human.posture}, {far} cm away"
     )

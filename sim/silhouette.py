@@ -36,7 +36,8 @@ class Silhouette:
 
         Args:
             plane: The two axes seen, across and up.
-            x, y: Places, any one shape [m].
+            x: Places across, of any shape [m].
+            y: Places up, of the same shape [m].
         """
         at = np.stack([x, y], axis=-1)
         nearest = np.full(at.shape[:-1], np.inf)

@@ -18,7 +18,9 @@ def best_at_places(
     """Write the best of each quality over all rotations and elbows of each place.
 
     Args:
-        state, obstacles, settings: of `handover/_kernels/quality.py`.
+        state: of `handover/_kernels/quality.py`, and so the next two.
+        obstacles: (m, 7) capsules.
+        settings: (19,).
         shares: (3,) of q_online in q_total; the dexterity that is 1; largest swivel
             between representatives [rad].
         turns: (m, 9) rotations of the hand, canonical shoulder frame.
