@@ -337,7 +337,6 @@ def _place(place: list[float]) -> str:
 
 
 def _show_meet(facts: dict) -> None:
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
@@ -355,7 +354,7 @@ def _show_meet(facts: dict) -> None:
         console.print(_counted(row), soft_wrap=True)
         if not row["best"]:
             continue
-        table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+        table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
         for head in _HEADS:
             table.add_column(head, justify="right", no_wrap=True)
         for target in row["best"]:
@@ -366,8 +365,8 @@ def _show_meet(facts: dict) -> None:
 
 
 _HEADS = (
-    "", "total", "joint", "spatial", "visible", "safe", "effort", "dextrous",
-    "tool x, y, z \\[m]", "grasp", "IK",
+    "#", "total", "joint", "spatial", "visible", "safe", "effort", "dextrous",
+    "tool \\[m]", "grasp", "IK",
 )  # fmt: skip
 
 
