@@ -248,7 +248,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human or approach.",
+            "human, handover-recording or approach.",
         ),
     ],
     map_dir: Annotated[
@@ -274,10 +274,10 @@ def bench(
     ] = None,
     file: Annotated[
         list[Path] | None,
-        typer.Option(metavar="F", help="A recorded motion, too; again for more."),
+        typer.Option(metavar="F", help="A recording, too; again for more."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the figures (odm-paper).")
+        Path | None, typer.Option(metavar="PNG", help="Draw the figures, if it can.")
     ] = None,
     markdown: Annotated[
         str | None,

@@ -46,9 +46,10 @@ class Silhouette:
             along = b - a
             t = (at - a) @ along / max(float(along @ along), 1e-12)
             off = at - a - np.clip(t, 0.0, 1.0)[..., None] * along
-            np.minimum(nearest, np.hypot(off[..., 0], off[..., 1]) - rod[6], nearest)
+            gap = np.hypot(off[..., 0], off[..., 1]) - rod[6]
+            np.minimum(nearest, gap, out=nearest)
         for solid in self.polytopes:
-            np.minimum(nearest, _outside(solid[:, list(plane)], at), nearest)
+            np.minimum(nearest, _outside(solid[:, list(plane)], at), out=nearest)
         return nearest
 
     def draw(self, axis: object, plane: tuple[int, int], fill: dict, line: dict):
