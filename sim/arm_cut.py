@@ -153,10 +153,12 @@ def draw_field(axis: object, x, y, values, top: float, **style: object):
     )
 
 
-def colour_bar(figure: object, image: object, axes: object) -> object:
-    """Add a flat bar of colours below the axes, and return it."""
-    wide = {"shrink": 0.8, "aspect": 30 if len(axes) < 3 else 45}
-    bar = figure.colorbar(image, ax=axes, location="bottom", pad=0.02, **wide)
+def colour_bar(
+    figure: object, image: object, axes: object, flat: float = 30.0
+) -> object:
+    """Add a bar of colours, `flat` times as wide as high, below the axes."""
+    shape = {"shrink": 0.8, "aspect": flat, "pad": 0.02}
+    bar = figure.colorbar(image, ax=axes, location="bottom", **shape)
     bar.outline.set_visible(False)
     bar.ax.tick_params(colors=FAINT, labelsize=9)
     return bar

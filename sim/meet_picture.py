@@ -86,7 +86,7 @@ def write_meet_picture(
     images = [
         scene.draw(axis, normal, span, box) for scene, axis, normal in pairs
     ]
-    bar = colour_bar(figure, images[0], list(axes))
+    bar = colour_bar(figure, images[0], list(axes), flat=60.0)
     text = "best quality over all rotations of the tool there, cells of"
     bar.set_label(f"{text} {100 * cell:g} cm", color=FAINT)
     figure.suptitle(_words(meetings, cell), color=INK, x=0.01, ha="left")
