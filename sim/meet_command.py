@@ -1,74 +1,20 @@
-"""`odm workspace meet` and `human`: where robot and person meet, what a hand can do."""
+"""`odm workspace meet`: where a robot can hand something to a person."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.terminal import JSON_HELP, Bars, guarded, show_json
-from sim.workspace_command import REACH_MAPS, app
+from sim.hand_command import Json, Posture, Side, app, place_text
+from sim.terminal import Bars, guarded, show_json
+from sim.workspace_command import REACH_MAPS
 
 if TYPE_CHECKING:
     from handover import Human, MeetSettings, ReachMap, Target
     from handover.held_object import HeldObject
-    from sim.arm_cut import Cut
     from sim.meet_cut import Meeting
 
 OBJECTS = ("wrench", "mallet")
-_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
-BELOW_SHOULDER = 0.25  # [m] the level cut of `human` lies this far below it
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
-Posture = Annotated[
-    str, typer.Option(metavar=_POSTURES, help="What the person does.")
-]
-Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
-
-
-@app.command("human")
-@guarded
-def human_reach(
-    height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
-    posture: Posture = "standing",
-    side: Side = "right",
-    spacing: Annotated[
-        float, typer.Option(min=0.005, max=0.2, help="Between the places, m.")
-    ] = 0.02,
-    rotations: Annotated[
-        int, typer.Option(help="Of the hand, tried at each place: 72, 576, 1944...")
-    ] = 1944,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the cuts.")
-    ] = None,
-    json: Json = None,
-) -> None:
-    """Tell how dextrous and how easy a hand's places are, in two planes.
-
-    An upright plane through the shoulder and a level one 25 cm below it (above it for
-    a person who lies). No map is needed.
-
-    odm workspace human --side left --plot dexterity.png
-    """
-    from handover import Human
-    from sim.arm_cut import arm_cut
-
-    human = Human(height, posture)
-    shoulder = human.T_world_shoulder(side)[:3, 3]
-    low = shoulder[2] - BELOW_SHOULDER
-    level = low if low > 0.1 else shoulder[2] + BELOW_SHOULDER
-    with Bars() as tell:
-        cuts = [
-            arm_cut(human, side, normal, at, spacing, rotations=rotations, tell=tell)
-            for normal, at in ((1, shoulder[1]), (2, level))
-        ]
-    facts = _arm_facts(human, side, cuts, spacing, rotations)
-    if plot is not None:
-        from sim.arm_cut import write_arm_picture
-
-        facts["plot"] = str(write_arm_picture(human, side, cuts, plot))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show_arm(facts)
 
 
 @app.command("meet")
@@ -279,63 +225,6 @@ def _meeting(
     return find_meeting(meet, robot, distance, k, arm_map)
 
 
-def _arm_facts(
-    human: "Human", side: str, cuts: list["Cut"], spacing: float, rotations: int
-) -> dict:
-    """Return what `odm workspace human` says, as plain JSON data."""
-    import numpy as np
-
-    from sim.arm_cut import FIELDS
-    from sim.silhouette import AXES
-
-    planes = []
-    for cut in cuts:
-        reached = np.isfinite(cut.fields["combined"])
-        row = {
-            "plane": AXES[cut.normal],
-            "at_m": round(cut.at, 4),
-            "places": int(reached.sum()),
-            "area_m2": round(float(reached.sum()) * spacing**2, 4),
-        }
-        for name in FIELDS:
-            value, place = cut.best(name)
-            row[name] = {"best": round(value, 4), "place_m": place.round(4).tolist()}
-        planes.append(row)
-    return {
-        "height_m": human.height,
-        "posture": human.posture,
-        "side": side,
-        "spacing_m": spacing,
-        "rotations": rotations,
-        "planes": planes,
-    }
-
-
-def _show_arm(facts: dict) -> None:
-    from rich.table import Table
-
-    table = Table(
-        title=f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
-        f"{facts['posture']}",
-        title_justify="left",
-    )
-    heads = ("plane", "reached", "most dextrous", "easiest", "best of both")
-    for head in heads:
-        table.add_column(head, justify="left" if head == "plane" else "right")
-    for row in facts["planes"]:
-        best = [row[name] for name in ("dexterity", "effort", "combined")]
-        table.add_row(
-            f"{row['plane']} = {row['at_m']:.2f} m",
-            f"{row['area_m2']:.2f} m2",
-            *(f"{b['best']:.2f} at {_place(b['place_m'])}" for b in best),
-        )
-    _print(table, facts)
-
-
-def _place(place: list[float]) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in place) + ")"
-
-
 def _show_meet(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -375,7 +264,7 @@ def _target_row(target: dict) -> list[str]:
     tool = [row[3] for row in target["T_world_tool"][:3]]
     return [
         str(target["rank"]), f"{target['quality']:.3f}", *parts,
-        f"{target['dexterity']:.2f}", _place(tool), str(target["grasp"]),
+        f"{target['dexterity']:.2f}", place_text(tool), str(target["grasp"]),
         "no" if target["robot_q"] is None else "yes",
     ]  # fmt: skip
 
@@ -391,11 +280,3 @@ def _counted(row: dict) -> str:
         return f"{far}: nothing is shared; {100 * row['missing_m']:.0f} cm are missing"
     return f"{far}: nothing is shared, though lengths do not stand in the way"
 
-
-def _print(table: object, facts: dict) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    console.print(table)
-    if "plot" in facts:
-        console.print(f"plot: {facts['plot']}", soft_wrap=True)

@@ -37,8 +37,8 @@ def write_meet_picture(
 ) -> Path:
     """Draw cuts through interaction workspaces, robot, person and best target.
 
-    One meeting is drawn from the side and from above with the parts of its quality;
-    several are drawn beside each other.
+    The axes of the robot's base are taken to be the world's. One meeting is drawn from
+    the side and from above, with the parts of its quality; several beside each other.
 
     Args:
         meetings: At least one, of the same robot and object.
@@ -52,47 +52,41 @@ def write_meet_picture(
     """
     from matplotlib.figure import Figure
 
-    cell = meetings[0].meet.reach.grid.cell
+    scenes = _scenes(meetings, robot, q_rest, tell)
+    boxes = np.array([scene.box for scene in scenes])
+    box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    figure = Figure(layout="constrained", facecolor="white")
+    if len(scenes) == 1:
+        axes, bars = _one(figure, *(box[1] - box[0]))
+        _draw_parts(bars, meetings[0])
+    else:
+        axes = _several(figure, len(scenes), *(box[1] - box[0]))
+    views = [(scene, normal) for scene in scenes for normal in (1, 2)]
+    span = _span(scenes)
+    for axis, (scene, normal) in zip(axes, views, strict=True):
+        image = scene.draw(axis, normal, span, box)
+        set_title(axis, scene.title(normal, several=len(scenes) > 1))
+    bar = colour_bar(figure, image, axes, flat=60.0)
+    text = "best quality over all rotations of the tool there, cells of"
+    cell = 100 * grid_of(scenes[0].fine).cell
+    bar.set_label(f"{text} {cell:g} cm", color=FAINT)
+    figure.suptitle(_words(meetings), color=INK, x=0.01, ha="left")
+    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
+
+
+def _scenes(
+    meetings: list[Meeting], robot: Robot, q_rest: np.ndarray, tell: object
+) -> list["_Scene"]:
+    """Solve each meeting in the cells of the reach map, for its cuts."""
     scenes = []
     for i, meeting in enumerate(meetings):
         if tell:
             tell("cut", i, len(meetings))
-        fine = fine_workspace(meeting, cell)
-        fine.build()
+        fine = fine_workspace(meeting, meeting.meet.reach.grid.cell)
         scenes.append(_Scene(meeting, fine, robot, q_rest))
     if tell:
         tell("cut", len(meetings), len(meetings))
-    boxes = np.array([scene.box for scene in scenes])
-    box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-    wide, deep, tall = box[1] - box[0]
-    if len(scenes) == 1:
-        figure = Figure(figsize=(13.0, 0), layout="constrained", facecolor="white")
-        axes, bars = _one(figure, wide, deep, tall)
-        pairs = [(scenes[0], axis, n) for axis, n in zip(axes, (1, 2), strict=True)]
-        _draw_parts(bars, meetings[0])
-    else:
-        each = 13.0 / len(scenes)
-        size = (13.0, 1.8 + (each - 0.7) * (deep + tall) / wide)
-        figure = Figure(figsize=size, layout="constrained", facecolor="white")
-        ratios = {"height_ratios": (tall, deep)}
-        rows = figure.subplots(2, len(scenes), squeeze=False, gridspec_kw=ratios)
-        axes = rows.ravel()
-        pairs = [
-            (scene, rows[row][column], row + 1)
-            for column, scene in enumerate(scenes)
-            for row in (0, 1)
-        ]
-    span = _span(scenes)
-    images = [
-        scene.draw(axis, normal, span, box) for scene, axis, normal in pairs
-    ]
-    bar = colour_bar(figure, images[0], list(axes), flat=60.0)
-    text = "best quality over all rotations of the tool there, cells of"
-    bar.set_label(f"{text} {100 * cell:g} cm", color=FAINT)
-    figure.suptitle(_words(meetings, cell), color=INK, x=0.01, ha="left")
-    for scene, axis, normal in pairs:
-        set_title(axis, scene.title(normal, several=len(scenes) > 1))
-    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
+    return scenes
 
 
 class _Scene:
@@ -213,6 +207,17 @@ def _one(figure: object, wide: float, deep: float, tall: float) -> tuple:
     return axes, figure.add_subplot(grid[1, 1])
 
 
+def _several(
+    figure: object, n: int, wide: float, deep: float, tall: float
+) -> list[object]:
+    """Lay out two views of the same scale for each of n meetings, column by column."""
+    each = 13.0 / n
+    figure.set_size_inches(13.0, 1.8 + (each - 0.7) * (deep + tall) / wide)
+    ratios = {"height_ratios": (tall, deep)}
+    rows = figure.subplots(2, n, squeeze=False, gridspec_kw=ratios)
+    return list(rows.T.ravel())
+
+
 def _draw_parts(axis: object, meeting: Meeting) -> None:
     """Draw what the drawn target's quality is made of."""
     axis.set_axis_off()
@@ -248,7 +253,7 @@ def _span(scenes: list[_Scene]) -> tuple[float, float]:
     return float(values.min()), max(float(values.max()), float(values.min()) + 1e-3)
 
 
-def _words(meetings: list[Meeting], cell: float) -> str:
+def _words(meetings: list[Meeting]) -> str:
     meet = meetings[0].meet
     human, side = meet.human, meet.settings.side
     far = ", ".join(f"{100 * m.distance:.0f}" for m in meetings)
