@@ -86,7 +86,9 @@ class PersonTables:
 
     def places(self, person: kernels.Person) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds by place of the grip, made anew where they do not hold."""
-        known = np.concatenate([person.state, person.settings, person.scales, person.box])
+        known = np.concatenate(
+            [person.state, person.settings, person.scales, person.box]
+        )
         same = len(known) == len(self._known)
         if not same or np.abs(known - self._known).max() > 1e-9:
             fill_places(person, *self._places)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover._kernels import meet as kernels
+from handover._kernels.meet_rated import best_grasps
 from handover._kernels.meet_search import search
 from handover.constraints import allowed
 from handover.held_object import HeldObject, checked_grasps
@@ -24,6 +25,7 @@ from handover.meet_tables import (
     top_of,
 )
 from handover.quality import PARTS, ArmState, Quality
+from handover.reach_grid import ReachGrid
 from handover.reach_map import ReachMap
 from handover.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
@@ -185,6 +187,23 @@ class InteractionWorkspace:
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
 
+    def rated(self, keys: Sequence[int]) -> list[Target | None]:
+        """Return what the targets of some cells are worth now, in the order of `keys`.
+
+        None: removed, no cell of this workspace, or nobody can take the object there.
+        """
+        at, value, grasp = self._rate(keys)
+        good = np.flatnonzero(value >= 0)
+        found = self._targets(at[good], grasp[good])
+        rated: list[Target | None] = [None] * len(at)
+        for k, target in zip(good.tolist(), found, strict=True):
+            rated[k] = target
+        return rated
+
+    def quality_of(self, keys: Sequence[int]) -> np.ndarray:
+        """Return (n,) quality of some cells now; -1 where `rated` would be None."""
+        return self._rate(keys)[1]
+
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
         at = int(np.searchsorted(self._keys, target.key))
@@ -199,10 +218,24 @@ class InteractionWorkspace:
         """Bring all removed targets back."""
         self._removed[:] = False
 
+    def forget(self) -> None:
+        """Forget the last best, which the next `best` would begin with."""
+        self._warm = self._warm[:0]
+
+    @property
+    def removed(self) -> np.ndarray:
+        """(m,) int64 keys that are taken out."""
+        return self._keys[self._removed]
+
     @property
     def keys(self) -> np.ndarray:
         """(n,) int64 cells the robot reaches and the constraints allow, ascending."""
         return self._keys
+
+    @property
+    def grid(self) -> ReachGrid:
+        """The grid that `keys` number the cells of, in the robot's base frame."""
+        return self._cells.grid
 
     @property
     def missing_m(self) -> float:
@@ -225,6 +258,18 @@ class InteractionWorkspace:
             )
             best = min(best, np.linalg.norm(wrist, axis=1).min() - high)
         return max(float(best), 0.0)
+
+    def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return entries, qualities (-1: none) and grasps of the cells `keys`."""
+        keys = np.asarray(keys, np.int64).reshape(-1)
+        value, grasp = np.full(len(keys), -1.0), np.full(len(keys), -1, np.int32)
+        if not len(self._keys):
+            return np.zeros(len(keys), np.int64), value, grasp
+        at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        who = self._person, self._hands, self._where
+        best_grasps(*who, at, self._room, value, grasp)
+        value[(self._keys[at] != keys) | self._removed[at]] = -1.0
+        return at, value, grasp
 
     def _allowed(self, cells: RobotCells) -> RobotCells:
         """Drop the cells that a constraint forbids, whoever takes the object."""
@@ -268,5 +313,3 @@ def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.n
             )
         return obj.hand_grasps[: int(grasps)]
     return checked_grasps(grasps)
-
-

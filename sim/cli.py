@@ -248,7 +248,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording or approach.",
+            "human, handover-recording, approach or workspace.",
         ),
     ],
     map_dir: Annotated[

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 
 from handover import Human, InteractionWorkspace, Part, ReachMap, Target
-from handover.reach_grid import ReachGrid
 from roadmap.robot import Robot
 from roadmap.self_collision import configuration_free
 from sim.silhouette import moved_capsules
@@ -53,18 +52,13 @@ class Meeting:
     def counts(self) -> dict[str, int]:
         """Cells the robot reaches, those that are targets, positions of these."""
         value = self.meet.build()
-        n = grid_of(self.meet).rotations.n_cells
+        n = self.meet.grid.rotations.n_cells
         shared = np.unique(self.meet.keys[value >= 0] // n)
         return {
             "reached": len(value),
             "targets": int((value >= 0).sum()),
             "positions": len(shared),
         }
-
-
-def grid_of(meet: InteractionWorkspace) -> ReachGrid:
-    """Return the cells of an interaction workspace, frame of the robot's base."""
-    return meet._cells.grid
 
 
 def base_height(robot: Robot) -> float:
@@ -117,7 +111,7 @@ def find_meeting(
 
 def quality_by_position(meet: InteractionWorkspace) -> np.ndarray:
     """Return (nx, ny, nz) best quality over all rotations; NaN where nothing is."""
-    grid, value = grid_of(meet), meet.build()
+    grid, value = meet.grid, meet.build()
     best = np.full(grid.n_positions, -1.0)
     np.maximum.at(best, meet.keys // grid.rotations.n_cells, value)
     return np.where(best < 0, np.nan, best).reshape(grid.shape)
@@ -133,7 +127,7 @@ def fine_workspace(meeting: Meeting, cell: float) -> InteractionWorkspace:
 
 def layer_at(meet: InteractionWorkspace, axis: int, at: float) -> int:
     """Return the layer of cells across an axis that holds a world coordinate."""
-    grid = grid_of(meet)
+    grid = meet.grid
     own = at - meet.settings.T_world_base[axis, 3]
     layer = int(np.floor((own - grid.origin[axis]) / grid.cell))
     return min(max(layer, 0), grid.shape[axis] - 1)

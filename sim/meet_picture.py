@@ -15,7 +15,6 @@ from sim.arm_cut import BODY, EDGE, VIEWS, colour_bar, draw_field
 from sim.meet_cut import (
     Meeting,
     fine_workspace,
-    grid_of,
     layer_at,
     quality_by_position,
 )
@@ -68,7 +67,7 @@ def write_meet_picture(
         set_title(axis, scene.title(normal, several=len(scenes) > 1))
     bar = colour_bar(figure, image, axes, flat=60.0)
     text = "best quality over all rotations of the tool there, cells of"
-    cell = 100 * grid_of(scenes[0].fine).cell
+    cell = 100 * scenes[0].fine.grid.cell
     bar.set_label(f"{text} {cell:g} cm", color=FAINT)
     figure.suptitle(_words(meetings), color=INK, x=0.01, ha="left")
     return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
@@ -114,7 +113,7 @@ class _Scene:
         self.human: Human = human
         self.person = Silhouette(human.capsules_of("mean"))
         self.robot = robot_silhouette(robot, q, settings.T_world_base)
-        grid, filled = grid_of(fine), np.argwhere(np.isfinite(self.quality))
+        grid, filled = fine.grid, np.argwhere(np.isfinite(self.quality))
         cells = grid.origin + grid.cell * (filled + 0.5) + settings.T_world_base[:3, 3]
         points = [self.person.points(), self.robot.points(), cells]
         points = np.concatenate(points)
@@ -123,7 +122,7 @@ class _Scene:
 
     def layer(self, normal: int) -> tuple[int, float]:
         """Return the layer of cells that is cut and where its middle is [m]."""
-        grid = grid_of(self.fine)
+        grid = self.fine.grid
         layer = layer_at(self.fine, normal, self.at[normal])
         own = grid.origin[normal] + (layer + 0.5) * grid.cell
         return layer, own + self.fine.settings.T_world_base[normal, 3]
@@ -144,7 +143,7 @@ class _Scene:
     def draw(self, axis: object, normal: int, span: tuple, box: np.ndarray):
         """Draw one view and return its image."""
         plane = VIEWS[normal][0]
-        grid, T = grid_of(self.fine), self.fine.settings.T_world_base
+        grid, T = self.fine.grid, self.fine.settings.T_world_base
         x, y = (
             T[k, 3] + grid.origin[k] + grid.cell * (np.arange(grid.shape[k]) + 0.5)
             for k in plane

@@ -43,7 +43,7 @@ from handover._kernels.quality import (
 )
 
 UNREACHED, BELOW = -1.0, -0.5
-ROUNDING = 1e-9  # that a bound is raised by
+ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by
 _LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
 
 

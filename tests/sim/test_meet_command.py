@@ -112,7 +112,7 @@ def test_the_drawn_robot_keeps_clear_of_the_person(meeting, robot):
 
 def test_a_position_shows_the_best_of_its_rotations(meet):
     quality = meet_cut.quality_by_position(meet)
-    grid, best = meet_cut.grid_of(meet), meet.best(1)[0]
+    grid, best = meet.grid, meet.best(1)[0]
     index = np.unravel_index(best.key // grid.rotations.n_cells, grid.shape)
     assert quality[index] == pytest.approx(np.nanmax(quality))
     value = meet.build()
@@ -127,7 +127,7 @@ def test_a_layer_holds_its_height_in_the_world(meet):
     for axis in (1, 2):
         for at in (0.07, 0.52) if axis == 1 else (0.41, 0.9):
             layer = meet_cut.layer_at(meet, axis, at)
-            grid, T = meet_cut.grid_of(meet), meet.settings.T_world_base
+            grid, T = meet.grid, meet.settings.T_world_base
             low = grid.origin[axis] + layer * grid.cell + T[axis, 3]
             assert low <= at < low + grid.cell
 
