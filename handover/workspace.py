@@ -1,4 +1,4 @@
-"""InteractionWorkspace: where robot and person can meet, ranked by the person's comfort.
+"""InteractionWorkspace: where robot and person can meet, the most comfortable first.
 
 [Vahrenkamp2016, III-C and Algorithm 1]; what a target is: `docs/workspace.md`.
 """
@@ -10,13 +10,14 @@ import numpy as np
 
 from handover._kernels import meet as kernels
 from handover._kernels.meet_rated import best_grasps
-from handover._kernels.meet_search import search
+from handover._kernels.meet_search import Entries, search
 from handover.constraints import allowed
 from handover.held_object import HeldObject, checked_grasps
 from handover.human import Human
 from handover.meet_settings import MeetSettings
 from handover.meet_tables import (
     PersonTables,
+    bounds_of,
     coarse_human_reach,
     flat_poses,
     hands_of,
@@ -96,19 +97,20 @@ class InteractionWorkspace:
         self._cells = self._allowed(cells)
         self._keys = frozen(self._cells.keys(), np.int64)
         self._removed = np.zeros(len(self._cells), bool)
-        self._seen = np.zeros(len(self._cells), bool)
+        self._entries = Entries(
+            self._keys, self._removed, np.zeros(len(self._cells), bool)
+        )
         self._tables = PersonTables(human_reach or coarse_human_reach())
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
         self._tool_hands = flat_poses(obj.T_tool_object @ self.grasps)
         self._hands = hands_of(len(self._tools), self._tool_hands)
         self._room = room()
-        self._bounds = tuple(np.zeros((2, len(self._cells.points))))
+        self._bounds = bounds_of(len(self._cells.points), self._hands)
         self._turned = np.zeros(0)
         self.human: Human | None = None
         self._state: ArmState | None = None
         self._top = top_of(1)
         self._warm = np.zeros(0, np.int64)
-        self.work = np.zeros(4, np.int64)
         self.update(human)
 
     def __len__(self) -> int:
@@ -169,21 +171,10 @@ class InteractionWorkspace:
             raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
         if len(self._top.value) != k:
             self._top = top_of(k)
-        self.work[:] = 0
-        n = search(
-            self._person,
-            self._hands,
-            self._where,
-            self._keys,
-            self._removed,
-            self._seen,
-            self._tables.places(self._person),
-            self._warm,
-            self._top,
-            self._bounds,
-            self._room,
-            self.work,
-        )
+        self._room.counts[:] = 0
+        who = self._person, self._hands, self._where
+        bounds = self._tables.bounds(self._person, self._bounds)
+        n = search(who, self._entries, bounds, self._warm, self._top, self._room)
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
 
@@ -221,6 +212,12 @@ class InteractionWorkspace:
     def forget(self) -> None:
         """Forget the last best, which the next `best` would begin with."""
         self._warm = self._warm[:0]
+
+    @property
+    def work(self) -> dict[str, int]:
+        """What the last `best` did: positions opened, bytes, grips, poses solved."""
+        names = "positions", "bytes", "grips", "solved"
+        return dict(zip(names, self._room.counts.tolist(), strict=True))
 
     @property
     def removed(self) -> np.ndarray:

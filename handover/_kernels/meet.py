@@ -11,13 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels.meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
+from handover._kernels.meet_pose import (
+    UNREACHED,
+    least_effort,
+    pose_value,
+    wrist_allows,
+)
 from handover._kernels.quality import quality_of
 from handover._kernels.rotations import rotation_cell
 
 TINY_M = 1e-9
-# Qualities are rounded to this. A tool and its mirror image offer the same hand pose, so
-# equal qualities are common: the key, not the last digit, then tells which comes first.
+# Qualities are rounded to this. A tool turned by half a turn often offers the same hand
+# pose, so equals are common: the key, not the last digit, tells which comes first.
 GRAIN = 1e-9
 # [rad] A hand is looked up in the person's map turned by this. Person and robot stand
 # upright, so hands point straight up often, where cells meet: without it rounding would
@@ -84,13 +89,23 @@ class Cells(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room to work in: work (78, 3), parts (5,), q (7,), best (7,), pose (12,)."""
+    """Room to work in.
+
+    Attributes:
+        work: (78, 3) of `arm_ik`.
+        parts: (5,) qualities.
+        q: (7,) joints.
+        best: (7,) the best joints.
+        pose: (12,) a hand.
+        counts: (4,) int64 what a search did.
+    """
 
     work: np.ndarray
     parts: np.ndarray
     q: np.ndarray
     best: np.ndarray
     pose: np.ndarray
+    counts: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -161,7 +176,7 @@ def position_of(box, x, y, z):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def dexterity_at(person, hands, r, g, x, y, z):
-    """Return the dexterity of a hand in rotation r of grasp g with its grip at x, y, z."""
+    """Return the dexterity of a hand in rotation r of grasp g at x, y, z."""
     at = position_of(person.box, x, y, z)
     if at < 0:
         return 0.0

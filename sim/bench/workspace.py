@@ -30,7 +30,7 @@ NEAR = 0.7  # [m] where times are measured
 STEP = 0.02  # [m] that the person moves
 PAPER = (0.15, 72, 4)
 CURVES = (PAPER, (0.15, 72, 8), (0.10, 72, 4), (0.10, 576, 4))
-# grid and grasps -> asked [us]: after 2 cm p50 and p99; cold; anything else that changes
+# grid and grasps -> asked [us]: after 2 cm p50, p99; cold p50; all else p99
 TIMES = {(0.15, 72, 8): (1e3, 3e3, 2e3, 5e3), (0.10, 576, 8): (8e3, 25e3, None, None)}
 
 
@@ -67,7 +67,7 @@ def run(
     counts = {c: _counts(reach, *c) for c in CURVES if _fits(reach, *c)}
     if PAPER not in counts:
         raise BadInput(
-            f"the cells of {map_dir} are larger than 0.15 m or 60 deg; build a finer one"
+            f"the cells of {map_dir} are larger than 0.15 m; build a finer map"
         )
     rows = [_count_row(d, counts[PAPER][d]) for d in TABLE_I]
     tell("full build")

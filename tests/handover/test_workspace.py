@@ -20,7 +20,7 @@ from handover import (
     mallet,
     wrench,
 )
-from handover._kernels import meet_search as bounds
+from handover._kernels import meet_bounds as bounds
 from handover._kernels.meet import NUDGE, UNREACHED, hand_value
 from handover.robot_cells import robot_cells
 from roadmap.errors import BadInput
@@ -137,13 +137,10 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
     for _ in range(6):
         meet = meet_of(somebody(rng, 0.8), grasps=6)
         person, hands, cells, room = meet._person, meet._hands, meet._where, meet._room
-        online, whole = np.zeros((2, len(cells.points)))
-        bounds.position_bounds(person, hands, cells, online, whole)
-        places = meet._tables.places(person)
-        now, spin = np.empty(13), np.empty(hands.cell.shape)
-        lack = np.empty_like(spin)
-        bounds.now_turn(person, now)
-        bounds.fill_spins(person, now, hands.pose, spin, lack)
+        made = meet._tables.bounds(person, meet._bounds)
+        bounds.position_bounds(person, hands, cells, made)
+        bounds.now_turn(person, made.now)
+        bounds.fill_spins(person, hands.pose, made)
         for p, (x, y, z) in enumerate(cells.points):
             for e in range(cells.first[p], cells.first[p + 1]):
                 r = cells.rotation[e]
@@ -153,12 +150,16 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
                         continue
                     n += 1
                     grip = bounds.grip_bound(
-                        person, hands, now, spin[r, g], r, g, x, y, z, 0.0, room.parts
+                        person, hands, made, r, g, x, y, z, 0.0, room.parts
                     )
                     there = hands.pose[r, g, 9:] + (x, y, z)
                     at = bounds.position_of(person.box, *there)
-                    place = places[1][at] if at >= 0 else np.inf
-                    gaps = np.array([whole[p], place, grip]) - true
+                    place = made.place[at] if at >= 0 else np.inf
+                    for level in (true, np.nextafter(true, 0)):
+                        assert bounds.byte_passes(
+                            person, hands, made, p, r, g, x, y, z, level
+                        )
+                    gaps = np.array([made.whole[p], place, grip]) - true
                     closest = np.minimum(closest, gaps)
     assert n > 2000 and (closest > 0).all() and closest[2] < 0.02
 
