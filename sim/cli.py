@@ -13,9 +13,9 @@ from sim import (
     camera_command,
     cli_build,
     human_command,
+    meet_command,
     replay_command,
     two_command,
-    workspace_command,
 )
 from sim.terminal import JSON_HELP, Bars, guarded, show_json
 
@@ -29,7 +29,7 @@ app = typer.Typer(
 )
 app.command("build")(guarded(cli_build.build))
 app.add_typer(human_command.app, name="human")
-app.add_typer(workspace_command.app, name="workspace")
+app.add_typer(meet_command.app, name="workspace")
 
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[
@@ -248,7 +248,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, approach or workspace.",
+            "human, handover-recording, approach or workspace.",
         ),
     ],
     map_dir: Annotated[
@@ -274,10 +274,10 @@ def bench(
     ] = None,
     file: Annotated[
         list[Path] | None,
-        typer.Option(metavar="F", help="A recorded motion, too; again for more."),
+        typer.Option(metavar="F", help="A recording, too; again for more."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the figures (odm-paper).")
+        Path | None, typer.Option(metavar="PNG", help="Draw the figures, if it can.")
     ] = None,
     markdown: Annotated[
         str | None,

@@ -238,6 +238,7 @@ def _watch() -> None:
 
 def _person() -> None:
     from handover import ArmState, Human, QualitySettings, posture_quality
+    from handover.places import qualities_at
     from sim.human_command import grip_points
 
     human = Human()
@@ -247,6 +248,7 @@ def _person() -> None:
     arm.jacobian(joints)
     grip_points(human, 8)
     posture_quality(ArmState.of(human, "left", QualitySettings()), joints)
+    qualities_at(human, "left", T[None, :3, 3], rotations=72)
 
 
 def _reach(cell_map: CellMap, folder: Path) -> None:
