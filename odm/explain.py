@@ -147,7 +147,7 @@ class Reasons:
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:
         planner = self.planner
-        cells, n = planner.cell_map.arm_cells, planner.cell_map.roadmap.n_nodes
+        cells, n = planner.memory.graph, planner.cell_map.roadmap.n_nodes
         a, b = planner.cell_map.roadmap.edges[edge]
         found: set[tuple[int, int, int]] = set()
         for item in (n + edge, int(a), int(b)):
@@ -179,8 +179,7 @@ def nearest(planner: "ReactivePlanner", q: np.ndarray) -> tuple[float, str | Non
 
 def link_of(planner: "ReactivePlanner", sphere: int) -> str:
     """Return the link that a sphere of the moving arm belongs to."""
-    robot = planner.robot
-    return robot.link_names[robot.sphere_link[planner.cell_map.sphere_order[sphere]]]
+    return planner.static.link_of(sphere)
 
 
 def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Freedom:

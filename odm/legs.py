@@ -59,6 +59,10 @@ class LegTest:
             self._fine = FineTest(self.planner)
         return self._fine
 
+    def forget_fine(self) -> None:
+        """Make the finer cover anew when it is next needed: the hand has changed."""
+        self._fine = None
+
     def look(self) -> None:
         """Take the planner's points, scenery and sampling as they are now."""
         self.cloud = self._sorted.of(self.planner.points)
@@ -111,7 +115,7 @@ class LegTest:
         if fine.frame_free(q, dq, self.cloud):
             return Tested(fine=True)
         sphere, point = fine.work.found[:2].tolist()
-        link = self.planner.robot.link_names[fine.link[sphere]]
+        link = fine.robot.link_names[fine.link[sphere]]
         return _frame(link, point, fine.radii[sphere], fine.work)
 
 

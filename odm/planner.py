@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import close, frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
+from odm._kernels.types import IS_SORTED, N_FRAME, N_OUTSIDE, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -17,22 +17,24 @@ from odm.answer import (
     Answer,
     Freedom,
 )
+from odm.carry import Carrier
 from odm.cell_map import CellMap
 from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud
 from odm.direct import DirectMap
-from odm.place import close_items, place_points
+from odm.planner_doors import Doors
 from odm.planner_settings import PlannerSettings
 from odm.state import lay_out
 from odm.static import StaticTest
-from odm.surfaces import rounded_covering
+from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
+from roadmap.transforms import check_pose
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 
 
-class ReactivePlanner:
+class ReactivePlanner(Doors):
     """Answers every frame: go on, go a new way, or hold and say why.
 
     One planner belongs to one thread. Nothing is allocated in a frame after warm-up
@@ -61,8 +63,11 @@ class ReactivePlanner:
         )
         self.memory = lay_out(cell_map, self.settings.max_points)
         self.radii = self.memory.own.radii
-        self._sampled: tuple[float | None, float | None] = (None, None)
-        self.keep = cell_map.safety.rho + cell_map.safety.m
+        self.rho, self.extra = cell_map.safety.rho, 0.0
+        self._set_radii(None, None)
+        self.world, self._world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
+        self._p_world_place: np.ndarray | None = None
+        self.carrier = Carrier(self)
         self.attacher = attach.Attacher(self)
         self._approacher: approach.Approacher | None = None
         self.polisher = polish.Polisher(self)
@@ -72,7 +77,6 @@ class ReactivePlanner:
         self._ahead = SortedCloud(cell_map.grid)
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
-        self.rho = cell_map.safety.rho
         self.goals = np.zeros((0, self.robot.dof))
         self.costs: np.ndarray | None = None
         self.points = np.zeros((0, 3))
@@ -80,9 +84,11 @@ class ReactivePlanner:
         self._q = self.memory.own.q
         self._here = b""
         self._moving = False
-        self._new_goals = False
+        self._new_goals = self._rejoin = False
         self._nowhere = np.empty((0, self.robot.dof))
         self.attacher.forget_start()
+        if self.settings.extra_clearance:
+            self.set_extra_clearance(self.settings.extra_clearance)
 
     # --- what is asked for -----------------------------------------------------
 
@@ -104,21 +110,11 @@ class ReactivePlanner:
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return
         check_goals(self, goals)
+        if self._rejoin:  # what is known of the goals was known of another hand
+            self.goals, self._rejoin = self.goals[:0], False
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
         self._new_goals = True
-
-    def set_static(self, points_or_shapes: object) -> None:
-        """Set the scenery of this place, once: (n, 3) points or closed shapes.
-
-        Points must cover their surfaces within the map's rho. Nodes and edges that
-        the scenery blocks are closed for good; call again to replace it.
-        """
-        points = place_points(points_or_shapes, self.rho)
-        outside = self.static.set_place(points)
-        close_items(self, points)
-        self.attacher.forget_all()
-        self.static_outside = outside
 
     # --- a frame ---------------------------------------------------------------
 
@@ -136,7 +132,8 @@ class ReactivePlanner:
         """Answer one frame.
 
         Args:
-            points: (n, 3) float64 points on the obstacles' surfaces, base frame [m].
+            points: (n, 3) float64 points on the obstacles' surfaces [m]; base frame,
+                or the world's after `set_base`.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
@@ -157,7 +154,10 @@ class ReactivePlanner:
         """
         begun = time.perf_counter_ns()
         points = check_points(points, labels, covering_radius, self.rho)
+        points = self.world.points(points)
         q = check_configuration(self.robot, q, dq)
+        if self._rejoin:
+            self.attacher.forget_all()
         memory = self.memory
         if len(points) > len(memory.cloud.where):
             self.make_room(2 * len(points))
@@ -192,16 +192,6 @@ class ReactivePlanner:
         """Let clouds hold that many points; what was marked is gone."""
         grid = self.cell_map.grid
         self.memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
-
-    def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
-        """Let the close test's radii follow how the points were sampled."""
-        self._sampled = (covering_radius, rounding)
-        m, rho = self.cell_map.safety.m, self.rho
-        rho = rho if covering_radius is None else covering_radius
-        balls = self.cell_map.arm.spheres[:, 3] + m
-        needed = [rounded_covering(rho, rounding or 0.0, ball) for ball in balls]
-        self.radii[:] = balls + needed
-        self.keep = m + float(np.max(needed))
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         here = q.tobytes()  # compared much faster than arrays
@@ -278,7 +268,8 @@ class ReactivePlanner:
         Scenery and the last frame's points count. The first call prepares for seconds.
 
         Args:
-            T_base_tool: (4, 4) where the tool ends, base frame [m].
+            T_base_tool: (4, 4) where the tool ends, base frame [m] (the world's after
+                `set_base`, as the direction).
             q: (dof,) where the motion starts; None finds the start, too: `distance`
                 back from the pose.
             distance: Length of the motion where q is None [m].
@@ -289,7 +280,9 @@ class ReactivePlanner:
         """
         if self._approacher is None:
             self._approacher = approach.Approacher(self)
-        return self._approacher.run(T_base_tool, q, distance, direction)
+        T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
+        direction = self.world.direction(direction)
+        return self._approacher.run(T, q, distance, direction)
 
     def blocked_leg(
         self, path: np.ndarray, extra: float = 0.0, points: np.ndarray | None = None
@@ -305,11 +298,13 @@ class ReactivePlanner:
             points: (n, 3) where they are then [m]; None: those of the frame.
         """
         m = self.memory
-        if points is None:
+        if points is None and extra > 0.0 and m.cloud.counts[N_OUTSIDE]:
+            cloud = self._ahead.of(self.points)  # some of them may come that near
+        elif points is None:
             self._sort()
             cloud = m.cloud
         else:
-            cloud = self._ahead.of(points)
+            cloud = self._ahead.of(self._world_ahead.points(points))
         path = np.ascontiguousarray(path, np.float64)
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
         radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance

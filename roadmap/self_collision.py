@@ -66,11 +66,11 @@ def self_collision(robot: Robot) -> SelfCollision:
                 continue
             span = [*robot.shell_ptr[a : a + 2], *robot.shell_ptr[b : b + 2]]
             rows.append((a, b, body[a], body[b], *span))
-            reach.append(_relative_reach(robot, a, b))
+            reach.append(relative_reach(robot, a, b))
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
     balls = [
-        _ball(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
+        ball_around(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
         for i in range(n)
     ]
     model = (
@@ -220,7 +220,7 @@ def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:
     return share
 
 
-def _relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
+def relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
     """Bound how far two shells move against each other per unit of each joint."""
     weights = np.zeros(robot.dof)
     body_a, body_b = robot.link_body[robot.shell_link[[a, b]]]
@@ -241,7 +241,7 @@ def _ancestors(robot: Robot, body: int) -> list[int]:
     return chain
 
 
-def _ball(points: np.ndarray) -> tuple[float, ...]:
+def ball_around(points: np.ndarray) -> tuple[float, ...]:
     """Return a small ball around the points, by the walk of [Badoiu2003]."""
     center = points.mean(axis=0)
     for k in range(1, 200):
