@@ -58,7 +58,7 @@ class Memory:
         for k, array in enumerate(rows):
             if not array.flags.c_contiguous:
                 raise AssertionError(f"row {k} is not contiguous")
-            self.table[k, 0] = array.ctypes.data
+            self.table[k, 0] = array.__array_interface__["data"][0]  # fast
             self.table[k, 1 : 1 + array.ndim] = array.shape
 
     def exchange(self, **groups: tuple) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.reach import group_reach, joint_span
 from roadmap.robot import PARENT, SPHERE, Robot
-from roadmap.self_collision import SelfCollision, ball_around, relative_reach
+from roadmap.self_collision import SelfCollision, relative_reach
 from roadmap.solids import Solid
 
 PAYLOAD = "payload"
@@ -98,7 +98,7 @@ def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
     rows = np.array(rows, np.int64).reshape(-1, 8)
     pairs = np.concatenate([pair_i, rows])
     reach = np.array(reach, float).reshape(-1, loaded.dof)
-    ball = ball_around(loaded.shell_points[ptr[new] : ptr[new + 1]])
+    ball = _loose_ball(loaded.shell_points[ptr[new] : ptr[new + 1]])
     model = (
         tree_i,
         tree_f,
@@ -108,6 +108,11 @@ def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
         loaded.shell_points,
     )
     return SelfCollision(frozen(loaded.shell_link[pairs[:, :2]], np.int32), model)
+
+
+def _loose_ball(points: np.ndarray) -> tuple[float, ...]:
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return (*center, np.linalg.norm(points - center, axis=1).max() + 1e-9)
 
 
 def polytope_around(spheres: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def self_collision(robot: Robot) -> SelfCollision:
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
     balls = [
-        ball_around(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
+        _ball(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
         for i in range(n)
     ]
     model = (
@@ -241,7 +241,7 @@ def _ancestors(robot: Robot, body: int) -> list[int]:
     return chain
 
 
-def ball_around(points: np.ndarray) -> tuple[float, ...]:
+def _ball(points: np.ndarray) -> tuple[float, ...]:
     """Return a small ball around the points, by the walk of [Badoiu2003]."""
     center = points.mean(axis=0)
     for k in range(1, 200):
