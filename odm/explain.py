@@ -182,7 +182,12 @@ def link_of(planner: "ReactivePlanner", sphere: int) -> str:
     return planner.static.link_of(sphere)
 
 
-def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+def is_free(
+    planner: "ReactivePlanner",
+    q_a: np.ndarray,
+    q_b: np.ndarray,
+    phase: str | None = None,
+) -> Freedom:
     """Test a straight motion; see ReactivePlanner.is_free."""
     robot = planner.robot
     ends = []
@@ -199,6 +204,14 @@ def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Fre
     if why is not None:
         itself = planner.static.touches_itself(ends[0], dq) is not None
         return Freedom(False, "self-collision" if itself else "scenery", why)
+    if phase is not None:
+        hit = planner.last_phase(phase, planner.points, planner.classes).hit(
+            planner.cover(), ends[0], dq
+        )
+        if hit is None:
+            return Freedom(True)
+        text = f"{link_of(planner, hit[0])} would come too near to point {hit[1]}"
+        return Freedom(False, "frame", f"{text} by {_cm(hit[2])}")
     planner._sort()
     m = planner.memory
     free = close.motion_clear(

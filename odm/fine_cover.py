@@ -16,6 +16,7 @@ import numpy as np
 from odm._kernels import close
 from odm._kernels.types import Cloud, make_work
 from odm.cell_map import arm_of
+from odm.last_phase import Cover
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
 from roadmap.carry import with_payload
@@ -137,6 +138,11 @@ class FineTest:
                 ball + rounded_covering(rho, rounding or 0.0, ball)
                 for ball in self.balls
             ]
+
+    def cover(self) -> Cover:
+        """Return the spheres for `LastPhase`."""
+        links = [self.robot.link_names[k] for k in self.link]
+        return Cover(self.arm, self.radii, links, self.work)
 
     def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
         """Test q + t dq against points; where False, `work` says which one."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import close, frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_FRAME, N_OUTSIDE, N_SAME, N_SEGMENT
+from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -17,11 +17,13 @@ from odm.answer import (
     Answer,
     Freedom,
 )
+from odm.braking import Braking
 from odm.carry import Carrier
 from odm.cell_map import CellMap
 from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud
 from odm.direct import DirectMap
+from odm.last_phase import LastPhase, check_classes
 from odm.planner_doors import Doors
 from odm.planner_settings import PlannerSettings
 from odm.state import lay_out
@@ -34,7 +36,7 @@ from roadmap.transforms import check_pose
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 
 
-class ReactivePlanner(Doors):
+class ReactivePlanner(Doors, Braking):
     """Answers every frame: go on, go a new way, or hold and say why.
 
     One planner belongs to one thread. Nothing is allocated in a frame after warm-up
@@ -75,11 +77,13 @@ class ReactivePlanner(Doors):
         self.calm = calm.Calm(self)
         self.straightener = straight.Straightener(self)
         self._ahead = SortedCloud(cell_map.grid)
+        self._last_phase: LastPhase | None = None
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
         self.goals = np.zeros((0, self.robot.dof))
         self.costs: np.ndarray | None = None
         self.points = np.zeros((0, 3))
+        self.classes: np.ndarray | None = None
         self.last: Answer | None = None
         self._q = self.memory.own.q
         self._here = b""
@@ -128,6 +132,7 @@ class ReactivePlanner(Doors):
         now: float | None = None,
         covering_radius: float | None = None,
         rounding: float | None = None,
+        classes: np.ndarray | None = None,
     ) -> Answer:
         """Answer one frame.
 
@@ -145,6 +150,8 @@ class ReactivePlanner(Doors):
             rounding: Smallest radius of the sampled shapes where all are capsules or
                 spheres [m]: proves that less than rho is needed (see
                 `odm.surfaces.rounded_covering`).
+            classes: (n,) odm.AVOID, CONTACT or OBJECT of each point; the answer heeds
+                all, a `phase` of other questions makes a difference.
 
         Returns:
             The answer; "no path" is an answer, not an exception.
@@ -154,6 +161,7 @@ class ReactivePlanner(Doors):
         """
         begun = time.perf_counter_ns()
         points = check_points(points, labels, covering_radius, self.rho)
+        self.classes = check_classes(classes, len(points))
         points = self.world.points(points)
         q = check_configuration(self.robot, q, dq)
         if self._rejoin:
@@ -245,16 +253,24 @@ class ReactivePlanner(Doors):
 
     # --- questions -------------------------------------------------------------
 
-    def is_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+    def is_free(
+        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+    ) -> Freedom:
         """Test the straight motion from q_a to q_b: all four tests, all the way.
 
         Limits, self-collision, scenery (the recipe's and set_static's) and the last
         frame's points, with the motion bound over the whole length.
 
+        Args:
+            q_a: (dof,) start [rad or m].
+            q_b: (dof,) end.
+            phase: "give" lets the payload touch CONTACT points, "receive" the finger
+                pads OBJECT points; see `odm.last_phase`.
+
         Raises:
-            BadInput: Wrong length or not finite.
+            BadInput: Wrong length or not finite, or a phase that cannot be.
         """
-        return explain.is_free(self, q_a, q_b)
+        return explain.is_free(self, q_a, q_b, phase)
 
     def approach(
         self,
@@ -262,6 +278,7 @@ class ReactivePlanner(Doors):
         q: np.ndarray | None = None,
         distance: float = 0.15,
         direction: np.ndarray | None = None,
+        phase: str | None = None,
     ) -> "approach.Approach":
         """Find a straight tool motion to a pose, every leg proved free.
 
@@ -274,6 +291,8 @@ class ReactivePlanner(Doors):
                 back from the pose.
             distance: Length of the motion where q is None [m].
             direction: (3,) which way the tool moves, base frame; None: along its z.
+            phase: As in `is_free`; where q is None, the line starts where none
+                of the points is touched.
 
         Raises:
             BadInput: The pose is not rigid, q, distance or direction is out of range.
@@ -282,38 +301,7 @@ class ReactivePlanner(Doors):
             self._approacher = approach.Approacher(self)
         T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
         direction = self.world.direction(direction)
-        return self._approacher.run(T, q, distance, direction)
-
-    def blocked_leg(
-        self, path: np.ndarray, extra: float = 0.0, points: np.ndarray | None = None
-    ) -> int | None:
-        """Return the first leg of a path that points block, or None.
-
-        The close test of braking: the whole path must keep `extra` [m] more than rho
-        and m from every point, since the person moves while the robot stops.
-
-        Args:
-            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
-            extra: Distance the points may have come nearer meanwhile [m].
-            points: (n, 3) where they are then [m]; None: those of the frame.
-        """
-        m = self.memory
-        if points is None and extra > 0.0 and m.cloud.counts[N_OUTSIDE]:
-            cloud = self._ahead.of(self.points)  # some of them may come that near
-        elif points is None:
-            self._sort()
-            cloud = m.cloud
-        else:
-            cloud = self._ahead.of(self._world_ahead.points(points))
-        path = np.ascontiguousarray(path, np.float64)
-        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
-        radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance
-        for k, dq in enumerate(legs):
-            if not close.motion_clear(
-                m.arm, radii, path[k], dq, tolerance, cloud, False, m.work
-            ):
-                return k
-        return None
+        return self._approacher.run(T, q, distance, direction, phase)
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].

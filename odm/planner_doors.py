@@ -135,9 +135,14 @@ class Doors:
     def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
         """Let the close test's radii follow how the points were sampled."""
         self._sampled = (covering_radius, rounding)
-        m, rho = self.cell_map.safety.m + self.extra, self.rho
-        rho = rho if covering_radius is None else covering_radius
+        m = self.cell_map.safety.m + self.extra
         balls = self.memory.arm.spheres[:, 3] + m
-        needed = [rounded_covering(rho, rounding or 0.0, ball) for ball in balls]
+        needed = [self.covering(ball) for ball in balls]
         self.radii[:] = balls + needed
         self.keep = m + float(np.max(needed))
+
+    def covering(self, ball: float) -> float:
+        """Return how far a surface may be from its samples, for a ball's radius [m]."""
+        declared, rounding = self._sampled
+        rho = self.rho if declared is None else declared
+        return rounded_covering(rho, rounding or 0.0, ball)

@@ -1,0 +1,89 @@
+"""The close test of braking: is the path up to the stop free of what comes nearer?"""
+
+import numpy as np
+
+from odm._kernels import close
+from odm._kernels.types import N_OUTSIDE
+from odm.clouds import SortedCloud
+from odm.last_phase import Cover, LastPhase, check_classes
+from odm.world_frame import WorldFrame
+
+
+class Braking:
+    """Methods of `ReactivePlanner`."""
+
+    _ahead: SortedCloud
+    _world_ahead: WorldFrame
+    _last_phase: LastPhase | None
+
+    def blocked_leg(
+        self,
+        path: np.ndarray,
+        extra: float = 0.0,
+        points: np.ndarray | None = None,
+        phase: str | None = None,
+        classes: np.ndarray | None = None,
+    ) -> int | None:
+        """Return the first leg of a path that points block, or None.
+
+        The close test of braking: the whole path must keep `extra` [m] more than rho
+        and m from every point, since the person moves while the robot stops.
+
+        Args:
+            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
+            extra: Distance the points may have come nearer meanwhile [m].
+            points: (n, 3) where they are then [m]; None: those of the frame.
+            phase: As in `is_free`.
+            classes: (n,) of `points`, where they are given.
+
+        Raises:
+            BadInput: A phase that cannot be, or bad classes.
+        """
+        path = np.ascontiguousarray(path, np.float64)
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        if points is None:
+            points, classes = self.points, self.classes
+        else:
+            classes = check_classes(classes, len(points))
+            points = self._world_ahead.points(points)
+        if phase is not None:
+            test = self.last_phase(phase, points, classes)
+            cover = self.cover()
+            for k, dq in enumerate(legs):
+                if test.hit(cover, path[k], dq, extra) is not None:
+                    return k
+            return None
+        return self._blocked(path, legs, extra, points)
+
+    def last_phase(
+        self, phase: str, points: np.ndarray, classes: np.ndarray | None
+    ) -> LastPhase:
+        """Return the close test of a phase, with points in the base frame."""
+        if self._last_phase is None:
+            self._last_phase = LastPhase(self, self.cell_map.grid)
+        self._last_phase.look(phase, points, classes)
+        return self._last_phase
+
+    def cover(self) -> Cover:
+        """Return the spheres of the map's cover, payload included."""
+        m = self.memory
+        links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
+        return Cover(m.arm, self.radii, links, m.work)
+
+    def _blocked(
+        self, path: np.ndarray, legs: np.ndarray, extra: float, points: np.ndarray
+    ) -> int | None:
+        m = self.memory
+        some_outside = extra > 0.0 and m.cloud.counts[N_OUTSIDE]
+        if points is not self.points or some_outside:  # some may come that near
+            cloud = self._ahead.of(points)
+        else:
+            self._sort()
+            cloud = m.cloud
+        radii, tolerance = self.radii + extra, self.cell_map.motion_tolerance
+        for k, dq in enumerate(legs):
+            if not close.motion_clear(
+                m.arm, radii, path[k], dq, tolerance, cloud, False, m.work
+            ):
+                return k
+        return None
