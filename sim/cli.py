@@ -248,7 +248,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human or approach.",
+            "human, approach or attach.",
         ),
     ],
     map_dir: Annotated[
