@@ -113,6 +113,7 @@ def robot_of(recipe: Recipe) -> Robot:
         velocity=asked.velocity,
         acceleration=asked.acceleration,
         jerk=asked.jerk,
+        travel=asked.travel,
     )
     return replace(robot, source=str(asked.source))
 

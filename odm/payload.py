@@ -42,6 +42,13 @@ def envelope_robot(robot: Robot, payload: PayloadLayer) -> Robot:
     return with_payload(robot, payload.spheres, shell(solid), [solid])
 
 
+def largest_robot(cell_map: CellMap) -> Robot:
+    """Return the robot with all that it may carry."""
+    if cell_map.payload is None:
+        return cell_map.robot
+    return envelope_robot(cell_map.robot, cell_map.payload)
+
+
 def loaded_map(cell_map: CellMap) -> CellMap:
     """Return the map of the robot with the whole envelope in its hand.
 

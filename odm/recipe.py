@@ -53,7 +53,9 @@ class RobotRecipe:
     Attributes:
         source: A known name, or the path of a URDF; as `srdf`, a relative one starts
             at the folder of the recipe.
-        tip, locked, srdf, cover_excess, velocity, acceleration, jerk: See there.
+        tip, locked, srdf, cover_excess, velocity, acceleration, jerk, travel: See
+            there. Joints of a gripper that `travel` names may stand anywhere; any
+            other stands where it is locked.
     """
 
     source: str = "panda"
@@ -64,6 +66,7 @@ class RobotRecipe:
     velocity: dict[str, float] = field(default_factory=dict)
     acceleration: dict[str, float] = field(default_factory=dict)
     jerk: dict[str, float] = field(default_factory=dict)
+    travel: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,10 @@ class Recipe:
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as plain data, every default spelled out."""
         plain = {f.name: getattr(self.robot, f.name) for f in fields(self.robot)}
+        if self.robot.travel:  # maps without one are as they were before
+            plain["travel"] = list(self.robot.travel)
+        else:
+            del plain["travel"]
         roadmap = {f.name: getattr(self.roadmap, f.name) for f in fields(self.roadmap)}
         whole = {
             "name": self.name,
@@ -177,7 +184,7 @@ def parse_recipe(
         folder: Where its relative paths start; None: the current folder.
     """
     _known(table, _TABLES, "the recipe")
-    robot = _section(RobotRecipe, table.get("robot", {}), "[robot]")
+    robot = _section(RobotRecipe, _with_travel(table.get("robot", {})), "[robot]")
     settings = dict(table.get("roadmap", {}))
     if settings.get("region") is not None:
         settings["region"] = tuple(tuple(row) for row in settings["region"])
@@ -191,6 +198,19 @@ def parse_recipe(
     payload = None if "payload" not in table else _payload(table["payload"])
     name = table.get("name", name)
     return Recipe(name, robot, roadmap, safety, scenery, payload, folder)
+
+
+def _with_travel(table: dict) -> dict:
+    if "travel" not in table:
+        return table
+    travel = table["travel"]
+    listed = isinstance(travel, list | tuple)
+    if not listed or not all(isinstance(t, str) for t in travel):
+        raise BadRecipe(
+            f"robot.travel is {travel!r}, but must be a list of the joints that may "
+            'stand anywhere, such as ["finger_joint1"]; change it in the recipe'
+        )
+    return {**table, "travel": tuple(travel)}
 
 
 def _payload(table: dict) -> PayloadRecipe:

@@ -104,6 +104,9 @@ def audit(
     close: Annotated[
         bool, typer.Option("--close", help="Ask the close test, not the cells.")
     ] = False,
+    payload: Annotated[
+        bool, typer.Option("--payload", help="With the payload envelope in the hand.")
+    ] = False,
     sabotage: Annotated[
         str | None,
         typer.Option(
@@ -119,12 +122,14 @@ def audit(
     """
     from odm import load_map
     from odm.audit import audit as run_audit
+    from odm.payload import loaded_map
     from sim import describe
 
     cell_map = load_map(map_dir)
+    asked = loaded_map(cell_map) if payload else cell_map
     options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
     with Bars() as tell:
-        report = run_audit(cell_map, pairs=pairs, progress=tell, **options)
+        report = run_audit(asked, pairs=pairs, progress=tell, **options)
     if json is not None:
         show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
     else:

@@ -413,3 +413,19 @@ def _at(p):
     T = np.eye(4)
     T[:3, 3] = p
     return T
+
+
+def test_cameras_look_wherever_a_payload_can_get(cell_map, loaded):
+    from odm.cameras import layout
+
+    inside = layout._in_reach(cell_map)
+    nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
+    blocks = np.unique(loaded.arm_cells.block.astype(np.int64))
+    for b in blocks:
+        masks = loaded.arm_cells.mask[loaded.arm_cells.block == b]
+        word = int(np.bitwise_or.reduce(masks))
+        at = 4 * np.array([b // (ny * nz), b // nz % ny, b % nz])
+        for k in range(64):
+            if word >> k & 1:
+                assert inside[tuple(at + [k >> 4, k >> 2 & 3, k & 3])]
+    assert layout.needs_all_cubes(cell_map, 0.02)
