@@ -10,6 +10,7 @@ from odm.cameras.settings import SeenSettings
 from odm.cameras.view import View, lay_out_view
 from odm.cell_map import CellMap
 from odm.grid import bounding_ball
+from odm.payload import largest_robot
 from roadmap._kernels import kinematics
 from roadmap.errors import BadInput
 from roadmap.robot import Robot
