@@ -21,7 +21,8 @@ from odm.audit import audit
 from odm.exact import ExactRobot, obstacles_of
 from odm.fcl_robot import FclRobot
 from odm.payload import envelope_robot, loaded_map
-from odm.recipe import PayloadRecipe, parse_recipe
+from odm.recipe import PayloadRecipe, Recipe, RobotRecipe, Safety, parse_recipe
+from roadmap.build import RoadmapSettings
 from roadmap.carry import PAYLOAD, with_payload
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.kinematics import difference, tool_pose
@@ -32,6 +33,22 @@ BRICK = odm.Box([0.1, 0.06, 0.12])
 # the small arm may stand so with BALLS in its hand: nearer to the floor it may not
 HIGH, OVER = np.array([0.7, 0.4, 0.0]), np.array([-0.7, -0.4, 0.0])
 SHIFT = np.block([[np.eye(3), CENTER[:, None]], [np.zeros((1, 3)), 1.0]])
+
+
+FOLDING = """<robot name="folding">
+<link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
+</link>
+<link name="upper"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.4 0.06 0.06"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.15 0 0.08"/><geometry>
+<box size="0.2 0.04 0.04"/></geometry></collision></link>
+<joint name="swing" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+<joint name="bend" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-3.1" upper="3.1" velocity="1" effort="1"/></joint>
+</robot>
+"""
 
 
 @pytest.fixture(scope="module")
@@ -304,6 +321,38 @@ def test_is_free_agrees_with_exact_geometry(cell_map, planner, rng):
             assert not fcl.collides(q)
             assert exact.self_distance(q).distance > 0.0
     assert freed > 100 and by_payload > 5
+
+
+def test_an_object_that_touches_the_own_arm_is_not_free(tmp_path):
+    """A robot that folds: by exact geometry, at rest and in the middle of a motion."""
+    urdf = tmp_path / "folding.urdf"
+    urdf.write_text(FOLDING)
+    cell_map = odm.build_map(
+        Recipe(
+            "folding", RobotRecipe(str(urdf), tip="fore"),
+            RoadmapSettings(nodes=40, neighbors=4), Safety(h=0.05),
+            payload=PayloadRecipe(radius=0.06, position=(0.3, 0.0, 0.0)),
+        )
+    )  # fmt: skip
+    planner = odm.ReactivePlanner(cell_map)
+    thing = np.array([[0.3, 0.0, 0.0, 0.05]])
+    loaded = with_payload(cell_map.robot, thing)
+    exact, rng = ExactRobot(loaded), np.random.default_rng(1)
+    planner.attach(thing)
+    touching = folded = 0
+    for _ in range(200):
+        q = rng.uniform(cell_map.robot.lower, cell_map.robot.upper)
+        free = planner.is_free(q, q)
+        if exact.self_distance(q).distance <= 0.0:
+            touching += 1
+            assert free.failed == "self-collision" and "payload" in free.reason
+        folded += bool(free)
+    assert touching > 5 and folded > 50
+    stretched, shut = np.array([0.0, 0.5]), np.array([0.0, 3.0])
+    through = planner.is_free(stretched, shut)
+    assert through.failed == "self-collision" and "upper would touch" in through.reason
+    planner.detach()
+    assert planner.is_free(np.array([0.0, 3.0]), np.array([0.0, 3.0]))
 
 
 def test_every_path_keeps_robot_and_object_off_a_moving_arm(cell_map, rng):
