@@ -195,6 +195,12 @@ def run(
             help="Write the whole run, however it ends; `odm replay` repeats it.",
         ),
     ] = None,
+    carry: Annotated[
+        float | None,
+        typer.Option(
+            metavar="R", help="Radius of a ball in its hand, in m; see docs/layers.md."
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Move the robot between two work places while a person moves; audit each frame.
@@ -204,11 +210,13 @@ def run(
 
     The keys of `--motion keyboard` stand on its screen; q ends it.
     """
+    from sim.carried import check_carry
     from sim.run_command import RunFiles, check_options, person_of, run_motion
 
     check_options(
         motion, file, {"--out": out, "--plot": plot, "--animation": animation}
     )
+    check_carry(carry, motion, record)
     quiet = json == "-"
     if motion == "keyboard":
         from sim.keyboard import run_keyboard
@@ -220,7 +228,9 @@ def run(
         raise typer.Exit(ended.exit_code)
     person = person_of(motion, seed, file, mapping, stand, base_height)
     files = RunFiles.chosen(out, motion, plot, animation, record)
-    result = run_motion(map_dir, person, seconds, seed, rate, files, quiet, execution)
+    result = run_motion(
+        map_dir, person, seconds, seed, rate, files, quiet, execution, carry
+    )
     if json is not None:
         show_json(result, json)
 
