@@ -294,6 +294,11 @@ def test_a_thing_that_is_none_is_refused(planner, thing):
     assert planner.attached is None
 
 
+def test_a_robot_with_a_link_of_that_name_carries_nothing_else(cell_map):
+    with pytest.raises(BadInput, match="has a link 'payload' already"):
+        with_payload(with_payload(cell_map.robot, BALLS), BALLS)
+
+
 # --- every motion heeds it -----------------------------------------------------
 
 
