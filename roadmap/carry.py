@@ -6,7 +6,6 @@ from functools import lru_cache
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.errors import BadInput
 from roadmap.reach import group_reach, joint_span
 from roadmap.robot import PARENT, SPHERE, Robot
 from roadmap.self_collision import SelfCollision, relative_reach

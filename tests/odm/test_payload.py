@@ -120,6 +120,26 @@ def test_no_edge_that_is_free_with_a_payload_touches_an_obstacle(loaded):
     assert report.passed and report.boundary > 2000
 
 
+def test_python_fcl_sees_no_contact_on_open_edges(cell_map, planner, rng):
+    """A second opinion: the whole envelope in hand, anywhere on edges that are open."""
+    robot, roadmap = envelope_robot(cell_map.robot, cell_map.payload), cell_map.roadmap
+    fcl, ends = FclRobot(robot), roadmap.nodes[roadmap.edges]
+    planner.attach(cell_map.payload.spheres)
+    tried = near = 0
+    for _ in range(40):
+        arm, points = arm_points(rng)
+        planner.step(points, HOME)
+        fcl.set_obstacles(capsules(arm))
+        closed = np.flatnonzero(cell_map.payload.closed[roadmap.n_nodes :])
+        taken = np.union1d(closed, planner.invalid_edges())
+        open_ = np.setdiff1d(np.arange(roadmap.n_edges), taken)
+        for edge in rng.permutation(open_)[:25]:
+            q = ends[edge, 0] + rng.random() * difference(robot, *ends[edge])
+            assert not fcl.collides(q)
+            tried, near = tried + 1, near + (fcl.distance(q) < 0.12)
+    assert tried > 300 and near > 20
+
+
 def test_edges_that_are_open_keep_the_envelope_off_arm_and_floor(cell_map, rng):
     robot = envelope_robot(cell_map.robot, cell_map.payload)
     exact, roadmap = ExactRobot(robot, base=True), cell_map.roadmap
