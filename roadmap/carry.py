@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from roadmap.arrays import frozen
+from roadmap.errors import BadInput
 from roadmap.reach import group_reach, joint_span
 from roadmap.robot import PARENT, SPHERE, Robot
 from roadmap.self_collision import SelfCollision, relative_reach
@@ -35,7 +36,15 @@ def with_payload(
             None: one that contains the spheres.
         solids: Its exact convex solids, posed in the tool frame, for audits; empty
             where none is asked for; None: the spheres themselves.
+
+    Raises:
+        BadInput: The robot has a link of that name already.
     """
+    if PAYLOAD in robot.link_names:
+        raise BadInput(
+            f"the robot has a link {PAYLOAD!r} already, the name of what it carries; "
+            "rename it in the URDF"
+        )
     R, p = robot.T_body_tip[:3, :3], robot.T_body_tip[:3, 3]
     if shell is None:
         shell = polytope_around(spheres)
