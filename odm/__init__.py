@@ -4,6 +4,8 @@ from odm.answer import Answer, Blockers, Freedom
 from odm.build import build_map
 from odm.cameras import DepthCamera, SeenSettings, SeenSpace
 from odm.cell_map import CellMap, load_map
+from odm.last_phase import AVOID, CONTACT, OBJECT
+from odm.payload import CarriedObject, carried_object
 from odm.planner import PlannerSettings, ReactivePlanner
 from odm.recipe import Recipe, load_recipe
 from odm.robot_surface import RobotSurface, robot_surface
@@ -11,10 +13,14 @@ from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.surfaces import Surface, sample_capsules, surface_of
 
 __all__ = [
+    "AVOID",
+    "CONTACT",
+    "OBJECT",
     "Answer",
     "Blockers",
     "Box",
     "Capsule",
+    "CarriedObject",
     "CellMap",
     "Cylinder",
     "DepthCamera",
@@ -29,6 +35,7 @@ __all__ = [
     "Sphere",
     "Surface",
     "build_map",
+    "carried_object",
     "load_map",
     "load_recipe",
     "robot_surface",

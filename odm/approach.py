@@ -72,12 +72,13 @@ class Approacher:
         q: np.ndarray | None = None,
         distance: float = 0.15,
         direction: np.ndarray | None = None,
+        phase: str | None = None,
     ) -> Approach:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
         planner = self.planner
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
-        self.legs.look()
+        self.legs.look(phase)
         nothing = np.empty((0, planner.robot.dof))
         trouble = unfit(planner, int(self.legs.cloud.counts[N_BAD]), None, None)
         if trouble is not None:

@@ -24,17 +24,23 @@ class Attacher:
     def __init__(self, planner: "ReactivePlanner") -> None:
         """Keep the planner; its memory must have been laid out."""
         self.planner = planner
-        memory, robot = planner.memory, planner.robot
+        memory = planner.memory
         self.roadmap = planner.cell_map.roadmap
-        words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
-        space = sweep_space(len(memory.arm.spheres), len(robot.tree_i), robot.dof)
-        self.scratch = (words, *space)
-        self.radii = planner.cell_map.swept_radii() + ROUNDING
+        self.resize()
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
         self.quick = False
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
+
+    def resize(self) -> None:
+        """Follow the arm, whose spheres are more while it carries something."""
+        planner, arm = self.planner, self.planner.memory.arm
+        n = len(arm.spheres)
+        safety = planner.cell_map.safety
+        self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
+        words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
+        self.scratch = (words, *sweep_space(n, len(arm.tree_i), planner.robot.dof))
 
     # --- goals -----------------------------------------------------------------
 
@@ -128,6 +134,7 @@ class Attacher:
         """Attach everything again: the scenery has changed."""
         planner = self.planner
         m = planner.memory
+        planner._rejoin = False
         m.way.count[0] = 0
         self.forget_start()
         m.pool.used[:] = 0

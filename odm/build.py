@@ -12,12 +12,14 @@ import numpy as np
 from odm.cell_map import CellMap, arm_of
 from odm.estimate import check_size
 from odm.grid import grid_for
+from odm.payload import build_payload, envelope_spheres
 from odm.recipe import Recipe, load_recipe
 from odm.scenery import parse_scenery
 from odm.static import StaticTest, always_touching
 from odm.sweep import sweep_roadmap
 from roadmap import load_robot
 from roadmap.build import build_roadmap
+from roadmap.carry import with_payload
 from roadmap.known import known_robot
 from roadmap.robot import Robot
 
@@ -56,10 +58,15 @@ def build_map(
     )
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
-    grid = grid_for(robot, recipe.safety.h, margin)
+    grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
     cells = sweep_roadmap(
         robot, arm_of(robot), roadmap, grid, recipe.safety, threads, _named(progress)
     )
+    payload = None
+    if recipe.payload is not None:
+        payload = build_payload(
+            robot, recipe, roadmap, grid, scenery, threads, _named(progress, "payload ")
+        )
     built = {
         "seconds": round(time.perf_counter() - begun, 2),
         "roadmap_seconds": round(sampled - begun, 2),
@@ -73,7 +80,18 @@ def build_map(
     if len(report.components) > 1:
         kept, total = report.components[0], sum(report.components)
         log.info("kept the largest component: %d of %d nodes", kept, total)
-    return CellMap(robot, roadmap, grid, recipe, cells, scenery, built)
+    if payload is not None:
+        n = roadmap.n_nodes
+        built["payload_nodes"] = int(n - payload.closed[:n].sum())
+        built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())
+    return CellMap(robot, roadmap, grid, recipe, cells, scenery, payload, built)
+
+
+def _largest(robot: Robot, recipe: Recipe) -> Robot:
+    """Return the robot with the largest payload in hand: all that the grid holds."""
+    if recipe.payload is None:
+        return robot
+    return with_payload(robot, envelope_spheres(recipe), solids=[])
 
 
 def robot_of(recipe: Recipe) -> Robot:
@@ -95,6 +113,7 @@ def robot_of(recipe: Recipe) -> Robot:
         velocity=asked.velocity,
         acceleration=asked.acceleration,
         jerk=asked.jerk,
+        travel=asked.travel,
     )
     return replace(robot, source=str(asked.source))
 
@@ -107,10 +126,12 @@ def _source_of(recipe: Recipe) -> str | Path:
     return source if named else file
 
 
-def _named(progress: Progress | None) -> Progress | None:
+def _named(progress: Progress | None, layer: str = "") -> Progress | None:
     if progress is None:
         return None
-    return lambda stage, done, total: progress(f"cells of {stage}", done, total)
+    return lambda stage, done, total: progress(
+        f"{layer}cells of {stage}", done, total
+    )
 
 
 def _versions() -> dict[str, str]:

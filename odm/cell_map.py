@@ -8,7 +8,7 @@ import numpy as np
 
 from odm._kernels.types import Arm
 from odm.grid import WorkspaceGrid
-from odm.recipe import Recipe, Safety, parse_recipe
+from odm.recipe import PayloadRecipe, Recipe, Safety, parse_recipe
 from odm.scenery import Scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadMap
@@ -60,6 +60,37 @@ class CellLists:
 
 
 @dataclass(frozen=True, eq=False)
+class PayloadLayer:
+    """What nodes and edges sweep with the largest payload in hand, beside the arm.
+
+    Attributes:
+        recipe: The envelope.
+        spheres: (n, 4) spheres that contain it, tool frame [m].
+        ptr, block, mask: Its swept cells, as in `CellLists`; an edge's list leaves
+            out what the envelope sweeps at the edge's nodes.
+        closed: (n_items,) True where the envelope touches the arm or the recipe's
+            scenery.
+    """
+
+    recipe: PayloadRecipe
+    spheres: np.ndarray
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
+    closed: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays, keeping their types."""
+        for name, array in self.arrays().items():
+            object.__setattr__(self, name, frozen(array, array.dtype))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, for the store."""
+        names = ("spheres", "ptr", "block", "mask", "closed")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, eq=False)
 class CellMap:
     """Everything the planner needs, frozen; made by `build_map`, read by `load_map`.
 
@@ -70,6 +101,7 @@ class CellMap:
         recipe: What it was built from.
         arm_cells: Swept cells of the layer `arm`, the gripper included.
         scenery: What stands still around the robot in this recipe.
+        payload: Layer of what may be carried, or None.
         built: Facts of the build: seconds, counts, components, versions.
         hash: SHA-256 of the stored map; empty while it was not stored.
     """
@@ -80,6 +112,7 @@ class CellMap:
     recipe: Recipe
     arm_cells: CellLists
     scenery: Scenery
+    payload: PayloadLayer | None = None
     built: dict = field(default_factory=dict)
     hash: str = ""
 
@@ -115,7 +148,7 @@ class CellMap:
             "robot": self.robot.meta(),
             "robot_hash": self.robot.fingerprint(),
             "safety": self.safety.as_dict(),
-            "layers": ["arm"],
+            "layers": ["arm"] if self.payload is None else ["arm", "payload"],
             "grid": {"h": self.grid.h},
             "scenery": self.scenery.meta(),
             "built": self.built,
@@ -123,6 +156,8 @@ class CellMap:
         arrays = {f"robot.{k}": a for k, a in self.robot.arrays().items()}
         arrays |= {f"roadmap.{k}": a for k, a in self.roadmap.arrays().items()}
         arrays |= {f"arm.{k}": a for k, a in self.arm_cells.arrays().items()}
+        if self.payload is not None:
+            arrays |= {f"payload.{k}": a for k, a in self.payload.arrays().items()}
         arrays |= {f"scenery.{k}": a for k, a in self.scenery.arrays().items()}
         arrays |= {"grid.origin": self.grid.origin, "grid.blocks": self.grid.blocks}
         return write_folder(path, manifest, arrays)
@@ -154,13 +189,18 @@ def load_map(
     grid = WorkspaceGrid(
         arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
     )
+    recipe = parse_recipe(manifest["recipe"], manifest["recipe"]["name"])
+    payload = None
+    if recipe.payload is not None:
+        payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))
     return CellMap(
         robot=found,
         roadmap=Roadmap(**_part(arrays, "roadmap.")),
         grid=grid,
-        recipe=parse_recipe(manifest["recipe"], manifest["recipe"]["name"]),
+        recipe=recipe,
         arm_cells=CellLists(**_part(arrays, "arm.")),
         scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
+        payload=payload,
         built=manifest["built"],
         hash=manifest["hash"],
     )

@@ -7,18 +7,23 @@ import numpy as np
 from odm._kernels import braking, occupancy
 from odm.grid import WorkspaceGrid
 
+PAD = 0.6  # [m]
+
 
 class SortedCloud:
     """Room for points that are laid out anew as often as one likes.
 
     Args:
-        grid: The map's grid.
+        grid: The map's grid; it is enlarged by PAD on all sides, since radii may be
+            grown by that much (extra clearance, braking).
     """
 
     def __init__(self, grid: WorkspaceGrid) -> None:
         """Have no room yet."""
-        self.grid = grid
-        self._cloud = grid.new_cloud(0)
+        more = int(np.ceil(PAD / (4 * grid.h)))
+        origin = grid.origin - 4 * grid.h * more
+        self.grid = WorkspaceGrid(origin, grid.h, grid.blocks + 2 * more)
+        self._cloud = self.grid.new_cloud(0)
 
     def of(self, points: np.ndarray) -> object:
         """Return (n, 3) points [m] as a cloud; the one before is overwritten."""

@@ -155,7 +155,7 @@ class Reasons:
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:
         planner = self.planner
-        cells, n = planner.cell_map.arm_cells, planner.cell_map.roadmap.n_nodes
+        cells, n = planner.memory.graph, planner.cell_map.roadmap.n_nodes
         a, b = planner.cell_map.roadmap.edges[edge]
         found: set[tuple[int, int, int]] = set()
         for item in (n + edge, int(a), int(b)):
@@ -187,11 +187,15 @@ def nearest(planner: "ReactivePlanner", q: np.ndarray) -> tuple[float, str | Non
 
 def link_of(planner: "ReactivePlanner", sphere: int) -> str:
     """Return the link that a sphere of the moving arm belongs to."""
-    robot = planner.robot
-    return robot.link_names[robot.sphere_link[planner.cell_map.sphere_order[sphere]]]
+    return planner.static.link_of(sphere)
 
 
-def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+def is_free(
+    planner: "ReactivePlanner",
+    q_a: np.ndarray,
+    q_b: np.ndarray,
+    phase: str | None = None,
+) -> Freedom:
     """Test a straight motion; see ReactivePlanner.is_free."""
     robot = planner.robot
     ends = []
@@ -208,6 +212,14 @@ def is_free(planner: "ReactivePlanner", q_a: np.ndarray, q_b: np.ndarray) -> Fre
     if why is not None:
         itself = planner.static.touches_itself(ends[0], dq) is not None
         return Freedom(False, "self-collision" if itself else "scenery", why)
+    if phase is not None:
+        hit = planner.last_phase(phase, planner.points, planner.classes).hit(
+            planner.cover(), ends[0], dq
+        )
+        if hit is None:
+            return Freedom(True)
+        text = f"{link_of(planner, hit[0])} would come too near to point {hit[1]}"
+        return Freedom(False, "frame", f"{text} by {_cm(hit[2])}")
     planner._sort()
     m = planner.memory
     free = close.motion_clear(

@@ -16,8 +16,10 @@ import numpy as np
 from odm._kernels import close
 from odm._kernels.types import Cloud, make_work
 from odm.cell_map import arm_of
+from odm.last_phase import Cover
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering
+from roadmap.carry import with_payload
 from roadmap.reach import joint_span, point_reach
 from roadmap.robot import PARENT, Robot
 from roadmap.spheres import cover_excess, cover_solids, robot_solids
@@ -103,12 +105,16 @@ class FineTest:
         """Cover the outermost links; takes seconds the first time."""
         self.planner = planner
         self.robot, self.excess = fine_robot(planner.robot)
+        thing = planner.carrier.thing
+        if thing is not None:
+            self.robot = with_payload(self.robot, thing.spheres, thing.shell, [])
         cell_map = planner.cell_map
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
         )
         self.arm = arm_of(self.robot)
-        self.balls = self.arm.spheres[:, 3] + cell_map.safety.m
+        self.static.set_extra(planner.extra)
+        self.balls = self.arm.spheres[:, 3] + cell_map.safety.m + planner.extra
         self.radii = np.zeros(len(self.balls))
         moving = np.flatnonzero(self.robot.sphere_body > 0)
         order = np.argsort(self.robot.sphere_body[moving], kind="stable")
@@ -132,6 +138,11 @@ class FineTest:
                 ball + rounded_covering(rho, rounding or 0.0, ball)
                 for ball in self.balls
             ]
+
+    def cover(self) -> Cover:
+        """Return the spheres for `LastPhase`."""
+        links = [self.robot.link_names[k] for k in self.link]
+        return Cover(self.arm, self.radii, links, self.work)
 
     def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
         """Test q + t dq against points; where False, `work` says which one."""

@@ -12,6 +12,7 @@ from odm.clouds import SortedCloud
 from odm.explain import link_of
 from odm.fine_cover import FineTest
 from odm.grid import WorkspaceGrid
+from odm.last_phase import Cover, LastPhase
 from odm.static import StaticTest
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class LegTest:
         self._sorted = SortedCloud(halved)
         self.cloud = self._sorted.of(planner.points)
         self._fine: FineTest | None = None
+        self._last_phase = LastPhase(planner, halved)
+        self.phase: str | None = None
 
     @property
     def fine(self) -> FineTest:
@@ -59,9 +62,19 @@ class LegTest:
             self._fine = FineTest(self.planner)
         return self._fine
 
-    def look(self) -> None:
-        """Take the planner's points, scenery and sampling as they are now."""
-        self.cloud = self._sorted.of(self.planner.points)
+    def forget_fine(self) -> None:
+        """Make the finer cover anew when it is next needed: the hand has changed."""
+        self._fine = None
+
+    def look(self, phase: str | None = None) -> None:
+        """Take the planner's points, scenery and sampling as they are now.
+
+        With a phase, what may touch what is as `odm.last_phase` says.
+        """
+        planner, self.phase = self.planner, phase
+        self.cloud = self._sorted.of(planner.points)
+        if phase is not None:
+            self._last_phase.look(phase, planner.points, planner.classes)
         if self.use_fine:
             self.fine.follow()
 
@@ -95,6 +108,8 @@ class LegTest:
         planner, m = self.planner, self.planner.memory
         if not planner.static.motion_free(q, dq):
             return _scenery(planner.static, q, dq)
+        if self.phase is not None:
+            return self._by_phase(planner.cover(), q, dq)
         tolerance = planner.cell_map.motion_tolerance
         if close.motion_clear(
             m.arm, planner.radii, q, dq, tolerance, self.cloud, False, m.work
@@ -108,11 +123,21 @@ class LegTest:
         fine = self.fine
         if not fine.static.motion_free(q, dq):
             return _scenery(fine.static, q, dq)
+        if self.phase is not None:
+            tested = self._by_phase(fine.cover(), q, dq)
+            return tested if tested.failed else Tested(fine=True)
         if fine.frame_free(q, dq, self.cloud):
             return Tested(fine=True)
         sphere, point = fine.work.found[:2].tolist()
-        link = self.planner.robot.link_names[fine.link[sphere]]
+        link = fine.robot.link_names[fine.link[sphere]]
         return _frame(link, point, fine.radii[sphere], fine.work)
+
+    def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
+        hit = self._last_phase.hit(cover, q, dq)
+        if hit is None:
+            return Tested()
+        sphere, point, missing = hit
+        return _too_near(cover.links[sphere], point, missing)
 
 
 def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
@@ -123,6 +148,9 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
 
 
 def _frame(link: str, point: int, radius: float, work: Work) -> Tested:
-    missing = float(radius - work.value[1])
+    return _too_near(link, point, float(radius - work.value[1]))
+
+
+def _too_near(link: str, point: int, missing: float) -> Tested:
     text = f"{link} would come {1e3 * missing:.1f} mm too near to point {point}"
     return Tested("frame", text, link, point, missing)

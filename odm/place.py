@@ -1,18 +1,17 @@
 """Scenery of a place: points that never move, and the items they close for good."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm._kernels import attach as kernels
 from odm._kernels import close
+from odm._kernels.types import Graph
+from odm.static import StaticTest
 from odm.surfaces import Surface, require_covering, surface_of
 from roadmap.errors import BadInput
+from roadmap.graph import Roadmap
 from roadmap.kinematics import difference
-
-if TYPE_CHECKING:
-    from odm.planner import ReactivePlanner
 
 
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
@@ -33,18 +32,27 @@ def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
     return np.concatenate(found)
 
 
-def close_items(planner: "ReactivePlanner", points: np.ndarray) -> None:
-    """Close nodes and edges in the scenery: cells first, then the close test."""
-    memory, static = planner.memory, planner.static
-    graph, roadmap = memory.graph, planner.cell_map.roadmap
+def items_in_place(
+    graph: Graph, static: StaticTest, roadmap: Roadmap
+) -> np.ndarray:
+    """Return which nodes and edges touch the place's scenery: cells, then closely.
+
+    Args:
+        graph: Their cell lists.
+        static: The robot, with what it may carry, and the scenery.
+        roadmap: Nodes and edges.
+
+    Returns:
+        (n_nodes + n_edges,) True where an item is to be closed.
+    """
     hit = np.zeros(len(graph.closed), np.bool_)
     words = static.place_cloud.words
     kernels.items_hit(graph.ptr, graph.block, graph.mask, words, hit)
-    n, still = roadmap.n_nodes, np.zeros(planner.robot.dof)
+    n, still = roadmap.n_nodes, np.zeros(static.robot.dof)
     ends = roadmap.edges
     # an edge's list leaves out the cells of its nodes, so theirs count for it too
     hit[n:] |= hit[ends[:, 0]] | hit[ends[:, 1]]
-    dq = difference(planner.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
+    dq = difference(static.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
     for item in np.flatnonzero(hit):
         start = roadmap.nodes[item if item < n else ends[item - n, 0]]
         way = still if item < n else dq[item - n]
@@ -52,4 +60,4 @@ def close_items(planner: "ReactivePlanner", points: np.ndarray) -> None:
             static.arm, static.place_radii, start, way, static.tolerance,
             static.place_cloud, False, static.work,
         )
-    graph.closed[:] = hit
+    return hit

@@ -7,7 +7,6 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import close, frame, occupancy, step
-from odm._kernels.braking import first_blocked
 from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
@@ -18,25 +17,28 @@ from odm.answer import (
     Answer,
     Freedom,
 )
+from odm.braking import Braking
+from odm.carry import Carrier
 from odm.cell_map import CellMap
 from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
-from odm.place import close_items, place_points
+from odm.last_phase import LastPhase, check_classes
+from odm.planner_doors import Doors
 from odm.planner_settings import PlannerSettings
-from odm.retreat import find_way_out
 from odm.state import lay_out
 from odm.static import StaticTest
-from odm.surfaces import rounded_covering
+from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
+from roadmap.transforms import check_pose
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 _STAYS = 3  # frames at the same place
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
-class ReactivePlanner:
+class ReactivePlanner(Doors, Braking):
     """Answers every frame: go on, go a new way, or hold and say why.
 
     One planner belongs to one thread. Nothing is allocated in a frame after warm-up
@@ -65,8 +67,11 @@ class ReactivePlanner:
         )
         self.memory = lay_out(cell_map, self.settings.max_points)
         self.radii = self.memory.own.radii
-        self._sampled: tuple[float | None, float | None] = (None, None)
-        self.keep = cell_map.safety.rho + cell_map.safety.m
+        self.rho, self.extra = cell_map.safety.rho, 0.0
+        self._set_radii(None, None)
+        self.world, self._world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
+        self._p_world_place: np.ndarray | None = None
+        self.carrier = Carrier(self)
         self.attacher = attach.Attacher(self)
         self._approacher: approach.Approacher | None = None
         self.polisher = polish.Polisher(self)
@@ -75,22 +80,24 @@ class ReactivePlanner:
         self.straightener = straight.Straightener(self)
         self._ahead = SortedCloud(cell_map.grid)
         self.coming = SortedClouds(cell_map.grid)
-        self._scratch = np.empty(len(self.radii)), np.empty(self.robot.dof)
-        self._tolerance = cell_map.motion_tolerance
+        self._grown, self._leg = np.empty(0), np.empty(self.robot.dof)
+        self._last_phase: LastPhase | None = None
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
-        self.rho = cell_map.safety.rho
         self.goals = np.zeros((0, self.robot.dof))
         self.costs: np.ndarray | None = None
         self.points = np.zeros((0, 3))
+        self.classes: np.ndarray | None = None
         self.last: Answer | None = None
         self._q = self.memory.own.q
         self._here = b""
         self._moving = False
         self._stood = 0  # frames without a move
-        self._new_goals = False
+        self._new_goals = self._rejoin = False
         self._nowhere = np.empty((0, self.robot.dof))
         self.attacher.forget_start()
+        if self.settings.extra_clearance:
+            self.set_extra_clearance(self.settings.extra_clearance)
 
     # --- what is asked for -----------------------------------------------------
 
@@ -112,21 +119,11 @@ class ReactivePlanner:
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return
         check_goals(self, goals)
+        if self._rejoin:  # what is known of the goals was known of another hand
+            self.goals, self._rejoin = self.goals[:0], False
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
         self._new_goals = True
-
-    def set_static(self, points_or_shapes: object) -> None:
-        """Set the scenery of this place, once: (n, 3) points or closed shapes.
-
-        Points must cover their surfaces within the map's rho. Nodes and edges that
-        the scenery blocks are closed for good; call again to replace it.
-        """
-        points = place_points(points_or_shapes, self.rho)
-        outside = self.static.set_place(points)
-        close_items(self, points)
-        self.attacher.forget_all()
-        self.static_outside = outside
 
     # --- a frame ---------------------------------------------------------------
 
@@ -140,11 +137,13 @@ class ReactivePlanner:
         now: float | None = None,
         covering_radius: float | None = None,
         rounding: float | None = None,
+        classes: np.ndarray | None = None,
     ) -> Answer:
         """Answer one frame.
 
         Args:
-            points: (n, 3) float64 points on the obstacles' surfaces, base frame [m].
+            points: (n, 3) float64 points on the obstacles' surfaces [m]; base frame,
+                or the world's after `set_base`.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
@@ -156,6 +155,8 @@ class ReactivePlanner:
             rounding: Smallest radius of the sampled shapes where all are capsules or
                 spheres [m]: proves that less than rho is needed (see
                 `odm.surfaces.rounded_covering`).
+            classes: (n,) odm.AVOID, CONTACT or OBJECT of each point; the answer heeds
+                all, a `phase` of other questions makes a difference.
 
         Returns:
             The answer; "no path" is an answer, not an exception.
@@ -165,7 +166,11 @@ class ReactivePlanner:
         """
         begun = time.perf_counter_ns()
         points = check_points(points, labels, covering_radius, self.rho)
+        self.classes = check_classes(classes, len(points))
+        points = self.world.points(points)
         q = check_configuration(self.robot, q, dq)
+        if self._rejoin:
+            self.attacher.forget_all()
         memory = self.memory
         if len(points) > len(memory.cloud.where):
             self.make_room(2 * len(points))
@@ -200,16 +205,6 @@ class ReactivePlanner:
         """Let clouds hold that many points; what was marked is gone."""
         grid = self.cell_map.grid
         self.memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
-
-    def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
-        """Let the close test's radii follow how the points were sampled."""
-        self._sampled = (covering_radius, rounding)
-        m, rho = self.cell_map.safety.m, self.rho
-        rho = rho if covering_radius is None else covering_radius
-        balls = self.cell_map.arm.spheres[:, 3] + m
-        needed = [rounded_covering(rho, rounding or 0.0, ball) for ball in balls]
-        self.radii[:] = balls + needed
-        self.keep = m + float(np.max(needed))
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         here, before = q.tobytes(), self._here  # compared much faster than arrays
@@ -274,16 +269,24 @@ class ReactivePlanner:
 
     # --- questions -------------------------------------------------------------
 
-    def is_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+    def is_free(
+        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+    ) -> Freedom:
         """Test the straight motion from q_a to q_b: all four tests, all the way.
 
         Limits, self-collision, scenery (the recipe's and set_static's) and the last
         frame's points, with the motion bound over the whole length.
 
+        Args:
+            q_a: (dof,) start [rad or m].
+            q_b: (dof,) end.
+            phase: "give" lets the payload touch CONTACT points, "receive" the finger
+                pads OBJECT points; see `odm.last_phase`.
+
         Raises:
-            BadInput: Wrong length or not finite.
+            BadInput: Wrong length or not finite, or a phase that cannot be.
         """
-        return explain.is_free(self, q_a, q_b)
+        return explain.is_free(self, q_a, q_b, phase)
 
     def approach(
         self,
@@ -291,48 +294,30 @@ class ReactivePlanner:
         q: np.ndarray | None = None,
         distance: float = 0.15,
         direction: np.ndarray | None = None,
+        phase: str | None = None,
     ) -> "approach.Approach":
         """Find a straight tool motion to a pose, every leg proved free.
 
         Scenery and the last frame's points count. The first call prepares for seconds.
 
         Args:
-            T_base_tool: (4, 4) where the tool ends, base frame [m].
+            T_base_tool: (4, 4) where the tool ends, base frame [m] (the world's after
+                `set_base`, as the direction).
             q: (dof,) where the motion starts; None finds the start, too: `distance`
                 back from the pose.
             distance: Length of the motion where q is None [m].
             direction: (3,) which way the tool moves, base frame; None: along its z.
+            phase: As in `is_free`; where q is None, the line starts where none
+                of the points is touched.
 
         Raises:
             BadInput: The pose is not rigid, q, distance or direction is out of range.
         """
         if self._approacher is None:
             self._approacher = approach.Approacher(self)
-        return self._approacher.run(T_base_tool, q, distance, direction)
-
-    def blocked_leg(
-        self, path: np.ndarray, extra: float = 0.0, points: np.ndarray | None = None
-    ) -> int | None:
-        """Return the first leg of a path that points block, or None.
-
-        The close test of braking: the whole path must keep `extra` [m] more than rho
-        and m from every point, since the person moves while the robot stops.
-
-        Args:
-            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
-            extra: Distance the points may have come nearer meanwhile [m].
-            points: (n, 3) where they are then [m], also outside the grid; one that is
-                not finite blocks all. None: where they are in the frame.
-        """
-        cloud, bad = self._ahead.of_all(self.points if points is None else points)
-        if bad:
-            return 0
-        arm, work, tolerance = self.memory.arm, self.memory.work, self._tolerance
-        path = np.ascontiguousarray(path, np.float64)
-        leg = first_blocked(
-            arm, self.radii, extra, path, tolerance, cloud, work, *self._scratch
-        )
-        return None if leg < 0 else leg
+        T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
+        direction = self.world.direction(direction)
+        return self._approacher.run(T, q, distance, direction, phase)
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
@@ -341,18 +326,6 @@ class ReactivePlanner:
         """
         q = check_configuration(self.robot, q, None)
         return self._nearest(q)
-
-    def way_out(
-        self,
-        q: np.ndarray,
-        coming: Sequence[tuple[float, np.ndarray]],
-        speed_scale: float,
-    ) -> np.ndarray | None:
-        """Return a (2, dof) motion from q that evades what comes, or None.
-
-        See `odm.retreat.find_way_out`.
-        """
-        return find_way_out(self, q, coming, speed_scale)
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""

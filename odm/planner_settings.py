@@ -18,6 +18,9 @@ class PlannerSettings:
         calm: It keeps so much more distance than it must, too [m].
         patience: Where there is none, and the last path was soon blocked again, the
             next one must be there for so many frames.
+        extra_clearance: Distance kept beyond the map's clearance m [m]; it can be
+            changed between frames by `set_extra_clearance`.
+        pads: Links that may touch what is about to be grasped: the finger pads.
         max_age_s: Older obstacle data hold the robot [s].
         max_points: Room for points of a frame; grows when a frame has more.
     """
@@ -30,5 +33,7 @@ class PlannerSettings:
     memory_s: float = 0.25
     calm: float = 0.03
     patience: int = 25
+    extra_clearance: float = 0.0
+    pads: tuple[str, ...] = ()
     max_age_s: float = 0.1
     max_points: int = 32768

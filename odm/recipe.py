@@ -12,6 +12,7 @@ import numpy as np
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadRecipe
 
+_TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 _MARGINS = ("sensor", "tracking", "blending", "user")
 
 
@@ -52,7 +53,9 @@ class RobotRecipe:
     Attributes:
         source: A known name, or the path of a URDF; as `srdf`, a relative one starts
             at the folder of the recipe.
-        tip, locked, srdf, cover_excess, velocity, acceleration, jerk: See there.
+        tip, locked, srdf, cover_excess, velocity, acceleration, jerk, travel: See
+            there. Joints of a gripper that `travel` names may stand anywhere; any
+            other stands where it is locked.
     """
 
     source: str = "panda"
@@ -63,16 +66,42 @@ class RobotRecipe:
     velocity: dict[str, float] = field(default_factory=dict)
     acceleration: dict[str, float] = field(default_factory=dict)
     jerk: dict[str, float] = field(default_factory=dict)
+    travel: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PayloadRecipe:
+    """The envelope of all that may be carried: a sphere or a box in the tool frame.
+
+    Attributes:
+        radius: Of the sphere [m]; or
+        size: (3,) full edge lengths of the box [m].
+        position: (3,) its centre, tool frame [m].
+        rpy: (3,) its roll, pitch, yaw in the tool frame [rad].
+    """
+
+    radius: float | None = None
+    size: tuple[float, ...] | None = None
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what is set, as plain data."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        lists = {k: v if isinstance(v, float) else list(v or ()) for k, v in
+                 plain.items()}
+        return {k: v for k, v in lists.items() if v != []}
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """A whole recipe: robot, roadmap, safety terms, scenery.
+    """A whole recipe: robot, roadmap, safety terms, scenery, payload.
 
     Attributes:
         name: Name of the map, and of its folder.
         robot, roadmap, safety: See there.
         scenery: Tables of the recipe; see `odm.scenery`.
+        payload: Envelope of what may be carried; None: nothing can be attached.
         folder: Where the relative paths of the recipe start; None: the current folder.
             It is not part of what is built: no map knows it.
     """
@@ -82,6 +111,7 @@ class Recipe:
     roadmap: RoadmapSettings = RoadmapSettings()
     safety: Safety = Safety()
     scenery: tuple[dict, ...] = ()
+    payload: PayloadRecipe | None = None
     folder: Path | None = field(default=None, compare=False)
 
     def path_of(self, file: str) -> Path:
@@ -91,14 +121,21 @@ class Recipe:
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as plain data, every default spelled out."""
         plain = {f.name: getattr(self.robot, f.name) for f in fields(self.robot)}
+        if self.robot.travel:  # maps without one are as they were before
+            plain["travel"] = list(self.robot.travel)
+        else:
+            del plain["travel"]
         roadmap = {f.name: getattr(self.roadmap, f.name) for f in fields(self.roadmap)}
-        return {
+        whole = {
             "name": self.name,
             "robot": plain,
             "roadmap": roadmap,
             "safety": self.safety.as_dict(),
             "scenery": list(self.scenery),
         }
+        if self.payload is not None:  # maps without one are as they were before
+            whole["payload"] = self.payload.as_dict()
+        return whole
 
 
 def recipe_names() -> list[str]:
@@ -146,8 +183,8 @@ def parse_recipe(
         name: Of the map, where the table has none.
         folder: Where its relative paths start; None: the current folder.
     """
-    _known(table, ("name", "robot", "roadmap", "safety", "scenery"), "the recipe")
-    robot = _section(RobotRecipe, table.get("robot", {}), "[robot]")
+    _known(table, _TABLES, "the recipe")
+    robot = _section(RobotRecipe, _with_travel(table.get("robot", {})), "[robot]")
     settings = dict(table.get("roadmap", {}))
     if settings.get("region") is not None:
         settings["region"] = tuple(tuple(row) for row in settings["region"])
@@ -158,7 +195,52 @@ def parse_recipe(
     safety = _section(Safety, terms, "[safety]")
     _check(roadmap, safety, robot)
     scenery = tuple(table.get("scenery", ()))
-    return Recipe(table.get("name", name), robot, roadmap, safety, scenery, folder)
+    payload = None if "payload" not in table else _payload(table["payload"])
+    name = table.get("name", name)
+    return Recipe(name, robot, roadmap, safety, scenery, payload, folder)
+
+
+def _with_travel(table: dict) -> dict:
+    if "travel" not in table:
+        return table
+    travel = table["travel"]
+    listed = isinstance(travel, list | tuple)
+    if not listed or not all(isinstance(t, str) for t in travel):
+        raise BadRecipe(
+            f"robot.travel is {travel!r}, but must be a list of the joints that may "
+            'stand anywhere, such as ["finger_joint1"]; change it in the recipe'
+        )
+    return {**table, "travel": tuple(travel)}
+
+
+def _payload(table: dict) -> PayloadRecipe:
+    payload = _section(PayloadRecipe, table, "[payload]")
+    if (payload.radius is None) == (payload.size is None):
+        raise BadRecipe(
+            "[payload] needs either a radius (a sphere) or a size of 3 edge lengths (a "
+            "box): give one of them"
+        )
+    values = {"radius": payload.radius, "size": payload.size}
+    values |= {"position": payload.position, "rpy": payload.rpy}
+    checked: dict[str, Any] = {}
+    for key, value in values.items():
+        if value is None:
+            continue
+        low, high = (0.002, 2.0) if key in ("radius", "size") else (-10.0, 10.0)
+        shape = () if key == "radius" else (3,)
+        try:
+            array = np.asarray(value, float)
+        except (TypeError, ValueError):
+            array = np.full((0,), np.nan)
+        good = array.shape == shape and ((low <= array) & (array <= high)).all()
+        if not good:
+            raise BadRecipe(
+                f"payload.{key} is {value}, but must be "
+                f"{'a number' if shape == () else '3 numbers'} between {low} and "
+                f"{high}; change it in the recipe"
+            )
+        checked[key] = float(array) if shape == () else tuple(array.tolist())
+    return PayloadRecipe(**checked)
 
 
 def _section(kind: type, table: dict, where: str) -> Any:  # noqa: ANN401

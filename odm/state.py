@@ -6,6 +6,7 @@ from odm._kernels import signature
 from odm._kernels import state as layout
 from odm._kernels import types as kinds
 from odm.cell_map import CellLists, CellMap
+from roadmap.graph import Roadmap
 
 MAX_GOALS = 32
 MAX_ATTACHMENTS = 48
@@ -57,8 +58,14 @@ class Memory:
         for k, array in enumerate(rows):
             if not array.flags.c_contiguous:
                 raise AssertionError(f"row {k} is not contiguous")
-            self.table[k, 0] = array.ctypes.data
+            self.table[k, 0] = array.__array_interface__["data"][0]  # fast
             self.table[k, 1 : 1 + array.ndim] = array.shape
+
+    def exchange(self, **groups: tuple) -> None:
+        """Point at other groups of the same shapes of table, by name."""
+        for name, group in groups.items():
+            setattr(self, name, group)
+        self._write_table()
 
     def replace_clouds(self, cloud: kinds.Cloud, pick: kinds.Cloud) -> None:
         """Take larger clouds; the old ones are not pointed at any more."""
@@ -77,15 +84,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     robot, roadmap, arm = cell_map.robot, cell_map.roadmap, cell_map.arm
     n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
     cells = cell_map.arm_cells
-    direct = _direct(cells, n + m)
-    region = regions(cell_map)
-    sign = np.zeros(4 * (n + m), np.uint64)
-    signature.sign_items(cells.ptr, cells.block, region, sign)
-    graph = kinds.Graph(
-        roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
-        roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
-        np.zeros(n + m, np.bool_), region, sign, direct.bits,
-    )
+    graph, direct = graph_on(roadmap, cells, regions(cell_map))
     pool = kinds.Pool(
         np.zeros(POOL_ITEMS, np.int64), np.zeros(POOL_ITEMS, np.int64),
         np.zeros(POOL_ENTRIES, cells.block.dtype), np.zeros(POOL_ENTRIES, np.uint64),
@@ -99,7 +98,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     safety = cell_map.safety
     # a robot that tracks and blends within its shares of m is on its way
     share = safety.tracking + safety.blending
-    terms = np.array([cell_map.motion_tolerance, safety.h, share])
+    terms = np.array([cell_map.motion_tolerance, safety.h, share, 0.0])
     own = kinds.Own(
         cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
         robot.continuous, np.zeros(n), np.zeros(10, np.int64), np.zeros(dof),
@@ -126,6 +125,22 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "past": _past(),
         }
     )
+
+
+def graph_on(
+    roadmap: Roadmap, cells: CellLists, region: np.ndarray
+) -> tuple[kinds.Graph, kinds.Direct]:
+    """Return the roadmap with its cell lists, and their block-major view."""
+    n_items = roadmap.n_nodes + roadmap.n_edges
+    direct = _direct(cells, n_items)
+    sign = np.zeros(4 * n_items, np.uint64)
+    signature.sign_items(cells.ptr, cells.block, region, sign)
+    graph = kinds.Graph(
+        roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
+        roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
+        np.zeros(n_items, np.bool_), region, sign, direct.bits,
+    )
+    return graph, direct
 
 
 def regions(cell_map: CellMap) -> np.ndarray:

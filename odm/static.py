@@ -2,11 +2,12 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
-from odm._kernels import close, occupancy, solids
+from odm._kernels import close, layers, occupancy, solids
 from odm._kernels.static import motions_free
 from odm._kernels.types import Cloud, make_work
 from odm.cell_map import arm_of
@@ -14,6 +15,7 @@ from odm.grid import WorkspaceGrid, grid_for
 from odm.recipe import Safety
 from odm.scenery import Scenery
 from roadmap._kernels.self_collision import motion_clear
+from roadmap.carry import extended_collision
 from roadmap.errors import BadInput
 from roadmap.robot import Robot
 from roadmap.self_collision import MARGIN, TOLERANCE, self_collision
@@ -52,14 +54,32 @@ class StaticTest:
         self.cloud = self._cloud(scenery.points)
         self.place_points = np.zeros((0, 3))
         self.place_cloud = self._cloud(self.place_points)
-        self.place_radii = self.arm.spheres[:, 3] + safety.rho + safety.m
+        self.set_extra(0.0)
         self.work = self._work()
 
     def set_place(self, points: np.ndarray) -> int:
         """Take (n, 3) surface points of this place [m]; return how many lie outside."""
         self.place_points = points
-        self.place_cloud = self._cloud(points)
+        self.place_cloud = self._cloud(points, self.extra)
         return int(self.place_cloud.counts[2])
+
+    def carrying(self, loaded: Robot) -> "StaticTest":
+        """Return the same test of the robot with a payload; points are shared."""
+        other = copy(self)
+        other.robot, other.arm = loaded, arm_of(loaded)
+        other.itself = extended_collision(self.itself, loaded)
+        other.skip = _skipped(loaded, self.scenery)
+        grown = self.scenery.covering_radius + self.safety.m
+        other.radii = other.arm.spheres[:, 3] + grown
+        other.work = other._work()
+        other.set_extra(self.extra)
+        return other
+
+    def set_extra(self, extra: float) -> None:
+        """Keep that much more distance from the scenery of this place [m]."""
+        self.extra = extra
+        grown = self.safety.rho + self.safety.m + extra
+        self.place_radii = self.arm.spheres[:, 3] + grown
 
     def motions_free(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Test motions q + t dq, t in [0, 1]; (k, dof) twice -> (k,) bool."""
@@ -110,7 +130,7 @@ class StaticTest:
             self.arm, self.safety.m, q, dq, self.scenery.solids, self.skip, work
         ):
             name = self.scenery.names[work.found[1]]
-            return f"{self._link(work.found[0])} would touch {name}"
+            return f"{self.link_of(work.found[0])} would touch {name}"
         for cloud, radii, name in (
             (self.cloud, self.radii, "a scenery mesh"),
             (self.place_cloud, self.place_radii, "the scenery set by set_static"),
@@ -118,7 +138,7 @@ class StaticTest:
             if not close.motion_clear(
                 self.arm, radii, q, dq, self.tolerance, cloud, False, work
             ):
-                return f"{self._link(work.found[0])} would touch {name}"
+                return f"{self.link_of(work.found[0])} would touch {name}"
         return None
 
     def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
@@ -131,7 +151,8 @@ class StaticTest:
         a, b = (self.robot.link_names[i] for i in self.itself.links[pair])
         return f"{a} would touch {b} at {t:.0%} of the motion"
 
-    def _link(self, sphere: int) -> str:
+    def link_of(self, sphere: int) -> str:
+        """Return the link that a sphere of the moving robot belongs to."""
         order = np.flatnonzero(self.robot.sphere_body > 0)
         order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
@@ -140,10 +161,12 @@ class StaticTest:
         n_bodies = len(self.robot.tree_i)
         return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
 
-    def _cloud(self, points: np.ndarray) -> Cloud:
+    def _cloud(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
         cloud = self.grid.new_cloud(max(1, len(points)))
         points = np.ascontiguousarray(points, float).reshape(-1, 3)
         occupancy.mark_points(points, cloud)
+        if extra > 0.0:
+            layers.dilate_points(points, extra, cloud)
         if cloud.counts[3]:
             raise BadInput(
                 f"{cloud.counts[3]} scenery points are NaN or infinite; remove them"

@@ -66,7 +66,7 @@ def self_collision(robot: Robot) -> SelfCollision:
                 continue
             span = [*robot.shell_ptr[a : a + 2], *robot.shell_ptr[b : b + 2]]
             rows.append((a, b, body[a], body[b], *span))
-            reach.append(_relative_reach(robot, a, b))
+            reach.append(relative_reach(robot, a, b))
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
     balls = [
@@ -220,7 +220,7 @@ def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:
     return share
 
 
-def _relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
+def relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
     """Bound how far two shells move against each other per unit of each joint."""
     weights = np.zeros(robot.dof)
     body_a, body_b = robot.link_body[robot.shell_link[[a, b]]]

@@ -12,6 +12,7 @@ from roadmap.known import known_robot, own_file, robot_file
 from roadmap.robot import Robot
 from roadmap.self_collision import with_pairs
 from roadmap.srdf import read_disabled_pairs
+from roadmap.travel import swept_solids, travelling_links
 
 
 def load_robot(
@@ -25,6 +26,7 @@ def load_robot(
     velocity: Mapping[str, float] | None = None,
     acceleration: Mapping[str, float] | None = None,
     jerk: Mapping[str, float] | None = None,
+    travel: Sequence[str] = (),
 ) -> Robot:
     """Read a URDF and prepare everything the planner needs; seconds, done once.
 
@@ -46,12 +48,17 @@ def load_robot(
         acceleration: Joint name -> limit [rad/s2 or m/s2], in place of what is known
             of the robot, or of the default.
         jerk: The same [rad/s3 or m/s3].
+        travel: Joints off the chain, such as a gripper's, that may stand anywhere
+            within their limits: their links are held over the whole travel.
 
     Raises:
         BadRobot: The description or the choice of joints cannot be used; says why.
     """
     path, known = robot_file(source), known_robot(source)
     description = read_description(path)
+    both = sorted(set(travel) & set(locked or {}))
+    if both:
+        raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")
     if known is not None:
         locked = {**known.locked, **(locked or {})}
         tip = tip or known.tip
@@ -65,6 +72,18 @@ def load_robot(
     owners = _owners(description, tree)
     lookup = (path, tuple(package_dirs))
     solids, notes = _solids(owners, tree, lookup)
+    if travel:
+        links = travelling_links(description, tree, travel)
+        if tip in links:
+            raise BadRobot(
+                f"the tip {tip!r} would travel with {links[tip]!r}; choose a tip on "
+                "the hand itself"
+            )
+        solids = swept_solids(
+            solids, owners, description, tree, links,
+            lambda joint, v: build_tree(description, tip, {**locked, joint: v}, given),
+        )
+        notes.append(f"held over the whole travel of {', '.join(travel)}")
     geometry = _geometry(owners, tree, solids, cover_excess)
     coarse = _coarse(owners, tree, geometry, solids, cover_excess)
     disabled = {} if srdf is None else read_disabled_pairs(srdf)

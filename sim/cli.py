@@ -104,6 +104,9 @@ def audit(
     close: Annotated[
         bool, typer.Option("--close", help="Ask the close test, not the cells.")
     ] = False,
+    payload: Annotated[
+        bool, typer.Option("--payload", help="With the payload envelope in the hand.")
+    ] = False,
     sabotage: Annotated[
         str | None,
         typer.Option(
@@ -119,12 +122,14 @@ def audit(
     """
     from odm import load_map
     from odm.audit import audit as run_audit
+    from odm.payload import loaded_map
     from sim import describe
 
     cell_map = load_map(map_dir)
+    asked = loaded_map(cell_map) if payload else cell_map
     options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
     with Bars() as tell:
-        report = run_audit(cell_map, pairs=pairs, progress=tell, **options)
+        report = run_audit(asked, pairs=pairs, progress=tell, **options)
     if json is not None:
         show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
     else:
@@ -190,6 +195,12 @@ def run(
             help="Write the whole run, however it ends; `odm replay` repeats it.",
         ),
     ] = None,
+    carry: Annotated[
+        float | None,
+        typer.Option(
+            metavar="R", help="Radius of a ball in its hand, in m; see docs/layers.md."
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Move the robot between two work places while a person moves; audit each frame.
@@ -199,11 +210,13 @@ def run(
 
     The keys of `--motion keyboard` stand on its screen; q ends it.
     """
+    from sim.carried import check_carry
     from sim.run_command import RunFiles, check_options, person_of, run_motion
 
     check_options(
         motion, file, {"--out": out, "--plot": plot, "--animation": animation}
     )
+    check_carry(carry, motion, record)
     quiet = json == "-"
     if motion == "keyboard":
         from sim.keyboard import run_keyboard
@@ -215,7 +228,9 @@ def run(
         raise typer.Exit(ended.exit_code)
     person = person_of(motion, seed, file, mapping, stand, base_height)
     files = RunFiles.chosen(out, motion, plot, animation, record)
-    result = run_motion(map_dir, person, seconds, seed, rate, files, quiet, execution)
+    result = run_motion(
+        map_dir, person, seconds, seed, rate, files, quiet, execution, carry
+    )
     if json is not None:
         show_json(result, json)
 
@@ -248,7 +263,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording, approach or workspace.",
+            "human, handover-recording, approach, attach or workspace.",
         ),
     ],
     map_dir: Annotated[

@@ -10,6 +10,7 @@ from rich.console import Console
 from odm.cell_map import CellMap, load_map
 from odm.planner import ReactivePlanner
 from odm.surfaces import sample_capsules
+from roadmap.carry import with_payload
 from roadmap.errors import BadRobot
 from roadmap.kinematics import tool_pose
 from sim.animation import FilmSettings, write_animation
@@ -137,10 +138,19 @@ def warm_up(
     _ = answer.reason, answer.retreat
 
 
-def open_world(cell_map: CellMap) -> tuple[World | CoverWorld, str]:
-    """Return pybullet's world, or the plain one and a sentence that says why."""
+def open_world(
+    cell_map: CellMap, held: np.ndarray | None = None
+) -> tuple[World | CoverWorld, str]:
+    """Return pybullet's world, or the plain one and a sentence that says why.
+
+    `held` (n, 4) are spheres in the robot's hand, tool frame [m].
+    """
     robot, asked = cell_map.robot, cell_map.recipe.robot
     try:
-        return World(asked.source, robot, asked.locked), "Drawn by pybullet."
+        world = World(asked.source, robot, asked.locked)
+        if held is not None:
+            world.carry(held)
+        return world, "Drawn by pybullet."
     except (SimulatorMissing, BadRobot) as error:
-        return CoverWorld(robot), f"Drawn from the sphere cover: {error}."
+        whole = robot if held is None else with_payload(robot, held)
+        return CoverWorld(whole), f"Drawn from the sphere cover: {error}."

@@ -65,7 +65,22 @@ def facts(cell_map: CellMap, tell: Progress | None = None) -> dict:
         "notes": list(robot.notes),
         "scenery": cell_map.scenery.meta()
         | {"mesh_points": len(cell_map.scenery.points)},
+        "payload": _payload_facts(cell_map),
         "built": cell_map.built,
+    }
+
+
+def _payload_facts(cell_map: CellMap) -> dict | None:
+    """Return what may be carried, None where the map has no payload layer."""
+    layer, n = cell_map.payload, cell_map.roadmap.n_nodes
+    if layer is None:
+        return None
+    return {
+        "envelope": layer.recipe.as_dict(),
+        "spheres": len(layer.spheres),
+        "bytes": sum(a.nbytes for a in layer.arrays().values()),
+        "closed_nodes": int(layer.closed[:n].sum()),
+        "closed_edges": int(layer.closed[n:].sum()),
     }
 
 
@@ -156,6 +171,14 @@ def _show_lists(console: object, facts: dict) -> None:
     console.print(f"[bold]Scenery[/]: {names}; {scenery['mesh_points']} mesh points")
     for link, solid in scenery["dropped"]:
         console.print(f"  not tested: {link} and {solid}, always in contact")
+    held = facts["payload"]
+    if held is not None:
+        shape = ", ".join(f"{k} {v}" for k, v in held["envelope"].items())
+        console.print(
+            f"[bold]Payload[/]: {shape} (tool frame); {bytes_text(held['bytes'])}, "
+            f"{held['closed_edges']} edges closed by arm and scenery",
+            soft_wrap=True,
+        )
     versions = ", ".join(f"{k} {v}" for k, v in built.get("versions", {}).items())
     console.print(
         f"[bold]Built[/] in {built.get('seconds')} s from {built.get('drawn')} drawn "

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from roadmap.errors import BadInput
 from sim.cli_build import MAPS, build_to, check_target
 from sim.terminal import Bars, stdout_to_stderr, write_text
@@ -99,6 +101,7 @@ def run_motion(
     files: RunFiles,
     quiet: bool = False,
     execution: str = "kinematic",
+    carry: float | None = None,
 ) -> dict:
     """Run the loop with and without a person, print the tables unless `quiet`.
 
@@ -111,11 +114,13 @@ def run_motion(
         files: Pictures and recording to write.
         quiet: Print nothing.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
+        carry: Radius of a ball in the robot's hand [m]; see `sim.carried`.
 
     Returns:
         The figures as plain data: "run", "alone", "setting", "map_hash".
     """
     from odm import ReactivePlanner, load_map
+    from sim.carried import take_ball
     from sim.demo import DEMO as SETTINGS
     from sim.demo import find_places, warm_up
     from sim.loop import Loop, run_frames, run_loop
@@ -132,28 +137,31 @@ def run_motion(
         check_target(files.record)
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
+    take_ball(planner, carry)
     with Bars() as tell:
         places = find_places(planner)
         motion = before_work_places(motion, planner.robot, places)
         warm_up(planner, places, motion, settings)
         tell(f"{seconds:g} s of {motion.name}", 0, 1)
         planner = ReactivePlanner(cell_map)  # one that knows nothing of all that
-        loop = Loop(planner, planner.robot, places, motion, settings)
+        robot = take_ball(planner, carry)
+        loop = Loop(planner, robot, places, motion, settings)
         with recording(files.record, loop, cell_map) as recorder:
             result = run_frames(loop, recorder and recorder.add)
         bare = replace(settings, keep_paths=0)
-        alone = run_loop(planner, planner.robot, places, None, bare)
+        alone = run_loop(planner, robot, places, None, bare)
         tell(f"{seconds:g} s of {motion.name}", 1, 1)
     notes = [*getattr(motion, "notes", ())]
+    if carry is not None:
+        notes.append(f"with a ball of {100 * carry:g} cm radius in the hand")
     if ending := getattr(motion, "ending", lambda run_s: None)(seconds):
         notes.append(ending)
     if not quiet:
         print_report([result], alone, cell_map.hash)
         for note in notes:
             print(note)
-    written = write_files(
-        files, cell_map, result, places, getattr(motion, "film_s", None)
-    )
+    film_s = getattr(motion, "film_s", None)
+    written = write_files(files, cell_map, result, places, film_s, planner.attached)
     if not quiet:
         for path in written:
             print(path)
@@ -172,10 +180,12 @@ def write_files(
     result: "RunResult",
     places: object,
     film_s: float | None = None,
+    held: np.ndarray | None = None,
 ) -> list[Path]:
     """Write the pictures that were asked for; return their paths.
 
-    The film shows the first `film_s` seconds, or the liveliest ones where that is None.
+    The film shows the first `film_s` seconds, or the liveliest ones where that is None;
+    `held` (n, 4) spheres are in its hand, tool frame [m].
     """
     asked = (files.plot, files.animation, files.figures)
     written = [path for path in asked if path is not None]
@@ -194,7 +204,7 @@ def write_files(
             n = round(film_s * film.fps)
             film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
         with stdout_to_stderr():  # pybullet greets and warns on stdout
-            world, _ = open_world(cell_map)
+            world, _ = open_world(cell_map, held)
         with world:
             robot = cell_map.robot
             write_animation(result, robot, places, world, files.animation, film)

@@ -30,7 +30,7 @@ from odm import (
 )
 from odm._kernels import step
 from odm.cameras import look_at
-from odm.recipe import RobotRecipe, Safety
+from odm.recipe import PayloadRecipe, RobotRecipe, Safety
 from roadmap.build import RoadmapSettings
 from roadmap.kinematics import tool_pose
 
@@ -98,6 +98,7 @@ def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
         load,
         lambda: exercise(loaded[0]),
         lambda: _ask(loaded[0]),
+        lambda: _carry(loaded[0]),
         lambda: _see(loaded[0]),
         lambda: _audit(loaded[0]),
         lambda: _measure(loaded[0]),
@@ -120,6 +121,7 @@ def tiny_recipe(folder: Path, h: float = COARSE) -> Recipe:
             {"type": "plane", "name": "floor"},
             {"type": "box", "size": [0.2, 0.2, 0.1], "position": [0.6, 0.4, 0.05]},
         ),
+        payload=PayloadRecipe(radius=0.06, position=(0.12, 0.0, 0.0)),
     )
 
 
@@ -194,6 +196,23 @@ def _ask(cell_map: CellMap) -> None:
     planner.set_static(box)
     planner.set_static(surface_of(box, cell_map.safety.rho))
     planner.set_goals([_two_nodes(planner)[1]])
+
+
+def _carry(cell_map: CellMap) -> None:
+    """Plan with something in the hand, the base elsewhere, more distance kept."""
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(max_points=64))
+    start, goal = _two_nodes(planner)
+    planner.set_goals([goal])
+    planner.attach(np.array([[0.12, 0.0, 0.0, 0.03]]))
+    planner.set_base(look_at([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]))
+    for extra in (0.0, 0.02):
+        planner.set_extra_clearance(extra)
+        for points in _scenes(cell_map, start, goal):
+            answer = planner.step(points, q=start, classes=np.ones(len(points), int))
+            _ = answer.reason, answer.blockers
+            planner.blocked_leg(np.stack([start, goal]), 0.01, points, phase="give")
+        planner.set_static(points)
+    planner.detach()
 
 
 def _see(cell_map: CellMap) -> None:

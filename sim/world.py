@@ -16,8 +16,10 @@ from roadmap.errors import PlanningError
 from roadmap.known import known_robot, robot_file
 from roadmap.robot import Robot
 from sim.camera import Camera
+from sim.carried import ball_rows
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
+LOAD = (0.85, 0.62, 0.16, 1.0)
 # what the library says when it is imported, and of links without masses
 GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
 INERTIA = re.compile(
@@ -80,6 +82,7 @@ class World:
         self._lock(infos, {**(known.locked if known else {}), **(locked or {})})
         self._person: list[int] = []
         self._sizes = np.zeros((0, 2))
+        self._arm, self._held = robot, np.zeros((0, 4))
 
     def __enter__(self) -> "World":
         """Return the world itself."""
@@ -95,6 +98,8 @@ class World:
 
     def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
         """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+        if len(self._held):
+            capsules = np.vstack([capsules, ball_rows(self._arm, self._held, q)])
         for joint, value in zip(self._joints, q, strict=True):
             self._call("resetJointState", self._robot, joint, float(value))
         length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
@@ -105,6 +110,10 @@ class World:
             middle, quat_xyzw = (row[:3] + row[3:6]) / 2, _turn_z_to(row[3:6] - row[:3])
             self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
 
+    def carry(self, spheres: np.ndarray) -> None:
+        """Draw spheres (n, 4) of the tool frame in the robot's hand, too [m]."""
+        self._held = spheres
+
     def separation(self, limit: float = 1.0) -> float:
         """Return the distance of robot and person [m], `limit` if it is larger.
 
@@ -112,7 +121,7 @@ class World:
         about a millimetre; the exact audit is `odm.exact`.
         """
         nearest = limit
-        for body in self._person:
+        for body in self._person[: len(self._person) - len(self._held)]:
             pairs = self._call("getClosestPoints", self._robot, body, limit)
             nearest = min([nearest, *(pair[8] for pair in pairs)])
         return nearest
@@ -157,9 +166,15 @@ class World:
         for body in self._person:
             self._call("removeBody", body)
         self._sizes = sizes
-        self._person = [self._capsule(*size, i) for i, size in enumerate(sizes)]
+        colours = [SLEEVE if i % 2 == 0 else SKIN for i in range(len(sizes))]
+        first = len(sizes) - len(self._held)
+        colours[first:] = [LOAD] * len(self._held)
+        self._person = [
+            self._capsule(*size, colour)
+            for size, colour in zip(sizes, colours, strict=True)
+        ]
 
-    def _capsule(self, length: float, radius: float, index: int) -> int:
+    def _capsule(self, length: float, radius: float, colour: tuple) -> int:
         solid = self._call(
             "createCollisionShape",
             self._bullet.GEOM_CAPSULE,
@@ -173,7 +188,7 @@ class World:
             vertices=vertices.tolist(),
             normals=normals.tolist(),
             indices=triangles.ravel().tolist(),
-            rgbaColor=SLEEVE if index % 2 == 0 else SKIN,
+            rgbaColor=colour,
             specularColor=[0.1, 0.1, 0.1],
         )
         return self._call("createMultiBody", 0, solid, visual)

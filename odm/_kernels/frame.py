@@ -10,10 +10,12 @@ from odm._kernels.judge import (
     judge_starts,
     stands_free,
 )
+from odm._kernels.layers import dilate_points
 from odm._kernels.occupancy import clear, mark_points
 from odm._kernels.search import a_star
 from odm._kernels.signature import sign_frame
 from odm._kernels.state import (
+    N_EXTRA,
     cloud_of,
     direct_of,
     goals_of,
@@ -40,6 +42,8 @@ def take_points(state, points):
     own = own_of(state)
     clear(cloud)
     mark_points(points, cloud)
+    if own.terms[N_EXTRA] > 0.0:
+        dilate_points(points, own.terms[N_EXTRA], cloud)
     sign_frame(cloud, graph_of(state).region, search.sign)
     own.numbers[N_FRAME] += 1
     search.stats[:] = 0

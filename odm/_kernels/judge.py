@@ -8,6 +8,7 @@ from odm._kernels.occupancy import sort_points
 from odm._kernels.pick import forget_cells, pick_cells, pick_points
 from odm._kernels.search import edge_free, item_free, pool_free
 from odm._kernels.state import (
+    N_EXTRA,
     N_TOLERANCE,
     PICK,
     arm_of,
@@ -57,10 +58,11 @@ def pick_ref(state, points, ref):
     """Return the points inside the cells of a way's item: all that can be in its way.
 
     An edge's cells are those of its list and of its two nodes. Without an item, all
-    points are returned.
+    points are returned, and where extra clearance is kept: then points of other cells
+    count too.
     """
     cloud = cloud_of(state)
-    if ref < 0 and ref > EDGE_BASE:
+    if (ref < 0 and ref > EDGE_BASE) or own_of(state).terms[N_EXTRA] > 0.0:
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
         return cloud

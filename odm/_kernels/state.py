@@ -29,7 +29,7 @@ from odm._kernels.types import (
     Work,
 )
 
-N_TOLERANCE, N_H, N_TRACK = 0, 1, 2  # entries of Own.terms
+N_TOLERANCE, N_H, N_TRACK, N_EXTRA = 0, 1, 2, 3  # entries of Own.terms
 # first row of each group
 ARM = 0
 CLOUD = ARM + 7

@@ -202,7 +202,7 @@ class Own(NamedTuple):
     """What belongs to no other group."""
 
     radii: np.ndarray  # (n,) sphere radius + rho + m
-    terms: np.ndarray  # (3,) mu / 2, h, tracking share of m
+    terms: np.ndarray  # (4,) mu / 2, h, tracking share of m, extra clearance
     sway: np.ndarray  # (dof,) most that joint j moves any sphere per unit
     weights: np.ndarray  # (dof,)
     continuous: np.ndarray  # (dof,)

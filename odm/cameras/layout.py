@@ -10,6 +10,7 @@ from odm.cameras.settings import SeenSettings
 from odm.cameras.view import View, lay_out_view
 from odm.cell_map import CellMap
 from odm.grid import bounding_ball
+from odm.payload import largest_robot
 from roadmap._kernels import kinematics
 from roadmap.errors import BadInput
 from roadmap.robot import Robot
@@ -171,6 +172,8 @@ def covering_radius(cell_map: CellMap) -> float:
 def needs_all_cubes(cell_map: CellMap, radius: float) -> bool:
     """Return True if centres of inner cells alone would not do; see `cubes.py`."""
     least = float(cell_map.arm.spheres[:, 3].min(initial=np.inf))
+    if cell_map.payload is not None:
+        least = 0.0  # what will be carried may be covered by ever so small spheres
     return 2.0 * radius > least + radius + cell_map.safety.m
 
 
@@ -201,9 +204,9 @@ def views(space: "SeenSpace") -> list[View]:
 
 
 def _in_reach(cell_map: CellMap) -> np.ndarray:
-    """Return (nx, ny, nz) bool: cells that the robot may come near at any q."""
+    """Return (nx, ny, nz) bool: cells that robot or payload may come near."""
     grid = cell_map.grid
-    center, radius = bounding_ball(cell_map.robot)
+    center, radius = bounding_ball(largest_robot(cell_map))
     reach = radius + cell_map.safety.rho + cell_map.safety.m + 1e-3
     far2 = np.zeros((1, 1, 1))
     for a in range(3):

@@ -1,0 +1,103 @@
+"""Beside a person who moves: is the path up to the stop free, and which way is out?"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from odm._kernels.braking import first_blocked
+from odm.clouds import SortedCloud
+from odm.last_phase import Cover, LastPhase, check_classes
+from odm.retreat import find_way_out
+from odm.world_frame import WorldFrame
+
+
+class Braking:
+    """Methods of `ReactivePlanner`."""
+
+    _ahead: SortedCloud
+    _grown: np.ndarray
+    _leg: np.ndarray
+    _world_ahead: WorldFrame
+    _last_phase: LastPhase | None
+
+    def blocked_leg(
+        self,
+        path: np.ndarray,
+        extra: float = 0.0,
+        points: np.ndarray | None = None,
+        phase: str | None = None,
+        classes: np.ndarray | None = None,
+    ) -> int | None:
+        """Return the first leg of a path that points block, or None.
+
+        The close test of braking: the whole path must keep `extra` [m] more than rho
+        and m from every point, since the person moves while the robot stops.
+
+        Args:
+            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
+            extra: Distance the points may have come nearer meanwhile [m].
+            points: (n, 3) where they are then [m], also outside the grid; one that is
+                not finite blocks all. None: where they are in the frame.
+            phase: As in `is_free`.
+            classes: (n,) of `points`, where they are given.
+
+        Raises:
+            BadInput: A phase that cannot be, or bad classes.
+        """
+        path = np.ascontiguousarray(path, np.float64)
+        if points is None:
+            points, classes = self.points, self.classes
+        else:
+            classes = check_classes(classes, len(points))
+            points = self._world_ahead.points(points)
+        if phase is not None:
+            test = self.last_phase(phase, points, classes)
+            cover = self.cover()
+            legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+            for k, dq in enumerate(legs):
+                if test.hit(cover, path[k], dq, extra) is not None:
+                    return k
+            return None
+        return self._blocked(path, extra, points)
+
+    def way_out(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a (2, dof) motion from q that evades what comes, or None.
+
+        See `odm.retreat.find_way_out`.
+        """
+        return find_way_out(self, q, coming, speed_scale)
+
+    def last_phase(
+        self, phase: str, points: np.ndarray, classes: np.ndarray | None
+    ) -> LastPhase:
+        """Return the close test of a phase, with points in the base frame."""
+        if self._last_phase is None:
+            self._last_phase = LastPhase(self, self.cell_map.grid)
+        self._last_phase.look(phase, points, classes)
+        return self._last_phase
+
+    def cover(self) -> Cover:
+        """Return the spheres of the map's cover, payload included."""
+        m = self.memory
+        links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
+        return Cover(m.arm, self.radii, links, m.work)
+
+    def _blocked(
+        self, path: np.ndarray, extra: float, points: np.ndarray
+    ) -> int | None:
+        m, cell_map = self.memory, self.cell_map
+        cloud, bad = self._ahead.of_all(points)
+        if bad:
+            return 0
+        if len(self._grown) != len(self.radii):  # with something in the hand
+            self._grown = np.empty(len(self.radii))
+        leg = first_blocked(
+            m.arm, self.radii, extra, path, cell_map.motion_tolerance, cloud, m.work,
+            self._grown, self._leg,
+        )
+        return None if leg < 0 else leg

@@ -1,0 +1,148 @@
+"""What a planner is told between frames: its hand, its base, its distance, its place.
+
+No map is built again for any of these.
+"""
+
+import numpy as np
+
+from odm.carry import Carrier
+from odm.place import place_points
+from odm.surfaces import rounded_covering
+from odm.world_frame import WorldFrame
+from roadmap.errors import BadInput
+
+MOST_EXTRA = 0.5  # [m] largest extra clearance
+
+
+class Doors:
+    """Methods of `ReactivePlanner`."""
+
+    carrier: Carrier
+
+    def attach(
+        self, thing: object, T_tool_object: np.ndarray | None = None
+    ) -> None:
+        """Take an object into the hand: from now on all motions heed it.
+
+        Edges are judged by the cells of the map's payload envelope, all other motions
+        by the spheres of the object itself. The object may touch the links that the
+        tool's body carries, no others, and no scenery. The path in use is dropped; the
+        goals stay and are joined anew in the next frame.
+
+        Args:
+            thing: (n, 4) spheres, centre and radius [m]; a shape of `odm`; or what
+                `odm.carried_object` made of one, which saves the time for its cover.
+            T_tool_object: (4, 4) where it is held, tool frame; None: at the tool.
+
+        Raises:
+            BadInput: The map has no payload layer, something is attached already, or
+                the object is larger than the envelope (both sizes are named).
+        """
+        T = np.eye(4) if T_tool_object is None else T_tool_object
+        self.carrier.attach(thing, T)
+
+    def detach(self) -> None:
+        """Let go of what is attached; the path in use is dropped.
+
+        Raises:
+            BadInput: Nothing is attached.
+        """
+        self.carrier.detach()
+
+    @property
+    def attached(self) -> np.ndarray | None:
+        """(n, 4) spheres of what is attached, tool frame [m]; None for nothing."""
+        thing = self.carrier.thing
+        return None if thing is None else thing.spheres
+
+    def hand_changed(self) -> None:
+        """Take up the table's new groups; what was planned before is gone."""
+        self.radii = self.memory.own.radii
+        self._set_radii(*self._sampled)
+        self.attacher.resize()
+        self.memory.search.memo[:] = -1
+        self.memory.past.vertex[:] = -1
+        self.memory.goals.at[: len(self.goals)] = -1
+        self.memory.goals.count[0] = 0
+        self.memory.pool.used[:] = 0
+        self._rejoin = True
+        if self._approacher is not None:
+            self._approacher.legs.forget_fine()
+        self.reset()
+
+    def set_extra_clearance(self, extra: float) -> None:
+        """Keep more distance from the frame's points and from `set_static`'s scenery.
+
+        Cells are dilated and the close test's radii grow, so a larger value never
+        frees anything. The recipe's own scenery keeps the map's clearance.
+
+        Args:
+            extra: Distance beyond the map's clearance m [m], 0 to 0.5.
+
+        Raises:
+            BadInput: Out of range.
+        """
+        if not (np.isfinite(extra) and 0.0 <= extra <= MOST_EXTRA):
+            raise BadInput(
+                f"an extra clearance of {extra} m is not between 0 and {MOST_EXTRA} m; "
+                "give metres"
+            )
+        self.extra = float(extra)
+        self.memory.own.terms[-1] = self.extra
+        self._set_radii(*self._sampled)
+        if self._approacher is not None:
+            self._approacher.legs.forget_fine()
+        self.carrier.set_extra(self.extra)
+        self._place()
+
+    def set_base(self, T_world_base: np.ndarray) -> None:
+        """Say where the base stands: points and poses are given in the world from here.
+
+        That holds for the points of `step` and `blocked_leg`, for `set_static` (also
+        for what was set before: it stays where it is in the world) and the poses of
+        `approach`. The recipe's own scenery moves with the base. Call it between runs;
+        the path in use is dropped.
+
+        Args:
+            T_world_base: (4, 4) pose of the base in the world [m].
+
+        Raises:
+            BadInput: Not a rigid motion.
+        """
+        self.world, self._world_ahead = WorldFrame(T_world_base), WorldFrame(
+            T_world_base
+        )
+        self._place()
+        self.reset()
+
+    def set_static(self, points_or_shapes: object) -> None:
+        """Set the scenery of this place, once: (n, 3) points or closed shapes.
+
+        Points must cover their surfaces within the map's rho. Nodes and edges that
+        the scenery blocks are closed for good; call again to replace it.
+        """
+        self._p_world_place = place_points(points_or_shapes, self.rho)
+        self._place()
+
+    def _place(self) -> None:
+        """Close what the scenery of this place blocks, where the base stands now."""
+        if self._p_world_place is None:
+            return
+        points = self.world.points(self._p_world_place).copy()
+        self.static_outside = self.carrier.set_place(points)
+        self.attacher.forget_all()
+
+    def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
+        """Let the close test's radii follow how the points were sampled."""
+        self._sampled = (covering_radius, rounding)
+        m = self.cell_map.safety.m + self.extra
+        balls = self.memory.arm.spheres[:, 3] + m
+        needed = [self.covering(ball) for ball in balls]
+        self.radii[:] = balls + needed
+        self.keep = m + float(np.max(needed))
+
+    def covering(self, ball: float) -> float:
+        """Return how far a surface may be from its samples, for a ball's radius [m]."""
+        declared, rounding = self._sampled
+        rho = self.rho if declared is None else declared
+        return rounded_covering(rho, rounding or 0.0, ball)

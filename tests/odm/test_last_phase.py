@@ -1,0 +1,259 @@
+"""The last phase: what may touch the receiving hand, and what the object to grasp."""
+
+import numpy as np
+import pytest
+
+import odm
+from odm.exact import ExactRobot, obstacles_of
+from odm.recipe import PayloadRecipe, Recipe, RobotRecipe, Safety
+from roadmap.build import RoadmapSettings
+from roadmap.carry import PAYLOAD, with_payload
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference, tool_pose
+
+URDF = """<robot name="pincer">
+<link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
+</link>
+<link name="upper"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.4 0.06 0.06"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.13 0 0"/><geometry>
+<box size="0.3 0.05 0.05"/></geometry></collision></link>
+<link name="palm"><collision><geometry><box size="0.04 0.14 0.04"/></geometry>
+</collision></link>
+<link name="left"><collision><origin xyz="0.05 0 0"/><geometry>
+<box size="0.06 0.02 0.02"/></geometry></collision></link>
+<link name="right"><collision><origin xyz="0.05 0 0"/><geometry>
+<box size="0.06 0.02 0.02"/></geometry></collision></link>
+<link name="tool"/>
+<joint name="swing" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="bend" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.42 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="wrist" type="revolute"><parent link="fore"/><child link="palm"/>
+<origin xyz="0.32 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-1.2" upper="1.2" velocity="1" effort="1"/></joint>
+<joint name="l" type="fixed"><parent link="palm"/><child link="left"/>
+<origin xyz="0 0.05 0"/></joint>
+<joint name="r" type="fixed"><parent link="palm"/><child link="right"/>
+<origin xyz="0 -0.05 0"/></joint>
+<joint name="t" type="fixed"><parent link="palm"/><child link="tool"/>
+<origin xyz="0.1 0 0" rpy="0 1.5707963 0"/></joint>
+</robot>
+"""
+PADS = ("left", "right")
+HELD = np.array([[0.0, 0.0, 0.02, 0.04]])  # between the fingers and beyond
+Q, STILL = np.zeros(3), np.zeros(3)
+SPACING = 0.004
+
+
+@pytest.fixture(scope="module")
+def cell_map(tmp_path_factory):
+    urdf = tmp_path_factory.mktemp("pincer") / "pincer.urdf"
+    urdf.write_text(URDF)
+    return odm.build_map(
+        Recipe(
+            "pincer",
+            RobotRecipe(str(urdf), tip="tool"),
+            RoadmapSettings(nodes=80, neighbors=6),
+            Safety(h=0.05),
+            payload=PayloadRecipe(radius=0.07, position=(0.0, 0.0, 0.02)),
+        )
+    )
+
+
+@pytest.fixture
+def planner(cell_map):
+    return odm.ReactivePlanner(cell_map, settings=odm.PlannerSettings(pads=PADS))
+
+
+def look_at(planner, shapes, classes, q=Q):
+    """Show shapes to the planner, each of one class."""
+    parts = [odm.surface_of(shape, SPACING).points for shape in shapes]
+    kinds = [np.full(len(p), c) for p, c in zip(parts, classes, strict=True)]
+    planner.step(
+        np.concatenate(parts), q, covering_radius=SPACING,
+        classes=np.concatenate(kinds),
+    )  # fmt: skip
+
+
+def ball(planner, forward, side=0.0, radius=0.02, q=Q):
+    """Return a ball at a place before the tool at q [m]."""
+    T = tool_pose(planner.robot, q)
+    p = T[:3, 3] + forward * T[:3, 2] + side * T[:3, 1]
+    return odm.Sphere(radius, _at(p))
+
+
+def test_only_contact_points_may_touch_the_payload_and_only_in_a_give(planner):
+    planner.attach(HELD)
+    hand = ball(planner, 0.07)  # 1 cm into the payload
+    for kind, phase, want in [
+        (odm.CONTACT, "give", True),
+        (odm.CONTACT, None, False),
+        (odm.AVOID, "give", False),
+        (odm.OBJECT, "give", False),
+        (odm.CONTACT, "receive", False),
+    ]:
+        look_at(planner, [hand], [kind])
+        freedom = planner.is_free(Q, Q, phase=phase)
+        assert bool(freedom) == want, (kind, phase)
+        assert want or "payload" in freedom.reason
+        blocked = planner.blocked_leg(Q[None], phase=phase)
+        assert (blocked is None) == want
+
+
+def test_only_object_points_may_touch_the_pads_and_only_in_a_receive(planner):
+    thing = ball(planner, 0.0, 0.05)  # at a finger's tip
+    for kind, phase, want in [
+        (odm.OBJECT, "receive", True),
+        (odm.OBJECT, None, False),
+        (odm.AVOID, "receive", False),
+        (odm.CONTACT, "receive", False),
+    ]:
+        look_at(planner, [thing], [kind])
+        freedom = planner.is_free(Q, Q, phase=phase)
+        assert bool(freedom) == want, (kind, phase)
+        assert want or any(pad in freedom.reason for pad in PADS)
+    # the palm is no pad
+    look_at(planner, [ball(planner, -0.07)], [odm.OBJECT])
+    assert "palm" in planner.is_free(Q, Q, phase="receive").reason
+
+
+@pytest.mark.parametrize(("phase", "kind"), [("give", 1), ("receive", 2)])
+def test_all_others_keep_their_distance_by_exact_geometry(cell_map, rng, phase, kind):
+    """Free motions: arm m, gripper 1 cm, and only what may touch does."""
+    settings = odm.PlannerSettings(pads=PADS, extra_clearance=0.01)
+    planner = odm.ReactivePlanner(cell_map, settings=settings)
+    robot = cell_map.robot
+    if phase == "give":
+        planner.attach(HELD)
+        robot = with_payload(robot, HELD)
+    exact, names = ExactRobot(robot), robot.link_names
+    links = np.array([names[k] for k in robot.solid_link])
+    may = np.isin(links, [PAYLOAD] if phase == "give" else PADS)
+    gripper = np.isin(links, ["palm", *PADS]) & ~may
+    arm = np.isin(links, ["upper", "fore"])
+    touched = freed = 0
+    for _ in range(300):
+        q = rng.uniform(-0.5, 0.5, 3)
+        end = q + rng.normal(size=3) * 0.03
+        thing = ball(
+            planner, rng.uniform(-0.1, 0.12), rng.uniform(-0.1, 0.1), 0.02, end
+        )
+        look_at(planner, [thing], [kind], q)
+        if not planner.is_free(q, end, phase=phase):
+            continue
+        freed += 1
+        obstacle = obstacles_of([thing])
+        for t in (0.0, 0.5, 1.0):
+            at = q + t * difference(robot, q, end)
+            assert exact.distance_of(gripper, at, obstacle).distance >= 0.01
+            need = cell_map.safety.m + 0.01
+            assert exact.distance_of(arm, at, obstacle).distance >= need
+            touched += exact.distance_of(may, at, obstacle).distance <= 0.0
+    assert freed > 30 and touched > 10
+
+
+def test_the_arm_heeds_every_point_in_every_phase(planner):
+    planner.attach(HELD)
+    elbow = odm.Sphere(0.02, _at([0.5, 0.05, 0.0]))
+    for kind in (odm.AVOID, odm.CONTACT, odm.OBJECT):
+        look_at(planner, [elbow], [kind])
+        for phase in (None, "give", "receive"):
+            assert "fore" in planner.is_free(Q, Q, phase=phase).reason
+            assert planner.blocked_leg(Q[None], phase=phase) == 0
+
+
+def test_the_gripper_keeps_a_centimetre_whatever_the_clearance(cell_map):
+    """1 cm from the palm's front is free, 0.5 cm is not; both with a large extra."""
+    settings = odm.PlannerSettings(pads=PADS, extra_clearance=0.05)
+    planner = odm.ReactivePlanner(cell_map, settings=settings)
+    palm = np.array([0.74, 0.0, 0.0])  # its middle at Q
+    for gap, want in ((0.05, True), (0.005, False)):
+        thing = odm.Box([0.02, 0.02, 0.02], _at(palm + [0.02 + gap + 0.01, 0, 0]))
+        look_at(planner, [thing], [odm.OBJECT])
+        freedom = planner.is_free(Q, Q, phase="receive")
+        assert bool(freedom) == want, freedom.reason
+        assert not planner.is_free(Q, Q)
+
+
+def test_the_search_heeds_all_classes(planner):
+    """Classes change no answer of a frame: only the last centimetres are exempt."""
+    goal = np.array([0.8, -0.3, 0.2])
+    shape = odm.Sphere(0.05, _at([0.6, 0.3, 0.0]))
+    points = odm.surface_of(shape, 0.02).points
+    found = []
+    for classes in (None, np.full(len(points), odm.CONTACT)):
+        other = odm.ReactivePlanner(planner.cell_map)
+        other.set_goals([goal])
+        answer = other.step(points, -goal, classes=classes)
+        found.append((answer.status, answer.path.tobytes()))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("fine", [False, True])
+def test_an_approach_ends_at_the_hand_only_in_a_give(cell_map, fine):
+    from odm.approach import Approacher, ApproachSettings
+
+    planner = odm.ReactivePlanner(cell_map)
+    planner.attach(HELD)
+    approacher = Approacher(planner, ApproachSettings(fine=fine))
+    bend = np.array([-0.6, 1.2, 0.0])
+    end = np.array([-0.55, 1.1, 0.0])
+    T = tool_pose(cell_map.robot, end)
+    hand = ball(planner, 0.075, q=end)
+    look_at(planner, [hand], [odm.CONTACT], bend)
+    q = _behind(cell_map.robot, end, 0.04)
+    closed = approacher.run(T, q)
+    open_ = approacher.run(T, q, phase="give")
+    assert not closed and "payload" in closed.reason
+    assert open_, open_.reason
+    look_at(planner, [hand], [odm.AVOID], bend)
+    assert not approacher.run(T, q, phase="give")
+
+
+@pytest.mark.parametrize(
+    ("classes", "words"),
+    [
+        (np.zeros(3, int), "for 24 points"),
+        (np.zeros(24), "dtype float64"),
+        (np.full(24, 3), "a point has class 3"),
+        (np.full(24, -1), "a point has class -1"),
+    ],
+)
+def test_bad_classes_are_refused(planner, classes, words):
+    points = np.random.default_rng(0).uniform(2, 3, (24, 3))
+    with pytest.raises(BadInput, match=words):
+        planner.step(points, Q, classes=classes)
+    planner.step(points, Q, classes=np.ones(24, np.uint8))
+
+
+def test_a_phase_that_cannot_be_is_refused(cell_map, planner):
+    with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
+        planner.is_free(Q, Q, phase="take")
+    with pytest.raises(BadInput, match="nothing is attached"):
+        planner.blocked_leg(Q[None], phase="give")
+    bare = odm.ReactivePlanner(cell_map)
+    with pytest.raises(BadInput, match=r"left, palm, right; name them in Planner"):
+        bare.approach(np.eye(4), q=Q, phase="receive")
+    wrong = odm.PlannerSettings(pads=("thumb",))
+    with pytest.raises(BadInput, match="thumb"):
+        odm.ReactivePlanner(cell_map, settings=wrong).is_free(Q, Q, phase="receive")
+
+
+def _behind(robot, q, length):
+    """Return where the tool is `length` back along its own way [rad]."""
+    T = tool_pose(robot, q)
+    T[:3, 3] -= length * T[:3, 2]
+    (best, *_) = sorted(robot.ik(T, q), key=lambda found: np.abs(_q(found) - q).max())
+    return _q(best)
+
+
+def _q(found):
+    return np.asarray(getattr(found, "q", found), float)
+
+
+def _at(p):
+    T = np.eye(4)
+    T[:3, 3] = p
+    return T

@@ -1,0 +1,126 @@
+"""Points and poses in the world: the base may stand elsewhere, the map stays."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from small import AWAY, HOME, NOBODY, draw_arm, draw_valid
+
+import odm
+from roadmap.errors import BadInput
+from roadmap.kinematics import tool_pose
+
+
+def draw_base(rng):
+    T = np.eye(4)
+    T[:3, :3] = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
+    T[:3, 3] = rng.uniform(-3, 3, 3)
+    return T
+
+
+def in_world(T, points):
+    return np.ascontiguousarray(points @ T[:3, :3].T + T[:3, 3])
+
+
+def drive(planner, points_of, n=25):
+    q, found = HOME.copy(), []
+    for k in range(n):
+        answer = planner.step(points_of(k), q)
+        planner.polish()
+        found.append((answer.status, answer.path.copy()))
+        if len(answer.path) > 1:
+            dq = answer.path[1] - answer.path[0]
+            q = q + dq * min(1.0, 0.05 / max(np.abs(dq).max(), 1e-9))
+    return found
+
+
+def test_a_frame_is_the_same_wherever_the_base_stands(small_map, rng):
+    """The same scene about the base, given in the world, gets the same answers."""
+    for _ in range(4):
+        arm, T = draw_arm(rng), draw_base(rng)
+        scene = [
+            odm.sample_capsules(arm + 0.004 * k * np.eye(7)[0], 0.03)
+            for k in range(25)
+        ]
+        here, there = (odm.ReactivePlanner(small_map) for _ in range(2))
+        there.set_base(T)
+        for planner in (here, there):
+            planner.set_goals([AWAY])
+        one = drive(here, lambda k, s=scene: s[k])
+        other = drive(there, lambda k, s=scene, T=T: in_world(T, s[k]))
+        assert [s for s, _ in one] == [s for s, _ in other]
+        for (_, a), (_, b) in zip(one, other, strict=True):
+            assert a.shape == b.shape and np.abs(a - b).max(initial=0.0) < 1e-9
+        nodes = here.invalid_nodes()
+        assert np.array_equal(nodes, there.invalid_nodes())
+
+
+def test_scenery_of_the_place_stays_in_the_world_when_the_base_moves(small_map):
+    box = odm.Box([0.2, 0.2, 0.2], _at([1.0, 0.0, 0.5]))
+    planner = odm.ReactivePlanner(small_map)
+    T = _at([0.5, 0.0, 0.0])
+    planner.set_base(T)
+    planner.set_static(box)  # half a metre before the base
+    near = planner.memory.graph.closed.copy()
+    planner.set_base(_at([-4.0, 0.0, 0.0]))
+    assert near.any() and not planner.memory.graph.closed.any()
+    planner.set_base(np.eye(4))  # a metre before it
+    planner.set_base(T)
+    assert np.array_equal(planner.memory.graph.closed, near)
+    other = odm.ReactivePlanner(small_map)
+    other.set_static(odm.Box([0.2, 0.2, 0.2], _at([0.5, 0.0, 0.5])))
+    assert np.array_equal(other.memory.graph.closed, near)
+
+
+def test_is_free_braking_and_approach_are_asked_in_the_world(small_map, rng):
+    here, there = (odm.ReactivePlanner(small_map) for _ in range(2))
+    T = draw_base(rng)
+    there.set_base(T)
+    told = set()
+    for _ in range(60):
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        q_a, q_b = draw_valid(here, rng), draw_valid(here, rng)
+        here.step(points, q_a)
+        there.step(in_world(T, points), q_a)
+        one = here.is_free(q_a, q_b)
+        told.add(bool(one))
+        assert one.reason == there.is_free(q_a, q_b).reason
+        path, shifted = np.array([q_a, q_b]), points + [0.05, 0.0, 0.0]
+        want = here.blocked_leg(path, 0.02, shifted)
+        assert want == there.blocked_leg(path, 0.02, in_world(T, shifted))
+    assert told == {True, False}
+    back, pose = 0.2 * HOME + 0.8 * AWAY, tool_pose(small_map.robot, AWAY)
+    for planner in (here, there):
+        planner.step(NOBODY, back)
+    one, other = here.approach(pose, q=back), there.approach(T @ pose, q=back)
+    assert bool(one) == bool(other) and one.reason == other.reason
+
+
+def test_the_callers_points_stay_as_they_are(small_map, rng):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_base(draw_base(rng))
+    points = odm.sample_capsules(draw_arm(rng), 0.03)
+    before = points.copy()
+    planner.step(points, HOME)
+    assert np.array_equal(points, before)
+
+
+def test_a_point_that_is_not_finite_holds_the_robot_in_any_frame(small_map, rng):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    planner.set_base(draw_base(rng))
+    answer = planner.step(np.array([[0.0, np.nan, 0.0]]), HOME)
+    assert answer.status == "holding" and "NaN" in answer.reason
+
+
+@pytest.mark.parametrize(
+    "T", [np.eye(3), 2.0 * np.eye(4), np.full((4, 4), np.nan), np.diag([1, 1, -1, 1])]
+)
+def test_a_base_that_is_not_rigid_is_refused(small_map, T):
+    with pytest.raises(BadInput, match="T_world_base"):
+        odm.ReactivePlanner(small_map).set_base(T)
+
+
+def _at(p):
+    T = np.eye(4)
+    T[:3, 3] = p
+    return T
