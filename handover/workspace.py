@@ -167,7 +167,29 @@ class InteractionWorkspace:
             raise BadInput(f"the best {k} targets are none; give k of 1 or more")
         value = np.where(self._removed, -1.0, self.build())
         order = np.lexsort((self._keys, -value))[:k]
-        return [self._target(int(e)) for e in order if value[e] >= 0]
+        return [self._target(int(e), int(self._grasp[e])) for e in order if value[e] >= 0]
+
+    def rated(self, keys: Sequence[int]) -> list[Target | None]:
+        """Return what the targets of some cells are worth now, in the order of `keys`.
+
+        None: removed, no cell of this workspace, or nobody can take the object there.
+        """
+        return [self._rated(int(key)) for key in keys]
+
+    def _rated(self, key: int) -> Target | None:
+        e = int(np.searchsorted(self._keys, key))
+        if e == len(self._keys) or self._keys[e] != key or self._removed[e]:
+            return None
+        p = int(np.searchsorted(self._cells.first, e, side="right")) - 1
+        r = int(self._cells.rotation[e])
+        values = [
+            kernels.hand_value(
+                self._person, self._hands, r, g, *self._where.points[p], self._room
+            )
+            for g in range(len(self.grasps))
+        ]
+        g = int(np.argmax(values))
+        return self._target(e, g) if values[g] >= 0 else None
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
@@ -222,9 +244,9 @@ class InteractionWorkspace:
             keep.append(allowed(s.constraints, T, self.obj))
         return cells.kept(np.concatenate(keep)) if keep else cells
 
-    def _target(self, e: int) -> Target:
+    def _target(self, e: int, g: int) -> Target:
         p = int(np.searchsorted(self._cells.first, e, side="right")) - 1
-        r, g = int(self._cells.rotation[e]), int(self._grasp[e])
+        r = int(self._cells.rotation[e])
         x, y, z = self._where.points[p]
         value = kernels.hand_value(self._person, self._hands, r, g, x, y, z, self._room)
         q = self._room.best.copy()
