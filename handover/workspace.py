@@ -5,19 +5,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from handover._kernels import meet as kernels
-from handover._kernels.arm_ik import WORK_ROWS
-from handover.arm import MIRROR
+from handover._kernels.meet_search import search
 from handover.constraints import allowed
 from handover.held_object import HeldObject, checked_grasps
 from handover.human import Human
 from handover.meet_settings import MeetSettings
-from handover.quality import ArmState, Quality, posture_quality
-from handover.reach_build import ReachSettings, build_reach_map
+from handover.meet_tables import (
+    PersonTables,
+    coarse_human_reach,
+    flat_poses,
+    hands_of,
+    room,
+    top_of,
+)
+from handover.quality import PARTS, ArmState, Quality
 from handover.reach_map import ReachMap
 from handover.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
@@ -88,62 +93,51 @@ class InteractionWorkspace:
         self._cells = self._allowed(cells)
         self._keys = frozen(self._cells.keys(), np.int64)
         self._removed = np.zeros(len(self._cells), bool)
-        self._person_map = _PersonMap.of(human_reach or _coarse_human(human, s))
-        self._room = kernels.Room(*(np.zeros(n) for n in ((WORK_ROWS, 3), 5, 7, 7, 12)))
-        n_hands = len(s_tools := self._cells.grid.rotations.centers), len(self.grasps)
-        self._tools = s_tools.reshape(-1, 9)
-        self._hands = kernels.Hands(
-            np.zeros((*n_hands, 12)),
-            np.zeros((*n_hands, 3)),
-            np.zeros(n_hands, np.int32),
-        )
-        T_tool_hand = obj.T_tool_object @ self.grasps
-        self._tool_hands = np.concatenate(
-            [T_tool_hand[:, :3, :3].reshape(-1, 9), T_tool_hand[:, :3, 3]], axis=1
-        )
+        self._seen = np.zeros(len(self._cells), bool)
+        self._tables = PersonTables(human_reach or coarse_human_reach())
+        self._hands = hands_of(len(self._cells.grid.rotations.centers), self.grasps)
+        self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
+        self._tool_hands = flat_poses(obj.T_tool_object @ self.grasps)
+        self._room = room()
+        self._bounds = tuple(np.zeros((2, len(self._cells.points))))
+        self._turned = np.zeros(0)
+        self._top = top_of(1)
+        self._warm = np.zeros(0, np.int64)
+        self.work = np.zeros(4, np.int64)
         self.update(human)
 
     def __len__(self) -> int:
         """Return how many targets there are; needs the full grid."""
-        return int((self.build() >= 0).sum())
+        return int(((self.build() >= 0) & ~self._removed).sum())
 
     def update(self, human: Human) -> None:
         """Let the person move, turn, look elsewhere or hold the arms differently."""
         s = self.settings
-        self.human = human
         state = ArmState.of(human, s.side, s.quality, s.obstacles)
-        arm = human.arm(s.side)
-        flip = MIRROR if s.side == "left" else np.eye(3)
-        T = human.T_world_shoulder(s.side)
-        into = flip @ T[:3, :3].T
+        arm, T = human.arm(s.side), human.T_world_shoulder(s.side)
+        mirror = -1.0 if s.side == "left" else 1.0
+        into = np.array([[1.0], [mirror], [1.0]]) * T[:3, :3].T
         turn = into @ s.T_world_base[:3, :3]
         points = self._cells.points @ turn.T
         points += into @ (s.T_world_base[:3, 3] - T[:3, 3])
-        turns = self._person_map.rotations
-        kernels.fill_hands(
-            turn,
-            self._tools,
-            self._tool_hands,
-            -1.0 if s.side == "left" else 1.0,
-            arm.lengths[2],
-            turns.n_side,
-            turns.n_roll,
-            turns.pixel_frames,
-            self._hands,
-        )
-        self._person = kernels.Person(
-            state.state,
-            state.obstacles,
-            state.settings,
-            self._person_map.dexterity,
-            self._person_map.box(arm.length),
-            _scales(arm, s),
-        )
-        self._state = state
-        self._where = kernels.Cells(
-            points, self._cells.first, self._cells.rotation, self._removed
-        )
-        self._value: np.ndarray | None = None
+        turned = np.append(turn.ravel(), arm.lengths)
+        if not np.array_equal(turned, self._turned):
+            turns = self._tables.rotations
+            kernels.fill_hands(
+                turn,
+                self._tools,
+                self._tool_hands,
+                mirror,
+                float(arm.lengths[2]),
+                turns.n_side,
+                turns.n_roll,
+                turns.pixel_frames,
+                self._hands,
+            )
+            self._turned = turned
+        self._person = self._tables.person(state, arm, s, float(self._hands.far[1]))
+        self._where = kernels.Cells(points, self._cells.first, self._cells.rotation)
+        self.human, self._state, self._value = human, state, None
 
     def build(self) -> np.ndarray:
         """Solve every cell.
@@ -158,38 +152,60 @@ class InteractionWorkspace:
             kernels.full_grid(
                 self._person, self._hands, self._where, self._room, value, grasp
             )
-            self._value, self._grasp = value, grasp
+            self._value, self._grasp = frozen(value, float), frozen(grasp, np.int32)
         return self._value
 
     def best(self, k: int = 10) -> list[Target]:
-        """Return the best k targets, best first; of equal quality the lower key."""
-        if k < 1:
-            raise BadInput(f"the best {k} targets are none; give k of 1 or more")
-        value = np.where(self._removed, -1.0, self.build())
-        order = np.lexsort((self._keys, -value))[:k]
-        return [self._target(int(e), int(self._grasp[e])) for e in order if value[e] >= 0]
+        """Return the best k targets, best first; of equal quality the lower key.
+
+        The same as the full grid's best k, found without solving it.
+        """
+        if not 1 <= k <= 100_000:
+            raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
+        if len(self._top.value) != k:
+            self._top = top_of(k)
+        self.work[:] = 0
+        n = search(
+            self._person,
+            self._hands,
+            self._where,
+            self._keys,
+            self._removed,
+            self._seen,
+            self._warm,
+            self._top,
+            self._bounds,
+            self._room,
+            self.work,
+        )
+        self._warm = self._top.entry[:n].copy()
+        return self._targets(self._warm, self._top.grasp[:n])
 
     def rated(self, keys: Sequence[int]) -> list[Target | None]:
         """Return what the targets of some cells are worth now, in the order of `keys`.
 
         None: removed, no cell of this workspace, or nobody can take the object there.
         """
-        return [self._rated(int(key)) for key in keys]
+        keys = np.asarray(keys, np.int64)
+        at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        grasps = [self._best_grasp(e) for e in at.tolist()]
+        known = (self._keys[at] == keys) & ~self._removed[at]
+        good = np.flatnonzero(known & (np.array(grasps) >= 0))
+        found = self._targets(at[good], np.array(grasps, np.int32)[good])
+        rated: list[Target | None] = [None] * len(keys)
+        for k, target in zip(good.tolist(), found, strict=True):
+            rated[k] = target
+        return rated
 
-    def _rated(self, key: int) -> Target | None:
-        e = int(np.searchsorted(self._keys, key))
-        if e == len(self._keys) or self._keys[e] != key or self._removed[e]:
-            return None
-        p = int(np.searchsorted(self._cells.first, e, side="right")) - 1
-        r = int(self._cells.rotation[e])
-        values = [
-            kernels.hand_value(
-                self._person, self._hands, r, g, *self._where.points[p], self._room
-            )
-            for g in range(len(self.grasps))
-        ]
-        g = int(np.argmax(values))
-        return self._target(e, g) if values[g] >= 0 else None
+    def _best_grasp(self, entry: int) -> int:
+        """Return the best grasp at an entry, -1 where nobody can take the object."""
+        place = int(np.searchsorted(self._where.first, entry, side="right")) - 1
+        turn = int(self._where.rotation[entry])
+        who = self._person, self._hands, turn
+        where = (*self._where.points[place].tolist(), self._room)
+        values = [kernels.hand_value(*who, g, *where) for g in range(len(self.grasps))]
+        best = int(np.argmax(values))
+        return best if values[best] >= 0 else -1
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
@@ -244,45 +260,23 @@ class InteractionWorkspace:
             keep.append(allowed(s.constraints, T, self.obj))
         return cells.kept(np.concatenate(keep)) if keep else cells
 
-    def _target(self, e: int, g: int) -> Target:
-        p = int(np.searchsorted(self._cells.first, e, side="right")) - 1
-        r = int(self._cells.rotation[e])
-        x, y, z = self._where.points[p]
-        value = kernels.hand_value(self._person, self._hands, r, g, x, y, z, self._room)
-        q = self._room.best.copy()
-        key = int(self._keys[e])
-        T_tool = self.settings.T_world_base @ self._cells.grid.centers([key])[0]
+    def _targets(self, entries: np.ndarray, grasps: np.ndarray) -> list[Target]:
+        n = len(entries)
+        joints, parts, numbers = np.empty((n, 7)), np.empty((n, 5)), np.empty((n, 3))
+        person = self._person, self._hands, self._where
+        kernels.describe(*person, entries, grasps, self._room, joints, parts, numbers)
+        keys = self._keys[entries]
+        T_tool = self.settings.T_world_base @ self._cells.grid.centers(keys)
         T_object = T_tool @ self.obj.T_tool_object
-        T_hand = T_object @ self.grasps[g]
-        parts = posture_quality(self._state, q)
-        share = self.settings.quality.online_weight
-        dexterity = (
-            0.0 if share == 1.0 else (value - share * parts.online) / (1 - share)
-        )
-        return Target(T_tool, T_object, T_hand, value, parts, dexterity, q, g, key)
-
-
-class _PersonMap:
-    """The dexterity of a person's arm, cell by cell."""
-
-    def __init__(self, dexterity: np.ndarray, reach: ReachMap) -> None:
-        self.dexterity = frozen(dexterity, np.uint8)
-        self.rotations = reach.grid.rotations
-        self._grid = reach.grid
-
-    @classmethod
-    def of(cls, reach: ReachMap) -> "_PersonMap":
-        if reach.chain.unit != "arm length":
-            raise BadInput(
-                f"human_reach is a map of {reach.chain.name} in {reach.chain.unit}; give "
-                "one of a person's arm: `odm workspace build human`"
-            )
-        return cls(reach.dense(), reach)
-
-    def box(self, length: float) -> np.ndarray:
-        """Return corner, cell [m] and shape for an arm of that length [m]."""
-        grid = self._grid
-        return np.array([*(grid.origin * length), grid.cell * length, *grid.shape, 0.0])
+        T_hand = T_object @ self.grasps[grasps]
+        targets = []
+        for i, (total, online, dexterity) in enumerate(numbers.tolist()):
+            named = dict(zip(PARTS, parts[i].tolist(), strict=True))
+            poses = T_tool[i], T_object[i], T_hand[i]
+            quality = total, Quality(named, online), dexterity
+            numbers_of = joints[i], int(grasps[i]), int(keys[i])
+            targets.append(Target(*poses, *quality, *numbers_of))
+        return targets
 
 
 def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.ndarray:
@@ -298,32 +292,3 @@ def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.n
     return checked_grasps(grasps)
 
 
-def _scales(arm, s: MeetSettings) -> np.ndarray:  # noqa: ANN001
-    upper, fore, _ = arm.lengths
-    ends = [
-        np.sqrt(upper**2 + fore**2 + 2 * upper * fore * np.cos(e))
-        for e in arm.ranges[3]
-    ]
-    slack = 1e-6
-    return np.array(
-        [
-            s.quality.online_weight,
-            s.swivel_step,
-            max(ends[1] - slack, 0.0),
-            ends[0] + slack,
-        ]
-    )
-
-
-def _coarse_human(human: Human, s: MeetSettings) -> ReachMap:
-    return coarse_human_reach(
-        tuple((human.arm(s.side).lengths / human.arm(s.side).length).round(6))
-    )
-
-
-@lru_cache(maxsize=4)
-def coarse_human_reach(shares: tuple[float, ...] = ()) -> ReachMap:
-    """Return a map of an arm of such shares of upper arm, forearm and hand."""
-    arm = Human().arm("right")
-    settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
-    return build_reach_map(arm.chain(), settings, threads=1)

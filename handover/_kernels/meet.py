@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from handover._kernels.meet_pose import UNREACHED, pose_value
+from handover._kernels.quality import quality_of
 from handover._kernels.rotations import rotation_cell
 
 TINY_M = 1e-9
@@ -24,7 +25,9 @@ class Person(NamedTuple):
         rods: (m, 7) own body and surroundings [m].
         settings: (19,).
         dexterity: (n_positions, n_rotations) uint8 of the person's reach map.
-        box: (8,) of that map: lower corner, cell [m], numbers of cells, its roll bins.
+        box: (9,) of that map: lower corner, cell [m], numbers of cells, 1 / cell, and
+            by how many cells `most` is larger on every side.
+        most: (nx, ny, nz) uint8: the largest dexterity near a position of the tool.
         scales: (4,) share of q_online, swivel step, least and largest distance of the
             wrist [m].
     """
@@ -34,6 +37,7 @@ class Person(NamedTuple):
     settings: np.ndarray
     dexterity: np.ndarray
     box: np.ndarray
+    most: np.ndarray
     scales: np.ndarray
 
 
@@ -44,11 +48,13 @@ class Hands(NamedTuple):
         pose: (r, g, 12) rotation, and offset of the grip from the tool [m].
         wrist: (r, g, 3) offset of the wrist from the tool [m].
         cell: (r, g) rotation cell in the person's reach map.
+        far: (2,) largest distance of a wrist and of a grip from the tool [m].
     """
 
     pose: np.ndarray
     wrist: np.ndarray
     cell: np.ndarray
+    far: np.ndarray
 
 
 class Cells(NamedTuple):
@@ -58,13 +64,11 @@ class Cells(NamedTuple):
         points: (p, 3) centres of the position cells [m].
         first: (p + 1,) first entry of each.
         rotation: (n,) rotation cell of each entry.
-        removed: (n,) whether an entry is out.
     """
 
     points: np.ndarray
     first: np.ndarray
     rotation: np.ndarray
-    removed: np.ndarray
 
 
 class Room(NamedTuple):
@@ -93,6 +97,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         hands: Written.
     """
     tool = np.empty((3, 3))
+    hands.far[:] = 0.0
     for r in range(tools.shape[0]):
         for i in range(3):
             for j in range(3):
@@ -116,14 +121,21 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
                 )
                 hands.wrist[r, g, i] = hand[9 + i] - grip * hand[3 * i + 2]
             hands.cell[r, g] = rotation_cell(hand, n_side, n_roll, frames)
+            w = hands.wrist[r, g]
+            wrist = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+            there = hand[9] * hand[9] + hand[10] * hand[10] + hand[11] * hand[11]
+            hands.far[0] = max(hands.far[0], wrist)
+            hands.far[1] = max(hands.far[1], there)
+    for i in range(2):
+        hands.far[i] = np.sqrt(hands.far[i]) + TINY_M
 
 
 @njit(cache=True, nogil=True)
 def position_of(box, x, y, z):
     """Return the position cell of a grip in the person's reach map, -1 outside."""
-    i = int(np.floor((x - box[0]) / box[3]))
-    j = int(np.floor((y - box[1]) / box[3]))
-    k = int(np.floor((z - box[2]) / box[3]))
+    i = int(np.floor((x - box[0]) * box[7]))
+    j = int(np.floor((y - box[1]) * box[7]))
+    k = int(np.floor((z - box[2]) * box[7]))
     nx, ny, nz = int(box[4]), int(box[5]), int(box[6])
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return -1
@@ -131,25 +143,35 @@ def position_of(box, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def hand_value(person, hands, r, g, x, y, z, room):
+def dexterity_at(person, hands, r, g, x, y, z):
+    """Return the dexterity of a hand in rotation r of grasp g with its grip at x, y, z."""
+    at = position_of(person.box, x, y, z)
+    if at < 0:
+        return 0.0
+    return person.dexterity[at, hands.cell[r, g]] / 255.0
+
+
+@njit(cache=True, nogil=True)
+def hand_value(person, hands, r, g, x, y, z, floor, room):
     """Return q_total of grasp g with the tool at x, y, z in rotation r.
 
-    UNREACHED where no joints reach it; else the joints are in room.best.
+    UNREACHED where no joints reach it, BELOW where it is below `floor`; else the
+    joints are in room.best.
     """
-    wrist = hands.wrist[r, g]
-    wx, wy, wz = x + wrist[0], y + wrist[1], z + wrist[2]
+    wx = x + hands.wrist[r, g, 0]
+    wy = y + hands.wrist[r, g, 1]
+    wz = z + hands.wrist[r, g, 2]
     square = wx * wx + wy * wy + wz * wz
     low, high = person.scales[2], person.scales[3]
     if square < low * low or square > high * high:
         return UNREACHED
-    pose, hand = room.pose, hands.pose[r, g]
+    pose = room.pose
     for i in range(9):
-        pose[i] = hand[i]
-    pose[9], pose[10], pose[11] = x + hand[9], y + hand[10], z + hand[11]
-    at = position_of(person.box, pose[9], pose[10], pose[11])
-    dexterity = 0.0
-    if at >= 0:
-        dexterity = person.dexterity[at, hands.cell[r, g]] / 255.0
+        pose[i] = hands.pose[r, g, i]
+    pose[9] = x + hands.pose[r, g, 9]
+    pose[10] = y + hands.pose[r, g, 10]
+    pose[11] = z + hands.pose[r, g, 11]
+    dexterity = dexterity_at(person, hands, r, g, pose[9], pose[10], pose[11])
     return pose_value(
         person.state,
         person.rods,
@@ -157,6 +179,7 @@ def hand_value(person, hands, r, g, x, y, z, room):
         person.scales[0],
         dexterity,
         person.scales[1],
+        floor,
         pose,
         room.work,
         room.parts,
@@ -171,14 +194,54 @@ def full_grid(person, hands, cells, room, value, grasp):
 
     UNREACHED and -1 where no grasp can be taken.
     """
-    for p in range(cells.points.shape[0]):
-        x, y, z = cells.points[p]
-        for e in range(cells.first[p], cells.first[p + 1]):
-            value[e], grasp[e] = UNREACHED, -1
-            if cells.removed[e]:
-                continue
-            r = cells.rotation[e]
-            for g in range(hands.wrist.shape[1]):
-                found = hand_value(person, hands, r, g, x, y, z, room)
-                if found > value[e]:
+    value[:] = UNREACHED
+    grasp[:] = -1
+    wrist, n_grasps = hands.wrist, hands.wrist.shape[1]
+    points, first, rotation = cells.points, cells.first, cells.rotation
+    low, high = person.scales[2] ** 2, person.scales[3] ** 2
+    far = (person.scales[3] + hands.far[0]) ** 2
+    for p in range(points.shape[0]):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        if x * x + y * y + z * z > far:
+            continue
+        for e in range(first[p], first[p + 1]):
+            r = rotation[e]
+            best = UNREACHED
+            for g in range(n_grasps):
+                wx, wy, wz = x + wrist[r, g, 0], y + wrist[r, g, 1], z + wrist[r, g, 2]
+                square = wx * wx + wy * wy + wz * wz
+                if square < low or square > high:
+                    continue
+                found = hand_value(person, hands, r, g, x, y, z, best, room)
+                if found > best:
+                    best = found
                     value[e], grasp[e] = found, g
+
+
+@njit(cache=True, nogil=True)
+def describe(person, hands, cells, entries, grasps, room, joints, parts, numbers):
+    """Solve entries once more and write what a user wants to know of them.
+
+    Args:
+        person: The person.
+        hands: Hands by rotation and grasp.
+        cells: The robot's cells.
+        entries: (n,) entries.
+        grasps: (n,) the grasp of each.
+        room: To work in.
+        joints: (n, 7) written.
+        parts: (n, 5) written.
+        numbers: (n, 3) written: q_total, q_online, dexterity.
+    """
+    for i in range(entries.shape[0]):
+        e, g = entries[i], grasps[i]
+        p = np.searchsorted(cells.first, e, side="right") - 1
+        r = cells.rotation[e]
+        x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
+        numbers[i, 0] = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
+        joints[i] = room.best
+        state, rods, settings = person.state, person.rods, person.settings
+        numbers[i, 1] = quality_of(state, rods, settings, room.best, parts[i])
+        px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]
+        pz = z + hands.pose[r, g, 11]
+        numbers[i, 2] = dexterity_at(person, hands, r, g, px, py, pz)

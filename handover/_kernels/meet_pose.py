@@ -26,7 +26,8 @@ from handover._kernels.quality import (
     visibility_cost,
 )
 
-UNREACHED = -1.0
+UNREACHED, BELOW = -1.0, -0.5
+ROUNDING = 1e-9  # that a bound is raised by
 
 
 @njit(cache=True, nogil=True)
@@ -68,7 +69,7 @@ def online_sum(settings, parts):
 
 @njit(cache=True, nogil=True)
 def pose_value(
-    state, rods, settings, share, dexterity, step, pose, work, parts, q, best_q
+    state, rods, settings, share, dexterity, step, floor, pose, work, parts, q, best_q
 ):
     """Return q_total of the best representative of a hand pose, its joints in best_q.
 
@@ -79,6 +80,7 @@ def pose_value(
         share: Of q_online in q_total.
         dexterity: Of the pose, in [0, 1].
         step: Largest swivel between representatives [rad].
+        floor: Of no interest below; a pose that cannot reach it is not looked into.
         pose: (12,) the hand in the canonical shoulder frame.
         work: Room of `arm_ik`.
         parts: (5,) room.
@@ -86,7 +88,8 @@ def pose_value(
         best_q: (7,) written.
 
     Returns:
-        In [0, 1]; UNREACHED where no joints in their ranges reach the pose.
+        In [0, 1]; UNREACHED where no joints in their ranges reach the pose, and BELOW
+        where they do, but nothing reaches `floor`.
     """
     arm = state
     best = UNREACHED
@@ -98,10 +101,15 @@ def pose_value(
     x, y, z = pose[9], pose[10], pose[11]
     shares = tip_parts(state, rods, settings, x, y, z, parts)
     grip_safety = parts[SAFETY]
+    parts[JOINT], parts[EFFORT] = 1.0, 1.0
+    rest = (1.0 - share) * dexterity
+    if share * (online_sum(settings, parts) / shares) + rest + ROUNDING < floor:
+        return BELOW
     grip = arm[2]
     wx, wy, wz = x - grip * pose[2], y - grip * pose[5], z - grip * pose[8]
     for i in range(n_spans):
-        first, last, branch = work[SPANS + i]
+        first, last = work[SPANS + i, 0], work[SPANS + i, 1]
+        branch = work[SPANS + i, 2]
         pieces = int(math.ceil((last - first - TINY) / step))
         size = (last - first) / max(pieces, 1)
         for k in range(pieces + 1):
@@ -116,8 +124,7 @@ def pose_value(
                 settings[BETA + EFFORT] * effort_cost(state, axes)
             )
             parts[SAFETY] = grip_safety
-            total = share * (online_sum(settings, parts) / shares)
-            total += (1.0 - share) * dexterity
+            total = share * (online_sum(settings, parts) / shares) + rest
             if total <= best:
                 continue
             if grip_safety > 0.0 and settings[FOREARM] != 0.0:
@@ -125,8 +132,7 @@ def pose_value(
                 ex, ey, ez = arm[0] * u[0], arm[0] * u[1], arm[0] * u[2]
                 if _forearm_cut(rods, ex, ey, ez, wx, wy, wz, x, y, z):
                     parts[SAFETY] = 0.0
-                    total = share * (online_sum(settings, parts) / shares)
-                    total += (1.0 - share) * dexterity
+                    total = share * (online_sum(settings, parts) / shares) + rest
                     if total <= best:
                         continue
             best = total

@@ -1,0 +1,120 @@
+"""What the search for a meeting place looks up: the person's map, room to work in."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from handover._kernels import meet as kernels
+from handover._kernels.arm_ik import WORK_ROWS
+from handover.arm import Arm
+from handover.human import Human
+from handover.meet_settings import MeetSettings
+from handover.quality import ArmState
+from handover.reach_build import ReachSettings, build_reach_map
+from handover.reach_map import ReachMap
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+_SLACK = 1e-6  # [m] that the wrist's range is widened by; IK decides
+
+
+class Top(NamedTuple):
+    """The best k so far: (k,) quality, key, entry and grasp."""
+
+    value: np.ndarray
+    key: np.ndarray
+    entry: np.ndarray
+    grasp: np.ndarray
+
+
+class PersonTables:
+    """The dexterity of a person's arm, cell by cell, for people of any height."""
+
+    def __init__(self, reach: ReachMap) -> None:
+        """Unpack a map.
+
+        Raises:
+            BadInput: It is not of a person's arm.
+        """
+        if reach.chain.unit != "arm length":
+            raise BadInput(
+                f"human_reach is a map of {reach.chain.name} in {reach.chain.unit}; "
+                "give one of a person's arm: `odm workspace build human`"
+            )
+        self.rotations = reach.grid.rotations
+        self._grid = reach.grid
+        self._dexterity = frozen(reach.dense(), np.uint8)
+        self._most: dict[int, np.ndarray] = {}
+
+    def person(
+        self, state: ArmState, arm: Arm, settings: MeetSettings, far_m: float
+    ) -> kernels.Person:
+        """Return what the kernels ask of a person.
+
+        Args:
+            state: The person now.
+            arm: The arm that takes the object.
+            settings: Share of q_online, swivel step.
+            far_m: Largest distance of a grip from the tool [m].
+        """
+        grid, length = self._grid, arm.length
+        cell = grid.cell * length
+        margin = int(np.ceil(far_m / cell + 1e-9))
+        box = [*(grid.origin * length), cell, *grid.shape, 1.0 / cell, margin]
+        upper, fore, _ = arm.lengths
+        square = upper**2 + fore**2 + 2 * upper * fore * np.cos(arm.ranges[3])
+        high, low = np.sqrt(square)
+        share = settings.quality.online_weight
+        scales = [share, settings.swivel_step, max(low - _SLACK, 0.0), high + _SLACK]
+        return kernels.Person(
+            state.state,
+            state.obstacles,
+            state.settings,
+            self._dexterity,
+            np.array(box, float),
+            self._most_within(margin),
+            np.array(scales, float),
+        )
+
+    def _most_within(self, margin: int) -> np.ndarray:
+        """Return the largest dexterity within so many cells, padded by as many."""
+        if margin not in self._most:
+            most = self._dexterity.max(axis=1).reshape(self._grid.shape)
+            most = maximum_filter(np.pad(most, margin), 2 * margin + 1, mode="constant")
+            self._most = {margin: frozen(most, np.uint8)}
+        return self._most[margin]
+
+
+@lru_cache(maxsize=1)
+def coarse_human_reach() -> ReachMap:
+    """Return a reach map of a mean arm, of coarse cells, built in about 2 s.
+
+    In units of the arm's length: 0.1 of it and 60 degrees. The same each time.
+    """
+    settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
+    return build_reach_map(Human().arm("right").chain(), settings, threads=1)
+
+
+def hands_of(n_rotations: int, grasps: np.ndarray) -> kernels.Hands:
+    """Return empty tables of hands."""
+    n = n_rotations, len(grasps)
+    cell = np.zeros(n, np.int32)
+    return kernels.Hands(np.zeros((*n, 12)), np.zeros((*n, 3)), cell, np.zeros(2))
+
+
+def flat_poses(T: np.ndarray) -> np.ndarray:
+    """Return poses (n, 4, 4) as (n, 12): rotation by rows, origin."""
+    return np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
+
+
+def room() -> kernels.Room:
+    """Return room for the kernels to work in."""
+    return kernels.Room(*(np.zeros(n) for n in ((WORK_ROWS, 3), 5, 7, 7, 12)))
+
+
+def top_of(k: int) -> Top:
+    """Return an empty list of the best k."""
+    kinds = (np.float64, np.int64, np.int64, np.int64)
+    return Top(*(np.zeros(k, kind) for kind in kinds))
