@@ -40,7 +40,7 @@ class LiveSettings:
         choice: Margin and patience, see `ChoiceSettings`.
     """
 
-    ranked: int = 24
+    ranked: int = 10
     near_m: float = 0.075
     near_rad: float = 0.52
     attach_every: int = 25

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover._kernels import meet as kernels
+from handover._kernels.meet_rated import best_grasps
 from handover._kernels.meet_search import search
 from handover.constraints import allowed
 from handover.held_object import HeldObject, checked_grasps
@@ -188,24 +189,16 @@ class InteractionWorkspace:
         """
         keys = np.asarray(keys, np.int64)
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        grasps = [self._best_grasp(e) for e in at.tolist()]
+        value, grasp = np.empty(len(keys)), np.empty(len(keys), np.int32)
+        who = self._person, self._hands, self._where
+        best_grasps(*who, at, self._room, value, grasp)
         known = (self._keys[at] == keys) & ~self._removed[at]
-        good = np.flatnonzero(known & (np.array(grasps) >= 0))
-        found = self._targets(at[good], np.array(grasps, np.int32)[good])
+        good = np.flatnonzero(known & (grasp >= 0))
+        found = self._targets(at[good], grasp[good])
         rated: list[Target | None] = [None] * len(keys)
         for k, target in zip(good.tolist(), found, strict=True):
             rated[k] = target
         return rated
-
-    def _best_grasp(self, entry: int) -> int:
-        """Return the best grasp at an entry, -1 where nobody can take the object."""
-        place = int(np.searchsorted(self._where.first, entry, side="right")) - 1
-        turn = int(self._where.rotation[entry])
-        who = self._person, self._hands, turn
-        where = (*self._where.points[place].tolist(), self._room)
-        values = [kernels.hand_value(*who, g, *where) for g in range(len(self.grasps))]
-        best = int(np.argmax(values))
-        return best if values[best] >= 0 else -1
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
