@@ -77,7 +77,9 @@ def _read(said: object) -> tuple[bool, str]:
         return bool(said.free), str(said.reason)
     if isinstance(said, tuple) and len(said) == 2:
         if isinstance(said[0], (bool, np.bool_)):
-            return bool(said[0]), str(said[1] or "" if said[0] else said[1] or "not valid")
+            return bool(said[0]), str(
+                said[1] or "" if said[0] else said[1] or "not valid"
+            )
     raise BadInput(
         f"is_valid answered {said!r}; it must answer a bool, (bool, reason) or an "
         "odm.Freedom"
