@@ -8,6 +8,7 @@ from scipy.ndimage import maximum_filter
 
 from handover._kernels import meet as kernels
 from handover._kernels.arm_ik import WORK_ROWS
+from handover._kernels.meet_search import fill_places
 from handover.arm import Arm
 from handover.human import Human
 from handover.meet_settings import MeetSettings
@@ -46,6 +47,9 @@ class PersonTables:
         self.rotations = reach.grid.rotations
         self._grid = reach.grid
         self._dexterity = frozen(reach.dense(), np.uint8)
+        self._ceiling = frozen(self._dexterity.max(axis=1), np.uint8)
+        self._places = np.zeros((2, len(self._ceiling)))
+        self._known = np.zeros(0)
         self._most: dict[int, np.ndarray] = {}
 
     def person(
@@ -74,14 +78,24 @@ class PersonTables:
             state.settings,
             self._dexterity,
             np.array(box, float),
+            self._ceiling,
             self._most_within(margin),
             np.array(scales, float),
         )
 
+    def places(self, person: kernels.Person) -> tuple[np.ndarray, np.ndarray]:
+        """Return bounds by place of the grip, made anew where they do not hold."""
+        known = np.concatenate([person.state, person.settings, person.scales, person.box])
+        same = len(known) == len(self._known)
+        if not same or np.abs(known - self._known).max() > 1e-9:
+            fill_places(person, *self._places)
+            self._known = known
+        return self._places[0], self._places[1]
+
     def _most_within(self, margin: int) -> np.ndarray:
         """Return the largest dexterity within so many cells, padded by as many."""
         if margin not in self._most:
-            most = self._dexterity.max(axis=1).reshape(self._grid.shape)
+            most = self._ceiling.reshape(self._grid.shape)
             most = maximum_filter(np.pad(most, margin), 2 * margin + 1, mode="constant")
             self._most = {margin: frozen(most, np.uint8)}
         return self._most[margin]
@@ -97,11 +111,13 @@ def coarse_human_reach() -> ReachMap:
     return build_reach_map(Human().arm("right").chain(), settings, threads=1)
 
 
-def hands_of(n_rotations: int, grasps: np.ndarray) -> kernels.Hands:
-    """Return empty tables of hands."""
-    n = n_rotations, len(grasps)
+def hands_of(n_rotations: int, tool_hands: np.ndarray) -> kernels.Hands:
+    """Return empty tables of hands for grasps T_tool_hand (g, 12)."""
+    n = n_rotations, len(tool_hands)
+    places = tool_hands[:, 9:]
+    same = np.append(False, (places[1:] == places[:-1]).all(axis=1))
     cell = np.zeros(n, np.int32)
-    return kernels.Hands(np.zeros((*n, 12)), np.zeros((*n, 3)), cell, np.zeros(2))
+    return kernels.Hands(np.zeros((*n, 12)), np.zeros((*n, 3)), cell, np.zeros(2), same)
 
 
 def flat_poses(T: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ does the work for single candidates; here are its settings and its door.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -253,9 +254,14 @@ def _first_moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
 def _own_body(human: Human, side: str) -> np.ndarray:
     """Return the capsules of the own body without the arm itself, mean thickness."""
     rods = human.capsules_of("mean")
-    own = {Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")}
-    keep = [Part(label) not in own for label in human.labels]
-    return rods[np.array(keep)]
+    return rods[_not_of_arm(human.labels.tobytes(), side)]
+
+
+@lru_cache(maxsize=8)
+def _not_of_arm(labels: bytes, side: str) -> np.ndarray:
+    """Return which of the labelled capsules are not of an arm; asked every frame."""
+    own = [Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")]
+    return ~np.isin(np.frombuffer(labels, np.int64), own)
 
 
 def _checked(obstacles: Sequence | np.ndarray | None) -> np.ndarray:

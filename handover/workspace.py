@@ -96,9 +96,9 @@ class InteractionWorkspace:
         self._removed = np.zeros(len(self._cells), bool)
         self._seen = np.zeros(len(self._cells), bool)
         self._tables = PersonTables(human_reach or coarse_human_reach())
-        self._hands = hands_of(len(self._cells.grid.rotations.centers), self.grasps)
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
         self._tool_hands = flat_poses(obj.T_tool_object @ self.grasps)
+        self._hands = hands_of(len(self._tools), self._tool_hands)
         self._room = room()
         self._bounds = tuple(np.zeros((2, len(self._cells.points))))
         self._turned = np.zeros(0)
@@ -173,6 +173,7 @@ class InteractionWorkspace:
             self._keys,
             self._removed,
             self._seen,
+            self._tables.places(self._person),
             self._warm,
             self._top,
             self._bounds,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels.meet_pose import UNREACHED, pose_value
+from handover._kernels.meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
 from handover._kernels.quality import quality_of
 from handover._kernels.rotations import rotation_cell
 
@@ -27,6 +27,7 @@ class Person(NamedTuple):
         dexterity: (n_positions, n_rotations) uint8 of the person's reach map.
         box: (9,) of that map: lower corner, cell [m], numbers of cells, 1 / cell, and
             by how many cells `most` is larger on every side.
+        ceiling: (n_positions,) uint8: the largest dexterity of each position.
         most: (nx, ny, nz) uint8: the largest dexterity near a position of the tool.
         scales: (4,) share of q_online, swivel step, least and largest distance of the
             wrist [m].
@@ -37,6 +38,7 @@ class Person(NamedTuple):
     settings: np.ndarray
     dexterity: np.ndarray
     box: np.ndarray
+    ceiling: np.ndarray
     most: np.ndarray
     scales: np.ndarray
 
@@ -49,12 +51,14 @@ class Hands(NamedTuple):
         wrist: (r, g, 3) offset of the wrist from the tool [m].
         cell: (r, g) rotation cell in the person's reach map.
         far: (2,) largest distance of a wrist and of a grip from the tool [m].
+        same: (g,) whether a grasp has its grip where the one before it has.
     """
 
     pose: np.ndarray
     wrist: np.ndarray
     cell: np.ndarray
     far: np.ndarray
+    same: np.ndarray
 
 
 class Cells(NamedTuple):
@@ -130,7 +134,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         hands.far[i] = np.sqrt(hands.far[i]) + TINY_M
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def position_of(box, x, y, z):
     """Return the position cell of a grip in the person's reach map, -1 outside."""
     i = int(np.floor((x - box[0]) * box[7]))
@@ -142,7 +146,7 @@ def position_of(box, x, y, z):
     return (i * ny + j) * nz + k
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def dexterity_at(person, hands, r, g, x, y, z):
     """Return the dexterity of a hand in rotation r of grasp g with its grip at x, y, z."""
     at = position_of(person.box, x, y, z)
@@ -151,7 +155,7 @@ def dexterity_at(person, hands, r, g, x, y, z):
     return person.dexterity[at, hands.cell[r, g]] / 255.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def hand_value(person, hands, r, g, x, y, z, floor, room):
     """Return q_total of grasp g with the tool at x, y, z in rotation r.
 
@@ -168,6 +172,10 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
     pose = room.pose
     for i in range(9):
         pose[i] = hands.pose[r, g, i]
+    hand_y = wx * pose[1] + wy * pose[4] + wz * pose[7]
+    hand_z = wx * pose[2] + wy * pose[5] + wz * pose[8]
+    if not wrist_allows(person.state, hand_y, hand_z, square):
+        return UNREACHED
     pose[9] = x + hands.pose[r, g, 9]
     pose[10] = y + hands.pose[r, g, 10]
     pose[11] = z + hands.pose[r, g, 11]
@@ -180,6 +188,7 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
         dexterity,
         person.scales[1],
         floor,
+        least_effort(person.state, pose[2], pose[5], pose[8], wx, wy, wz, square),
         pose,
         room.work,
         room.parts,
