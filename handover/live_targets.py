@@ -36,14 +36,14 @@ class LiveSettings:
             serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
             degrees: half a cell of 15 cm and 60 degrees.
         attach_every: Frames between two goals that must be attached to the roadmap,
-            some milliseconds each; a fifth of it while the robot has none to go to.
+            some milliseconds each; a third of it while the robot has none to go to.
         choice: Margin and patience, see `ChoiceSettings`.
     """
 
     ranked: int = 10
     near_m: float = 0.075
     near_rad: float = 0.52
-    attach_every: int = 25
+    attach_every: int = 50
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
 
     def __post_init__(self) -> None:
@@ -216,7 +216,7 @@ class LiveTargets:
 
     def _may_attach(self) -> bool:
         every = self.settings.attach_every
-        every = every if self._pursued is not None else max(1, every // 5)
+        every = every if self._pursued is not None else max(1, every // 3)
         return self.counts["frames"] - self._attached_at >= every
 
     def _may_offer(self, key: int) -> bool:

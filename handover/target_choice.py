@@ -31,7 +31,7 @@ class ChoiceSettings:
     margin: float = 0.03
     goals: int = 6
     ahead: int = 3
-    patience: int = 30
+    patience: int = 40
     retry: int = 200
     spares: int = 2
 

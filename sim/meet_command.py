@@ -33,7 +33,7 @@ OBJECTS = {"wrench": wrench, "mallet": mallet}
 GRASPS = 8  # of the person, at most
 AUDIT_S = 1.0  # from audit to audit [s]
 # fewer motions to a goal than usual: a frame pays for them when the target changes
-PLANNER = PlannerSettings(attachments=6, start_attachments=6)
+PLANNER = PlannerSettings(attachments=4, start_attachments=4)
 
 
 @dataclass(frozen=True)
