@@ -36,7 +36,8 @@ class LiveSettings:
             serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
             degrees: half a cell of 15 cm and 60 degrees.
         attach_every: Frames between two goals that must be attached to the roadmap,
-            some milliseconds each; a third of it while the robot has none to go to.
+            some milliseconds each; a third of it while the robot has no good one to go
+            to.
         choice: Margin and patience, see `ChoiceSettings`.
     """
 
@@ -129,6 +130,8 @@ class LiveTargets:
         self._attached_at = -s.attach_every
         self._pursued: Goal | None = None
         self._last_key: int | None = None
+        self._touched = False  # the person is within the clearance of the robot
+        self._best = 0.0
 
     def step(
         self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
@@ -153,8 +156,12 @@ class LiveTargets:
         self.counts["frames"] += 1
         self.meet.update(human)
         targets = self.meet.best(self.settings.ranked)
+        self._best = targets[0].quality if targets else 0.0
         self._targets = {t.key: t for t in targets}
         self._worth = {t.key: t.quality for t in self._known()}
+        self._changed = False
+        if self._touched:
+            return  # whatever the goals are, it cannot leave
         pursued = None if self._pursued is None else self._pursued.key
         decision = self.choice.decide(
             [(t.key, t.quality) for t in targets],
@@ -173,12 +180,15 @@ class LiveTargets:
             self.counts["set_goals"] += 1
             self.planner.set_goals([g.q for g in goals] or [self.rest])
         self.goals = goals
-        self._best = targets[0].quality if targets else 0.0
 
     def heed(self, answer: "Answer", q: np.ndarray) -> None:
         """Note what the planner made of the goals."""
         at = answer.goal if self.goals and answer.goal is not None else None
         goal = self._pursued = None if at is None or at < 0 else self.goals[at]
+        planner = self.planner
+        self._touched = answer.status == "holding" and bool(
+            planner.separation(q) < planner.keep
+        )
         if goal is None:
             state = BLOCKED if self.goals or self._targets else NOBODY
             missing = 0.0 if self._targets else self.meet.missing_m
@@ -216,7 +226,10 @@ class LiveTargets:
 
     def _may_attach(self) -> bool:
         every = self.settings.attach_every
-        every = every if self._pursued is not None else max(1, every // 3)
+        goal, choice = self._pursued, self.settings.choice
+        worth = 0.0 if goal is None else self._worth.get(goal.key, 0.0)
+        if worth < self._best - choice.drop:
+            every = max(1, every // 3)
         return self.counts["frames"] - self._attached_at >= every
 
     def _may_offer(self, key: int) -> bool:

@@ -20,6 +20,8 @@ class ChoiceSettings:
     Attributes:
         margin: A target replaces the pursued one only if its quality is better by this.
             0.03: about what a hand that trembles by 2 cm changes.
+        drop: A target this much worse than the best one is no spare: the robot had
+            better stand than go there.
         goals: Targets offered to the planner at once.
         ahead: Of those, better ones than the pursued that were not reached yet.
         patience: So many frames a better target is given to be found reachable, before
@@ -29,16 +31,21 @@ class ChoiceSettings:
     """
 
     margin: float = 0.03
-    goals: int = 6
-    ahead: int = 3
-    patience: int = 40
+    drop: float = 0.15
+    goals: int = 3
+    ahead: int = 2
+    patience: int = 16
     retry: int = 200
-    spares: int = 2
+    spares: int = 1
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
         if not 0 <= self.margin <= 1:
             raise BadInput(f"a margin of {self.margin} is none; give 0 to 1 of quality")
+        if not self.margin <= self.drop <= 1:
+            raise BadInput(
+                f"a drop of {self.drop} is none; give the margin, {self.margin}, to 1"
+            )
         for name, low in (("goals", 1), ("ahead", 1), ("patience", 1), ("retry", 0)):
             value = getattr(self, name)
             if value != int(value) or value < low:
@@ -96,7 +103,9 @@ class TargetChoice:
             is_cheap: Whether offering it costs nothing.
         """
         s, self._frame = self.settings, self._frame + 1
-        alive = [key for key in self.keys if key in worth]
+        least = max((quality for _, quality in ranked[:1]), default=0.0) - s.drop
+        alive = [k for k in self.keys if k in worth]
+        alive = [k for k in alive if k == pursued or worth[k] >= least]
         if pursued not in alive:
             pursued = None
         bar = -np.inf if pursued is None else worth[pursued] + s.margin
@@ -122,7 +131,7 @@ class TargetChoice:
         """Whether those ahead have had their time."""
         patience = self.settings.patience
         if np.isinf(bar):
-            patience = max(1, patience // 10)  # nothing to lose: the robot stands
+            patience = max(1, patience // 5)  # nothing to lose: the robot stands
         ahead = [key for key in alive if worth[key] > bar]
         return all(self._frame - self._since[key] >= patience for key in ahead)
 

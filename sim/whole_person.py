@@ -20,7 +20,7 @@ from sim.mocap import MocapMotion
 BASE_HEIGHT = (
     0.75  # of the robot's base above the floor a scripted person stands on [m]
 )
-WALKING = 0.35  # fastest pace of a scripted person who changes place [m/s]
+WALKING = 0.25  # fastest pace of a scripted person who changes place [m/s]
 NEAR, FAR = 0.6, 1.3  # distances a scripted person walks between, if not told [m]
 LOOKED_AT = (0.0, 0.0, 0.3)  # where a person looks who watches the robot [m]
 NEAREST, FARTHEST = 0.4, 3.0  # distances at which people may be placed [m]
