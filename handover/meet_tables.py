@@ -9,7 +9,8 @@ from scipy.ndimage import maximum_filter
 from handover._kernels import meet as kernels
 from handover._kernels.arm_ik import WORK_ROWS
 from handover._kernels.meet_search import fill_places
-from handover.arm import Arm
+from handover._kernels.quality import DOWN, GAZE, HAS_GAZE
+from handover.arm import SIDES, Arm
 from handover.human import Human
 from handover.meet_settings import MeetSettings
 from handover.quality import ArmState
@@ -99,6 +100,42 @@ class PersonTables:
             most = maximum_filter(np.pad(most, margin), 2 * margin + 1, mode="constant")
             self._most = {margin: frozen(most, np.uint8)}
         return self._most[margin]
+
+
+def state_of(
+    human: Human,
+    settings: MeetSettings,
+    last: Human | None = None,
+    known: ArmState | None = None,
+) -> ArmState:
+    """Return the state of the person's arm, from the last one if the body is alike.
+
+    In the shoulder frame a body that only moved is the same; gaze and gravity are not.
+    """
+    s = settings
+    if known is None or s.obstacles is not None or not _alike(human, last):
+        return ArmState.of(human, s.side, s.quality, s.obstacles)
+    R = human.T_world_chest[:3, :3]
+    into = np.array([[1.0], [-1.0 if s.side == "left" else 1.0], [1.0]]) * R.T
+    state = known.state.copy()
+    gaze = R[:, 0] if human.gaze is None else human.gaze
+    seen = human.gaze is not None or s.quality.absent_gaze == "torso"
+    state[GAZE : GAZE + 3] = into @ gaze
+    state[HAS_GAZE] = float(seen)
+    state[DOWN : DOWN + 3] = -into[:, 2]
+    return ArmState(s.side, state, known.obstacles, known.settings)
+
+
+def _alike(human: Human, last: Human) -> bool:
+    """Return whether two people differ in place, turn and gaze at most."""
+    return (
+        human.skeleton is last.skeleton
+        and human.height == last.height
+        and human.mass == last.mass
+        and human.posture == last.posture
+        and all(np.array_equal(human.arms[s], last.arms[s]) for s in SIDES)
+        and np.array_equal(human.bend, last.bend)
+    )
 
 
 @lru_cache(maxsize=1)

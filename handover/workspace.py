@@ -21,6 +21,7 @@ from handover.meet_tables import (
     flat_poses,
     hands_of,
     room,
+    state_of,
     top_of,
 )
 from handover.quality import PARTS, ArmState, Quality
@@ -102,6 +103,8 @@ class InteractionWorkspace:
         self._room = room()
         self._bounds = tuple(np.zeros((2, len(self._cells.points))))
         self._turned = np.zeros(0)
+        self.human: Human | None = None
+        self._state: ArmState | None = None
         self._top = top_of(1)
         self._warm = np.zeros(0, np.int64)
         self.work = np.zeros(4, np.int64)
@@ -114,7 +117,7 @@ class InteractionWorkspace:
     def update(self, human: Human) -> None:
         """Let the person move, turn, look elsewhere or hold the arms differently."""
         s = self.settings
-        state = ArmState.of(human, s.side, s.quality, s.obstacles)
+        state = state_of(human, s, self.human, self._state)
         arm, T = human.arm(s.side), human.T_world_shoulder(s.side)
         mirror = -1.0 if s.side == "left" else 1.0
         into = np.array([[1.0], [mirror], [1.0]]) * T[:3, :3].T

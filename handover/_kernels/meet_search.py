@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from handover._kernels.arm import LOWER, UPPER, arm_axes
-from handover._kernels.meet import dexterity_at, hand_value
+from handover._kernels.meet import dexterity_at, hand_value, position_of
 from handover._kernels.meet_pose import (
     ROUNDING,
     UNREACHED,
@@ -36,7 +36,6 @@ from handover._kernels.quality import (
     BETA,
     EFFORT,
     EYE,
-    GAZE,
     HAS_GAZE,
     JOINT,
     OMEGA,
@@ -338,7 +337,8 @@ def search(
             continue
         p = np.searchsorted(cells.first, e, side="right") - 1
         n = _look(
-            person, hands, cells, keys, p, e, 0, now, spin, lack, top, n, room, counts
+            person, hands, cells, keys, places, 1.0, p, e, 0, now, spin, lack, top, n,
+            room, counts,
         )
         seen[e] = True
     online, whole = bounds
@@ -407,8 +407,8 @@ def _open(
             if byte >= need + lack[r, g]:
                 if not removed[e] and not seen[e]:
                     n = _look(
-                        person, hands, cells, keys, p, e, g, now, spin, lack, top, n,
-                        room, counts,
+                        person, hands, cells, keys, places, online, p, e, g, now, spin,
+                        lack, top, n, room, counts,
                     )
                     floor = top.value[k - 1] if n == k else 0.0
                     far = (floor - online) * scale - 1e-3
@@ -416,9 +416,25 @@ def _open(
     return n
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def _byte_passes(person, hands, places, online, lack, r, g, x, y, z, floor):
+    """Return whether the bounds by place and by byte reach `floor`."""
+    px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]
+    pz = z + hands.pose[r, g, 11]
+    at = position_of(person.box, px, py, pz)
+    scale = 255.0 / max(1.0 - person.scales[0], 1e-9)
+    if at < 0:
+        return (floor - online) * scale - 1e-3 + lack[r, g] <= 0.0
+    if places[1][at] < floor:
+        return False
+    need = (floor - places[0][at]) * scale - 1e-3 + lack[r, g]
+    return person.dexterity[at, hands.cell[r, g]] >= need
+
+
 @njit(cache=True, nogil=True)
 def _look(
-    person, hands, cells, keys, p, e, first, now, spin, lack, top, n, room, counts
+    person, hands, cells, keys, places, online, p, e, first, now, spin, lack, top, n,
+    room, counts,
 ):
     """Bound the grasps of an entry from `first` on, solve those that may count."""
     k = top.value.shape[0]
@@ -427,6 +443,8 @@ def _look(
     best, best_g = UNREACHED, -1
     floor = top.value[k - 1] if n == k else 0.0
     for g in range(first, hands.wrist.shape[1]):
+        if not _byte_passes(person, hands, places, online, lack, r, g, x, y, z, floor):
+            continue
         counts[GRIPS] += 1
         bound = grip_bound(
             person, hands, now, spin[r, g], r, g, x, y, z, floor, room.parts
