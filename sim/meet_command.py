@@ -33,9 +33,10 @@ from sim.workspace_command import REACH_MAPS, check_target
 OBJECTS = {"wrench": wrench, "mallet": mallet}
 GRASPS = 8  # of the person, at most
 AUDIT_S = 1.0  # from audit to audit [s]
-# Fewer motions to a goal than usual: a frame pays for them when the target changes. And
-# one look is enough to go to a better target: the margin of quality keeps it calm.
-PLANNER = PlannerSettings(attachments=4, start_attachments=4, looks=1)
+# Fewer motions to a goal than usual: a frame pays for them when the target changes. One
+# look is enough to go to a better target: the margin of quality keeps it calm. No memory
+# of where the person was: with it the planner stays with a worse target that is calm.
+PLANNER = PlannerSettings(attachments=4, start_attachments=4, looks=1, memory_s=0.0)
 
 
 @dataclass(frozen=True)
