@@ -1,14 +1,14 @@
 """What the search for a meeting place looks up: the person's map, room to work in."""
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from handover._kernels import meet as kernels
 from handover._kernels.arm_ik import WORK_ROWS
-from handover._kernels.meet_search import fill_places
+from handover._kernels.meet_bounds import Bounds, fill_places
+from handover._kernels.meet_search import Top
 from handover._kernels.quality import DOWN, GAZE, HAS_GAZE
 from handover.arm import SIDES, Arm
 from handover.human import Human
@@ -20,15 +20,6 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
 _SLACK = 1e-6  # [m] that the wrist's range is widened by; IK decides
-
-
-class Top(NamedTuple):
-    """The best k so far: (k,) quality, key, entry and grasp."""
-
-    value: np.ndarray
-    key: np.ndarray
-    entry: np.ndarray
-    grasp: np.ndarray
 
 
 class PersonTables:
@@ -84,14 +75,16 @@ class PersonTables:
             np.array(scales, float),
         )
 
-    def places(self, person: kernels.Person) -> tuple[np.ndarray, np.ndarray]:
+    def bounds(self, person: kernels.Person, room: Bounds) -> Bounds:
         """Return bounds by place of the grip, made anew where they do not hold."""
-        known = np.concatenate([person.state, person.settings, person.scales, person.box])
+        known = np.concatenate(
+            [person.state, person.settings, person.scales, person.box]
+        )
         same = len(known) == len(self._known)
         if not same or np.abs(known - self._known).max() > 1e-9:
             fill_places(person, *self._places)
             self._known = known
-        return self._places[0], self._places[1]
+        return room._replace(place_online=self._places[0], place=self._places[1])
 
     def _most_within(self, margin: int) -> np.ndarray:
         """Return the largest dexterity within so many cells, padded by as many."""
@@ -164,7 +157,14 @@ def flat_poses(T: np.ndarray) -> np.ndarray:
 
 def room() -> kernels.Room:
     """Return room for the kernels to work in."""
-    return kernels.Room(*(np.zeros(n) for n in ((WORK_ROWS, 3), 5, 7, 7, 12)))
+    sizes = (WORK_ROWS, 3), 5, 7, 7, 12
+    return kernels.Room(*map(np.zeros, sizes), np.zeros(4, np.int64))
+
+
+def bounds_of(n_positions: int, hands: kernels.Hands) -> Bounds:
+    """Return room for bounds."""
+    n, by_hand = n_positions, hands.cell.shape
+    return Bounds(*(np.zeros(k) for k in (n, n, 0, 0, 13, by_hand, by_hand)))
 
 
 def top_of(k: int) -> Top:

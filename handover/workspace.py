@@ -1,4 +1,4 @@
-"""InteractionWorkspace: where robot and person can meet, ranked by the person's comfort.
+"""InteractionWorkspace: where robot and person can meet, the most comfortable first.
 
 [Vahrenkamp2016, III-C and Algorithm 1]; what a target is: `docs/workspace.md`.
 """
@@ -10,13 +10,14 @@ import numpy as np
 
 from handover._kernels import meet as kernels
 from handover._kernels.meet_rated import best_grasps
-from handover._kernels.meet_search import search
+from handover._kernels.meet_search import Entries, search
 from handover.constraints import allowed
 from handover.held_object import HeldObject, checked_grasps
 from handover.human import Human
 from handover.meet_settings import MeetSettings
 from handover.meet_tables import (
     PersonTables,
+    bounds_of,
     coarse_human_reach,
     flat_poses,
     hands_of,
@@ -25,6 +26,7 @@ from handover.meet_tables import (
     top_of,
 )
 from handover.quality import PARTS, ArmState, Quality
+from handover.reach_grid import ReachGrid
 from handover.reach_map import ReachMap
 from handover.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
@@ -95,19 +97,20 @@ class InteractionWorkspace:
         self._cells = self._allowed(cells)
         self._keys = frozen(self._cells.keys(), np.int64)
         self._removed = np.zeros(len(self._cells), bool)
-        self._seen = np.zeros(len(self._cells), bool)
+        self._entries = Entries(
+            self._keys, self._removed, np.zeros(len(self._cells), bool)
+        )
         self._tables = PersonTables(human_reach or coarse_human_reach())
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
         self._tool_hands = flat_poses(obj.T_tool_object @ self.grasps)
         self._hands = hands_of(len(self._tools), self._tool_hands)
         self._room = room()
-        self._bounds = tuple(np.zeros((2, len(self._cells.points))))
+        self._bounds = bounds_of(len(self._cells.points), self._hands)
         self._turned = np.zeros(0)
         self.human: Human | None = None
         self._state: ArmState | None = None
         self._top = top_of(1)
         self._warm = np.zeros(0, np.int64)
-        self.work = np.zeros(4, np.int64)
         self.update(human)
 
     def __len__(self) -> int:
@@ -168,21 +171,10 @@ class InteractionWorkspace:
             raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
         if len(self._top.value) != k:
             self._top = top_of(k)
-        self.work[:] = 0
-        n = search(
-            self._person,
-            self._hands,
-            self._where,
-            self._keys,
-            self._removed,
-            self._seen,
-            self._tables.places(self._person),
-            self._warm,
-            self._top,
-            self._bounds,
-            self._room,
-            self.work,
-        )
+        self._room.counts[:] = 0
+        who = self._person, self._hands, self._where
+        bounds = self._tables.bounds(self._person, self._bounds)
+        n = search(who, self._entries, bounds, self._warm, self._top, self._room)
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
 
@@ -191,18 +183,17 @@ class InteractionWorkspace:
 
         None: removed, no cell of this workspace, or nobody can take the object there.
         """
-        keys = np.asarray(keys, np.int64)
-        at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        value, grasp = np.empty(len(keys)), np.empty(len(keys), np.int32)
-        who = self._person, self._hands, self._where
-        best_grasps(*who, at, self._room, value, grasp)
-        known = (self._keys[at] == keys) & ~self._removed[at]
-        good = np.flatnonzero(known & (grasp >= 0))
+        at, value, grasp = self._rate(keys)
+        good = np.flatnonzero(value >= 0)
         found = self._targets(at[good], grasp[good])
-        rated: list[Target | None] = [None] * len(keys)
+        rated: list[Target | None] = [None] * len(at)
         for k, target in zip(good.tolist(), found, strict=True):
             rated[k] = target
         return rated
+
+    def quality_of(self, keys: Sequence[int]) -> np.ndarray:
+        """Return (n,) quality of some cells now; -1 where `rated` would be None."""
+        return self._rate(keys)[1]
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
@@ -218,10 +209,30 @@ class InteractionWorkspace:
         """Bring all removed targets back."""
         self._removed[:] = False
 
+    def forget(self) -> None:
+        """Forget the last best, which the next `best` would begin with."""
+        self._warm = self._warm[:0]
+
+    @property
+    def work(self) -> dict[str, int]:
+        """What the last `best` did: positions opened, bytes, grips, poses solved."""
+        names = "positions", "bytes", "grips", "solved"
+        return dict(zip(names, self._room.counts.tolist(), strict=True))
+
+    @property
+    def removed(self) -> np.ndarray:
+        """(m,) int64 keys that are taken out."""
+        return self._keys[self._removed]
+
     @property
     def keys(self) -> np.ndarray:
         """(n,) int64 cells the robot reaches and the constraints allow, ascending."""
         return self._keys
+
+    @property
+    def grid(self) -> ReachGrid:
+        """The grid that `keys` number the cells of, in the robot's base frame."""
+        return self._cells.grid
 
     @property
     def missing_m(self) -> float:
@@ -244,6 +255,18 @@ class InteractionWorkspace:
             )
             best = min(best, np.linalg.norm(wrist, axis=1).min() - high)
         return max(float(best), 0.0)
+
+    def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return entries, qualities (-1: none) and grasps of the cells `keys`."""
+        keys = np.asarray(keys, np.int64).reshape(-1)
+        value, grasp = np.full(len(keys), -1.0), np.full(len(keys), -1, np.int32)
+        if not len(self._keys):
+            return np.zeros(len(keys), np.int64), value, grasp
+        at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        who = self._person, self._hands, self._where
+        best_grasps(*who, at, self._room, value, grasp)
+        value[(self._keys[at] != keys) | self._removed[at]] = -1.0
+        return at, value, grasp
 
     def _allowed(self, cells: RobotCells) -> RobotCells:
         """Drop the cells that a constraint forbids, whoever takes the object."""
@@ -287,5 +310,3 @@ def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.n
             )
         return obj.hand_grasps[: int(grasps)]
     return checked_grasps(grasps)
-
-

@@ -298,7 +298,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human or approach.",
+            "human, approach or workspace.",
         ),
     ],
     map_dir: Annotated[

@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from odm.cameras import look_at
 from odm.recipe import RobotRecipe, Safety
 from roadmap.build import RoadmapSettings
 from roadmap.kinematics import tool_pose
+
+if TYPE_CHECKING:
+    from handover import ReachMap
 
 URDF = """<robot name="sample">
 <link name="base"><collision><geometry><cylinder radius="0.06" length="0.1"/></geometry>
@@ -244,6 +248,20 @@ def _reach(cell_map: CellMap, folder: Path) -> None:
     reach.qualities(np.array([cell]))
     reach.dense()
     center_rate(reach, chain, cells=1)
+    _meet(reach)
+
+
+def _meet(reach: "ReachMap") -> None:
+    """Rank where to meet, once in every way."""
+    from handover import Human, InteractionWorkspace, MeetSettings, wrench
+
+    settings = MeetSettings(cell=0.2, rotations=72)
+    human = Human().placed(0.8, 0, np.pi)
+    meet = InteractionWorkspace(reach, human, wrench(), 1, settings)
+    for target in meet.best(1):
+        meet.rated([target.key])
+        meet.remove(target)
+    meet.build()
 
 
 def cache_misses() -> int:

@@ -5,16 +5,29 @@ change from cell to cell: who (the person now), how (hands by rotation and grasp
 where (the robot's cells).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from handover._kernels.meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
+from handover._kernels.meet_pose import (
+    UNREACHED,
+    least_effort,
+    pose_value,
+    wrist_allows,
+)
 from handover._kernels.quality import quality_of
 from handover._kernels.rotations import rotation_cell
 
 TINY_M = 1e-9
+# Qualities are rounded to this. A tool turned by half a turn often offers the same hand
+# pose, so equals are common: the key, not the last digit, tells which comes first.
+GRAIN = 1e-9
+# [rad] A hand is looked up in the person's map turned by this. Person and robot stand
+# upright, so hands point straight up often, where cells meet: without it rounding would
+# choose among them, another one each frame.
+NUDGE = (0.36e-4, 0.48e-4, 0.8e-4)
 
 
 class Person(NamedTuple):
@@ -76,13 +89,23 @@ class Cells(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room to work in: work (78, 3), parts (5,), q (7,), best (7,), pose (12,)."""
+    """Room to work in.
+
+    Attributes:
+        work: (78, 3) of `arm_ik`.
+        parts: (5,) qualities.
+        q: (7,) joints.
+        best: (7,) the best joints.
+        pose: (12,) a hand.
+        counts: (4,) int64 what a search did.
+    """
 
     work: np.ndarray
     parts: np.ndarray
     q: np.ndarray
     best: np.ndarray
     pose: np.ndarray
+    counts: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -100,7 +123,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         frames: Its pixel frames.
         hands: Written.
     """
-    tool = np.empty((3, 3))
+    tool, near = np.empty((3, 3)), np.empty(9)
     hands.far[:] = 0.0
     for r in range(tools.shape[0]):
         for i in range(3):
@@ -124,7 +147,12 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
                     tool[i, 0] * row[9] + tool[i, 1] * row[10] + tool[i, 2] * row[11]
                 )
                 hands.wrist[r, g, i] = hand[9 + i] - grip * hand[3 * i + 2]
-            hands.cell[r, g] = rotation_cell(hand, n_side, n_roll, frames)
+            for j in range(3):
+                a, b, c = hand[j], hand[3 + j], hand[6 + j]
+                near[j] = a + NUDGE[1] * c - NUDGE[2] * b
+                near[3 + j] = b + NUDGE[2] * a - NUDGE[0] * c
+                near[6 + j] = c + NUDGE[0] * b - NUDGE[1] * a
+            hands.cell[r, g] = rotation_cell(near, n_side, n_roll, frames)
             w = hands.wrist[r, g]
             wrist = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
             there = hand[9] * hand[9] + hand[10] * hand[10] + hand[11] * hand[11]
@@ -148,7 +176,7 @@ def position_of(box, x, y, z):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def dexterity_at(person, hands, r, g, x, y, z):
-    """Return the dexterity of a hand in rotation r of grasp g with its grip at x, y, z."""
+    """Return the dexterity of a hand in rotation r of grasp g at x, y, z."""
     at = position_of(person.box, x, y, z)
     if at < 0:
         return 0.0
@@ -157,7 +185,7 @@ def dexterity_at(person, hands, r, g, x, y, z):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def hand_value(person, hands, r, g, x, y, z, floor, room):
-    """Return q_total of grasp g with the tool at x, y, z in rotation r.
+    """Return q_total, to the GRAIN, of grasp g with the tool at x, y, z, rotation r.
 
     UNREACHED where no joints reach it, BELOW where it is below `floor`; else the
     joints are in room.best.
@@ -180,7 +208,7 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
     pose[10] = y + hands.pose[r, g, 10]
     pose[11] = z + hands.pose[r, g, 11]
     dexterity = dexterity_at(person, hands, r, g, pose[9], pose[10], pose[11])
-    return pose_value(
+    found = pose_value(
         person.state,
         person.rods,
         person.settings,
@@ -195,6 +223,7 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
         room.q,
         room.best,
     )
+    return math.floor(found / GRAIN + 0.5) * GRAIN if found >= 0.0 else found
 
 
 @njit(cache=True, nogil=True)

@@ -43,13 +43,13 @@ from handover._kernels.quality import (
 )
 
 UNREACHED, BELOW = -1.0, -0.5
-ROUNDING = 1e-9  # that a bound is raised by
+ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by
 _LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def open_parts(state, settings, x, y, z, parts):
-    """Write the qualities of travel and visibility of a grip; return the weights' sum."""
+    """Write the qualities of a grip's way and visibility; return the weights' sum."""
     parts[SPATIAL] = 1.0 - math.tanh(
         settings[BETA + SPATIAL] * spatial_cost(state, x, y, z)
     )
@@ -143,7 +143,19 @@ def online_sum(settings, parts):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def pose_value(
-    state, rods, settings, share, dexterity, step, floor, least, pose, work, parts, q, best_q
+    state,
+    rods,
+    settings,
+    share,
+    dexterity,
+    step,
+    floor,
+    least,
+    pose,
+    work,
+    parts,
+    q,
+    best_q,
 ):
     """Return q_total of the best representative of a hand pose, its joints in best_q.
 
@@ -288,14 +300,18 @@ def least_effort(state, hx, hy, hz, wx, wy, wz, square):
     """Return what the effort of a hand pose costs at least, whatever the swivel.
 
     One of its seven terms is the torque about the shoulder's y axis, m . k with the
-    arm's first moment m and k = down x y. With the upper arm's direction u and the wrist
-    W, m = a W + b u + c h, and u keeps its angle to W: all but b times its part across W
-    is known, and that part is at most as long as k's own across W.
+    arm's first moment m and k = down x y. With the upper arm's direction u and the
+    wrist W, m = a W + b u + c h, and u keeps its angle to W: all but b times its part
+    across W is known, and that part is at most as long as k's own across W.
 
     Args:
         state: See `quality.py`; the arm first.
-        hx, hy, hz: Direction of the fingers.
-        wx, wy, wz: The wrist W [m].
+        hx: Direction of the fingers h.
+        hy: The same.
+        hz: The same.
+        wx: The wrist W [m].
+        wy: The same.
+        wz: The same.
         square: Squared length of W [m^2].
     """
     upper, fore = state[0], state[1]

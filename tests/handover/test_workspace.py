@@ -1,0 +1,410 @@
+"""The interaction workspace: against a slow twin, and its short cuts against itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import handover
+from handover import (
+    Above,
+    Human,
+    Inside,
+    InteractionWorkspace,
+    MeetSettings,
+    QualitySettings,
+    ReachSettings,
+    Upright,
+    build_reach_map,
+    mallet,
+    wrench,
+)
+from handover._kernels import meet_bounds as bounds
+from handover._kernels.meet import NUDGE, UNREACHED, hand_value
+from handover.robot_cells import robot_cells
+from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
+
+BASE = pose_of([0.1, -0.2, 0.8], [0.0, 0.0, 0.4])
+
+
+@pytest.fixture(scope="module")
+def person_map():
+    settings = ReachSettings(cell=0.2, rotations=72, samples=20_000, seed=3)
+    return build_reach_map(Human().arm("right").chain(), settings, threads=1)
+
+
+@pytest.fixture(scope="module")
+def meet_of(robot_map, person_map):
+    """Return a function that makes a workspace of the Kawasaki."""
+
+    def make(human, obj=None, grasps=4, **settings):
+        chosen = {"T_world_base": BASE, "cell": 0.2} | settings
+        return InteractionWorkspace(
+            robot_map,
+            human,
+            obj or wrench(),
+            grasps,
+            MeetSettings(**chosen),
+            human_reach=person_map,
+        )
+
+    return make
+
+
+def somebody(rng, far=1.3):
+    """Return a person of any size somewhere near the robot, looking anywhere."""
+    posture = ("standing", "bending", "sitting", "lying")[rng.integers(4)]
+    human = Human(rng.uniform(1.4, 2.0), posture)
+    angle, away = rng.uniform(-np.pi, np.pi), rng.uniform(0.4, far)
+    x, y = BASE[:2, 3] + away * np.array([np.cos(angle), np.sin(angle)])
+    human = human.placed(x, y, angle + np.pi + rng.normal(0, 0.5))
+    for side in ("left", "right"):
+        arm = human.arm(side)
+        human = human.with_arm(side, rng.uniform(arm.lower, arm.upper))
+    return human if rng.random() < 0.3 else human.looking(rng.normal(size=3))
+
+
+def slow_value(meet, person_map, human, key):
+    """Return q_total of one cell by poses, IK and quality of the public doors."""
+    s = meet.settings
+    T_tool = s.T_world_base @ meet.grid.centers([key])[0]
+    state = handover.ArmState.of(human, s.side, s.quality, s.obstacles)
+    best = -1.0
+    for grasp in meet.grasps:
+        T_hand = T_tool @ meet.obj.T_tool_object @ grasp
+        arm = human.arm(s.side)
+        T = arm.mirrored(np.linalg.inv(human.T_world_shoulder(s.side)) @ T_hand)
+        near = T.copy()
+        near[:3, :3] = Rotation.from_rotvec(NUDGE).as_matrix() @ T[:3, :3]
+        dexterity = person_map.quality(near, arm.length)
+        for q in human.arm_ik(s.side, T_hand, s.swivel_step).q:
+            online = handover.posture_quality(state, q).online
+            best = max(best, handover.total_quality(online, dexterity, s.quality))
+    return best
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_every_cell_is_worth_what_the_slow_twin_says(side, meet_of, person_map, rng):
+    seen = 0
+    for _ in range(4):
+        human = somebody(rng, 0.9)
+        rods = np.array([[0.5, 0.1, 1.0, 0.6, 0.1, 1.3, 0.05]])
+        meet = meet_of(human, side=side, obstacles=rods)
+        value = meet.build()
+        reached = np.flatnonzero(value >= 0)
+        cells = np.concatenate([reached[::9], rng.integers(0, len(value), 60)])
+        seen += len(reached[::9])
+        for e in cells:
+            slow = slow_value(meet, person_map, human, int(meet.keys[e]))
+            assert value[e] == pytest.approx(slow, abs=2e-9)
+    assert seen > 40
+
+
+def best_of_all(meet, k, removed=()):
+    """Return keys and qualities of the best k of the full grid."""
+    value = meet.build().copy()
+    value[np.isin(meet.keys, list(removed))] = -1.0
+    order = np.lexsort((meet.keys, -value))[:k]
+    order = order[value[order] >= 0]
+    return meet.keys[order].tolist(), value[order].tolist()
+
+
+def answer(targets):
+    return [t.key for t in targets], [t.quality for t in targets]
+
+
+@pytest.mark.parametrize("obj", [wrench(), mallet()], ids=["wrench", "mallet"])
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_best_first_finds_the_best_of_the_full_grid(obj, share, meet_of, rng):
+    quality = QualitySettings(
+        online_weight=share, joint_weights=(1, 2, 0.5, 1, 0, 1, 1), absent_gaze="omit"
+    )
+    meet = meet_of(somebody(rng), obj, 8, quality=quality, side="left")
+    found = 0
+    for _ in range(25):
+        meet.update(somebody(rng))
+        targets = meet.best(10)
+        assert answer(targets) == best_of_all(meet, 10)
+        found += len(targets)
+    assert found > 50
+
+
+def test_no_bound_is_below_what_it_bounds(meet_of, rng):
+    closest = np.full(3, np.inf)
+    n = 0
+    for _ in range(6):
+        meet = meet_of(somebody(rng, 0.8), grasps=6)
+        person, hands, cells, room = meet._person, meet._hands, meet._where, meet._room
+        made = meet._tables.bounds(person, meet._bounds)
+        bounds.position_bounds(person, hands, cells, made)
+        bounds.now_turn(person, made.now)
+        bounds.fill_spins(person, hands.pose, made)
+        for p, (x, y, z) in enumerate(cells.points):
+            for e in range(cells.first[p], cells.first[p + 1]):
+                r = cells.rotation[e]
+                for g in range(6):
+                    true = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
+                    if true < 0:
+                        continue
+                    n += 1
+                    grip = bounds.grip_bound(
+                        person, hands, made, r, g, x, y, z, 0.0, room.parts
+                    )
+                    there = hands.pose[r, g, 9:] + (x, y, z)
+                    at = bounds.position_of(person.box, *there)
+                    place = made.place[at] if at >= 0 else np.inf
+                    for level in (true, np.nextafter(true, 0)):
+                        assert bounds.byte_passes(
+                            person, hands, made, p, r, g, x, y, z, level
+                        )
+                    gaps = np.array([made.whole[p], place, grip]) - true
+                    closest = np.minimum(closest, gaps)
+    assert n > 2000 and (closest > 0).all() and closest[2] < 0.02
+
+
+def test_what_a_target_says_fits_together(meet_of, rng):
+    human = somebody(rng, 0.7)
+    meet = meet_of(human, mallet(), side="left")
+    targets = meet.best(40)
+    assert len(targets) > 5
+    for t in targets:
+        assert np.allclose(t.T_world_object, t.T_world_tool @ meet.obj.T_tool_object)
+        T_hand = human.T_world_shoulder("left") @ human.arm("left").fk(t.arm_q)
+        assert np.allclose(T_hand, t.T_world_hand, atol=1e-9)
+        assert np.allclose(t.T_world_object @ meet.grasps[t.grasp], t.T_world_hand)
+        assert t.quality == pytest.approx((t.parts.online + t.dexterity) / 2)
+        arm = human.arm("left")
+        assert (t.arm_q >= arm.lower).all() and (t.arm_q <= arm.upper).all()
+
+
+def test_cells_asked_by_key_are_worth_what_the_full_grid_says(meet_of, rng):
+    meet = meet_of(somebody(rng, 0.7))
+    best = meet.best(3)
+    value = meet.build()
+    keys = [best[2].key, -1, int(meet.keys[value.argmin()]), best[0].key, 10**9]
+    meet.remove(best[1])
+    rated = meet.rated([*keys, best[1].key])
+    assert [t and t.key for t in rated] == [
+        best[2].key,
+        *2 * [None],
+        best[0].key,
+        None,
+        None,
+    ]
+    assert np.allclose(rated[0].arm_q, best[2].arm_q)
+    quality = meet.quality_of(keys)
+    assert quality.tolist() == [best[2].quality, -1, -1, best[0].quality, -1]
+    none = meet_of(meet.human, constraints=[Above(50.0)])
+    assert none.rated([4]) == [None] and none.quality_of([4]).tolist() == [-1]
+
+
+def test_removed_targets_stay_out_until_restored(meet_of, rng):
+    meet = meet_of(somebody(rng, 0.7))
+    before, n = answer(meet.best(12)), len(meet)
+    out = []
+    for _ in range(8):
+        target = meet.best(1)[0]
+        out.append(target.key)
+        meet.remove(target)
+        assert answer(meet.best(5)) == best_of_all(meet, 5, out)
+    assert out == before[0][:8] and len(meet) == n - 8
+    meet.update(meet.human.looking([1.0, 0.0, 0.0]))
+    assert not set(out) & {t.key for t in meet.best(20)}
+    meet.update(replace(meet.human, gaze=None))
+    meet.restore()
+    assert len(meet) == n
+
+
+def test_an_update_is_as_good_as_a_new_workspace(meet_of, rng):
+    human = somebody(rng, 0.8)
+    meet = meet_of(human)
+    steps = [
+        lambda h: h.moved(pose_of([0.02, 0.01, 0.0]) @ h.T_world_pelvis),
+        lambda h: h.moved(h.T_world_pelvis @ pose_of([0, 0, 0], [0, 0, 0.1])),
+        lambda h: h.looking(rng.normal(size=3)),
+        lambda h: h.looking(None),
+        lambda h: h.with_arm("right", rng.uniform(-0.4, 0.4, 7)),
+        lambda h: h.with_arm("left", np.radians([60, 10, 0, 90, 0, 0, 0])),
+        lambda h: replace(h, bend=[0.1, 0.3, -0.2]),
+        lambda h: h.moved(h.T_world_pelvis @ pose_of([0, 0, 0], [0.3, 0.2, 0])),
+        lambda h: h.resized(1.6),
+    ]
+    for step in steps:
+        human = step(human)
+        meet.update(human)
+        new = meet_of(human)
+        assert np.allclose(meet.build(), new.build(), atol=2e-9)
+        assert [t.key for t in meet.best(10)] == [t.key for t in new.best(10)]
+
+
+def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
+    human = Human(1.75).placed(4.0, 0.0, np.pi)
+    meet = meet_of(human, grasps=1)
+    assert len(meet) == 0 and meet.best(10) == []
+    arm, shoulder = human.arm("right"), human.T_world_shoulder("right")[:3, 3]
+    T = BASE @ meet.grid.centers(meet.keys) @ meet.obj.T_tool_object
+    T = T @ meet.grasps[0]
+    wrist = T[:, :3, 3] - arm.lengths[2] * T[:, :3, 2]
+    gap = np.linalg.norm(wrist - shoulder, axis=1).min() - arm.lengths[:2].sum()
+    assert meet.missing_m == pytest.approx(gap, abs=1e-5) and gap > 1.0
+    # that much nearer along the shortest way, lengths no longer stand in the way
+    near = wrist[np.linalg.norm(wrist - shoulder, axis=1).argmin()] - shoulder
+    T_pelvis = human.T_world_pelvis.copy()
+    T_pelvis[:3, 3] += (gap + 1e-4) * near / np.linalg.norm(near)
+    meet.update(human.moved(T_pelvis))
+    assert meet.missing_m == 0.0
+    nobody = meet_of(human, constraints=[Above(50.0)])
+    assert len(nobody) == 0 and nobody.best() == [] and nobody.missing_m == np.inf
+
+
+def test_constraints_are_those_of_the_object(meet_of, rng):
+    human = somebody(rng, 0.7)
+    free = meet_of(human)
+    for constraint in (
+        Upright(1.0, axis=(1, 0, 0), up=(0, 0, -1)),
+        Above(0.9),
+        Inside((-5, -5, 0.8), (5, 5, 1.2)),
+        Inside((-5, -5, 0.8), (5, 5, 1.2), outside=True),
+    ):
+        meet = meet_of(human, constraints=[constraint])
+        T = BASE @ free.grid.centers(free.keys) @ free.obj.T_tool_object
+        wanted = []
+        for pose in T:
+            if isinstance(constraint, Upright):
+                wanted.append(-pose[2, 0] >= np.cos(1.0))
+            elif isinstance(constraint, Above):
+                low = min(
+                    min((pose[:3, :3] @ end + pose[:3, 3])[2] for end in (a, b))
+                    - rod[6]
+                    for rod in free.obj.capsules
+                    for a, b in [(rod[:3], rod[3:6])]
+                )
+                wanted.append(low >= 0.9)
+            else:
+                wanted.append((0.8 <= pose[2, 3] <= 1.2) != constraint.outside)
+        assert np.array_equal(meet.keys, free.keys[wanted])
+        kept = np.isin(free.keys, meet.keys)
+        assert 0 < kept.sum() < len(kept)
+        assert np.array_equal(meet.build(), free.build()[kept])
+
+
+def test_coarse_cells_hold_their_share_of_fine_ones(robot_map):
+    fine = robot_map.grid
+    poses = fine.centers(robot_map.marked_cells())
+    for share in (0.0, 0.5):
+        coarse = robot_cells(robot_map, 0.3, 72, share)
+        p = np.floor(poses[:, :3, 3] / 0.3 + 1e-6)
+        counted: dict = {}
+        for place, cell in zip(p, robot_map.marked_cells() % 72, strict=True):
+            at = (*place, cell)
+            counted[at] = counted.get(at, 0) + 1
+        wanted = {at for at, n in counted.items() if n > share * 27}
+        centers = coarse.grid.centers(coarse.keys())
+        at = np.floor(centers[:, :3, 3] / 0.3)
+        got = {(*a, r) for a, r in zip(at, coarse.rotation, strict=True)}
+        assert got == wanted
+    same = robot_cells(robot_map, 0.1, 72)
+    assert len(same) == robot_map.n_marked
+    assert np.allclose(
+        same.grid.centers(same.keys()), fine.centers(robot_map.marked_cells())
+    )
+
+
+def test_tools_of_our_own_are_whole():
+    for obj in (wrench(), mallet()):
+        assert len(obj.hand_grasps) >= 12
+        for T in obj.hand_grasps:
+            assert np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
+            # a fist round the handle: the handle's axis is the hand's y, in its grip
+            assert abs(T[0, 1]) == pytest.approx(1.0) and np.allclose(T[1:3, 3], 0)
+            rod = obj.capsules[0]
+            assert rod[0] <= T[0, 3] <= rod[3]
+        turns = {tuple(T[:3, :3].round(6).ravel()) for T in obj.hand_grasps}
+        assert len(turns) == len(obj.hand_grasps)
+
+
+def no_rigid():
+    T = np.eye(4)[None].copy()
+    T[0, 0, 0] = 2.0
+    return T
+
+
+@pytest.mark.parametrize(
+    ("grasps", "says"),
+    [
+        ([], "no human grasp"),
+        (0, "0 of them"),
+        (99, "16 human grasps"),
+        (np.eye(4), "shape"),
+        (no_rigid(), "grasp 0"),
+        (np.full((1, 4, 4), np.nan), "NaN"),
+    ],
+)
+def test_grasps_that_are_none_are_refused(grasps, says, meet_of):
+    with pytest.raises(BadInput, match=says):
+        meet_of(Human(), grasps=grasps)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"cell": 0.05}, "finer than the 0.1"),
+        ({"cell": 7.0}, "cell of 7.0 m"),
+        ({"cell": float("nan")}, "cell of nan"),
+        ({"rotations": 576}, "more than the 72"),
+        ({"rotations": 100}, "no grid has 100"),
+        ({"marked_share": 1.0}, "marked_share"),
+        ({"side": "both"}, "no 'both' arm"),
+        ({"swivel_step": 0.0}, "swivel step"),
+        ({"T_world_base": np.eye(3)}, "T_world_base"),
+        ({"T_world_base": np.diag([1.0, 1, 2, 1])}, "not a rigid motion"),
+        ({"obstacles": np.zeros((1, 6))}, "obstacles"),
+        ({"constraints": ["upright"]}, "no constraint"),
+    ],
+)
+def test_settings_that_are_none_are_refused(settings, says, meet_of):
+    with pytest.raises(BadInput, match=says):
+        meet_of(Human(), **settings)
+
+
+def test_maps_in_the_wrong_place_are_refused(robot_map, person_map, meet_of):
+    with pytest.raises(BadInput, match="give a robot's map"):
+        InteractionWorkspace(person_map, Human(), wrench())
+    with pytest.raises(BadInput, match="of a person's arm"):
+        InteractionWorkspace(robot_map, Human(), wrench(), human_reach=robot_map)
+    meet = meet_of(Human().placed(0.8, 0, np.pi))
+    with pytest.raises(BadInput, match="best 0"):
+        meet.best(0)
+    target = replace(meet.best(1)[0], key=-5)
+    with pytest.raises(BadInput, match="key -5"):
+        meet.remove(target)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Upright(0.0), "tilt of 0.0"),
+        (lambda: Upright(0.1, axis=(0, 0, 0)), "is zero"),
+        (lambda: Upright(0.1, up=(0, np.nan, 1)), "three finite"),
+        (lambda: Above(np.nan), "height of nan"),
+        (lambda: Inside((0, 0, 1), (1, 1, 0)), "box from"),
+        (lambda: wrench().held_by(np.zeros((4, 4))), "T_tool_object"),
+        (lambda: replace(wrench(), mass_kg=0.0), "mass of 0.0"),
+        (lambda: replace(wrench(), capsules=np.zeros((1, 7))), "radius of 0"),
+        (lambda: replace(wrench(), capsules=np.zeros((0, 7))), "shape"),
+    ],
+)
+def test_objects_and_constraints_that_are_none_are_refused(make, says):
+    with pytest.raises(BadInput, match=says):
+        make()
+
+
+def test_a_constraint_must_judge_every_pose(meet_of):
+    class Odd:
+        def allows(self, T_world_object, obj):
+            return np.ones(3)
+
+    with pytest.raises(BadInput, match="must return"):
+        meet_of(Human(), constraints=[Odd()])
