@@ -1,7 +1,8 @@
-"""find_handover: the best target that the robot really reaches [Vahrenkamp2016, Alg. 2].
+"""find_handover: the best target that the robot really reaches.
 
-The workspace ranks cells; whether the robot can go to the middle of one, and stand there
-free, is asked of its inverse kinematics and of a test of validity, best target first.
+[Vahrenkamp2016, Algorithm 2]. The workspace ranks cells; whether the robot can go to
+the middle of one, and stand there free, is asked of its inverse kinematics and of a
+test of validity, best target first.
 """
 
 import time
@@ -173,7 +174,7 @@ def check_same_robot(meet: InteractionWorkspace, robot: Robot) -> None:
     )
     if not same:
         raise BadInput(
-            f"the workspace's reach map is of {chain.name} with {chain.dof} joints, not "
-            f"of {robot.name} with its tool {robot.tip_name!r}; build one for this "
-            "robot: `odm workspace build`"
+            f"the reach map of the workspace is of {chain.name} with {chain.dof} "
+            f"joints, not of {robot.name} with its tool {robot.tip_name!r}; "
+            "build one for this robot: `odm workspace build`"
         )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+_DEEPEST = 8  # times as many targets are looked at while the best ones are blocked
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -31,7 +32,7 @@ class LiveSettings:
     """How the live thread shares out its work.
 
     Attributes:
-        ranked: Targets looked at in every frame.
+        ranked: Targets looked at in every frame; more and more while all are blocked.
         near_m, near_rad: A roadmap node that holds the tool this near to a target
             serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
             degrees: half a cell of 15 cm and 60 degrees.
@@ -132,6 +133,7 @@ class LiveTargets:
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
         self._best = 0.0
+        self._blocked = 0  # frames without a target that can be reached
 
     def step(
         self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
@@ -155,7 +157,7 @@ class LiveTargets:
             self.rest = np.array(q, float)
         self.counts["frames"] += 1
         self.meet.update(human)
-        targets = self.meet.best(self.settings.ranked)
+        targets = self.meet.best(self._depth())
         self._best = targets[0].quality if targets else 0.0
         self._targets = {t.key: t for t in targets}
         self._worth = {t.key: t.quality for t in self._known()}
@@ -210,6 +212,13 @@ class LiveTargets:
         )
 
     # --- inside ----------------------------------------------------------------
+
+    def _depth(self) -> int:
+        """Return how many targets to look at: the longer it is blocked, the more."""
+        ranked, choice = self.settings.ranked, self.settings.choice
+        self._blocked = 0 if self._pursued is not None else self._blocked + 1
+        more = self._blocked // (choice.patience * choice.goals)
+        return ranked * min(1 + more, _DEEPEST)
 
     def _known(self) -> list[Target]:
         """Return the targets on offer as they are now; those that are none left out."""

@@ -20,8 +20,8 @@ class ChoiceSettings:
     Attributes:
         margin: A target replaces the pursued one only if its quality is better by this.
             0.03: about what a hand that trembles by 2 cm changes.
-        drop: A target this much worse than the best one is no spare: the robot had
-            better stand than go there.
+        drop: A target this much worse than the best one is no spare: when the pursued
+            one is blocked, better ones are tried first.
         goals: Targets offered to the planner at once.
         ahead: Of those, better ones than the pursued that were not reached yet.
         patience: So many frames a better target is given to be found reachable, before
@@ -97,17 +97,18 @@ class TargetChoice:
 
         Args:
             ranked: (cell, quality) of the best targets, best first.
-            worth: Quality now of each cell on offer; left out: it is no target now.
+            worth: Quality now of each cell on offer; left out: no target now.
             pursued: The cell that the planner is on its way to or at; None: to none.
-            has_goal: Whether a configuration is known for a cell and may be offered now.
+            has_goal: Whether a configuration of a cell is known and may be offered.
             is_cheap: Whether offering it costs nothing.
         """
         s, self._frame = self.settings, self._frame + 1
         least = max((quality for _, quality in ranked[:1]), default=0.0) - s.drop
         alive = [k for k in self.keys if k in worth]
-        alive = [k for k in alive if k == pursued or worth[k] >= least]
         if pursued not in alive:
             pursued = None
+        else:
+            alive = [k for k in alive if k == pursued or worth[k] >= least]
         bar = -np.inf if pursued is None else worth[pursued] + s.margin
         worth = dict(worth) | dict(ranked)
         wish = None
@@ -194,8 +195,10 @@ class TargetChoice:
 def _holds(
     keys: list[int], worth: Mapping[int, float], pursued: int | None, margin: float
 ) -> bool:
-    """Whether no target stands before the pursued one that is worse, or behind it that
-    is better by the margin; and no other two are swapped by more than the margin.
+    """Whether nothing is wrong with an order by more than the margin.
+
+    No worse target stands before the pursued one, none behind it is better by the
+    margin, and no other two are swapped by more than it.
     """
     if pursued in keys:
         at = keys.index(pursued)

@@ -70,8 +70,8 @@ class TargetGoals:
         index = NodeIndex(planner.robot, nodes) if index is None else index
         if len(index) != len(nodes):
             raise BadInput(
-                f"the index holds {len(index)} nodes, the planner's roadmap {len(nodes)};"
-                " make it of the same map"
+                f"the index holds {len(index)} nodes, the planner's roadmap "
+                f"{len(nodes)}; make it of the same map"
             )
         self.planner, self.meet, self.index = planner, meet, index
         self.near_m, self.near_rad = near_m, near_rad

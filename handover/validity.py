@@ -1,12 +1,15 @@
 """Whether a robot may stand at a configuration: one form for all who can tell."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
+
+if TYPE_CHECKING:
+    from odm.planner import ReactivePlanner
 
 Validity = Callable[[np.ndarray], tuple[bool, str]]
 _JOINED = 8  # near nodes that a configuration may be joined with
@@ -21,7 +24,7 @@ class PlannerValidity:
             the configuration, as the attachment of a goal needs it; 0: not asked for.
     """
 
-    def __init__(self, planner: ReactivePlanner, joined: int = _JOINED) -> None:
+    def __init__(self, planner: "ReactivePlanner", joined: int = _JOINED) -> None:
         """Keep the planner."""
         self.planner, self.joined = planner, joined
 
@@ -54,12 +57,12 @@ def validity_of(is_valid: object) -> Validity:
     Raises:
         BadInput: It is none of these, at once or when it answers.
     """
-    if isinstance(is_valid, ReactivePlanner):
+    if hasattr(is_valid, "is_free") and hasattr(is_valid, "cell_map"):
         return PlannerValidity(is_valid)
     if not callable(is_valid):
         raise BadInput(
-            f"is_valid is {is_valid!r}; give a planner, or a function of q that returns "
-            "a bool or (bool, reason)"
+            f"is_valid is {is_valid!r}; give a planner, or a function of q that "
+            "returns a bool or (bool, reason)"
         )
     if isinstance(is_valid, PlannerValidity):
         return is_valid

@@ -1,4 +1,4 @@
-"""Is the target pursued really the best one that can be reached? Asked off the clock."""
+"""Is the target pursued the best one that can be reached? Asked off the clock."""
 
 from dataclasses import dataclass
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
 from handover.held_object import HeldObject, mallet, wrench
-from handover.live_targets import LiveTargets, Pursuit
+from handover.live_targets import LiveTargets
 from handover.meet_settings import MeetSettings
 from handover.node_index import NodeIndex
 from handover.workspace import InteractionWorkspace
@@ -33,9 +33,9 @@ from sim.workspace_command import REACH_MAPS, check_target
 OBJECTS = {"wrench": wrench, "mallet": mallet}
 GRASPS = 8  # of the person, at most
 AUDIT_S = 1.0  # from audit to audit [s]
-# Fewer motions to a goal than usual: a frame pays for them when the target changes. One
-# look is enough to go to a better target: the margin of quality keeps it calm. No memory
-# of where the person was: with it the planner stays with a worse target that is calm.
+# Fewer motions to a goal than usual: a frame pays for them when the target changes.
+# One look is enough to go to a better target: the margin of quality keeps it calm. No
+# memory of where the person was: with it the planner stays with a worse, calm target.
 PLANNER = PlannerSettings(attachments=4, start_attachments=4, looks=1, memory_s=0.0)
 
 
@@ -164,7 +164,8 @@ def run_meet(
         rate: Frames per second.
         options: See MeetOptions.
         execution: As of `sim.loop.LoopSettings`.
-        plot, figures: Files to write.
+        plot: File for the latency plot, or None.
+        figures: File for the figures as JSON, or None.
         quiet: Print nothing.
 
     Returns:

@@ -41,7 +41,9 @@ def run_targets(
     Args:
         map_dir: Folder of a built map.
         motion: Name of a scripted motion, "mocap" or "keyboard".
-        seconds, seed, rate: As of `odm run`.
+        seconds: As of `odm run`.
+        seed: As of `odm run`.
+        rate: As of `odm run`.
         options: Of the targets.
         given: Further options of `odm run`, None where they were not given.
         quiet: Print nothing.
@@ -87,8 +89,8 @@ def _keyboard(
 ) -> dict:
     """Let keys move the person's right arm; the body stands behind it."""
     from sim.keyboard import run_keyboard
-    from sim.meet_command import print_targets
     from sim.meet_audit import shares
+    from sim.meet_command import print_targets
 
     with Bars() as tell:
         table = open_table(map_dir, options, tell)

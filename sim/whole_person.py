@@ -1,7 +1,7 @@
 """A whole person, a `handover.Human`, from the motion of an arm or a recording.
 
-The workspace of a hand-over needs to know who stands there: joints, trunk, gaze. What the
-planner sees is made of that very `Human`, so that there is one person and not two.
+The workspace of a hand-over needs to know who stands there: joints, trunk, gaze. What
+the planner sees is made of that very `Human`: there is one person and not two.
 """
 
 from dataclasses import dataclass
@@ -113,8 +113,8 @@ class WholePerson:
         if n != 2:
             raise BadInput(
                 f"{motion.name} moves {n} capsules; a hand-over is with one person and "
-                "one arm: choose sweep, reach, jitter, hover, intrusion, tremble, mocap "
-                "or keyboard"
+                "one arm: choose sweep, reach, jitter, hover, intrusion, tremble, "
+                "mocap or keyboard"
             )
         self.motion, self.walk, self.base_height = motion, walk, base_height
         self._standing = Human(height)

@@ -127,11 +127,11 @@ def test_a_blocked_best_target_is_left_for_the_best_reachable(
     live = live_of(cell_map, robot_map, index, human)
     _, pursuits = run(live, start(cell_map), [human] * 200)
     first = live.meet.rated([pursuits[-1].key])[0]
-    live = live_of(cell_map, robot_map, index, human)
-    ball = np.r_[first.T_world_tool[:3, 3], first.T_world_tool[:3, 3], 0.05]
+    live = live_of(cell_map, robot_map, index, human, attach_every=6)
+    ball = np.r_[first.T_world_tool[:3, 3], first.T_world_tool[:3, 3], 0.02]
     wall = odm.sample_capsules(ball[None], 0.03)
     q, keys, states = start(cell_map), [], []
-    for _ in range(300):
+    for _ in range(500):
         points = np.concatenate([human.surface_points(), wall])
         answer = live.step(human, points, q)
         keys.append(live.pursuit.key)
