@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.reach_map import ReachMap
 from handover.validity import Validity, validity_of
 from handover.workspace import InteractionWorkspace, Target
 from roadmap.errors import BadInput
@@ -154,18 +155,18 @@ def _check(
             f"tolerances are {tolerances[0]} m and {tolerances[1]} rad; give numbers "
             "above 0"
         )
-    check_same_robot(meet, robot)
+    check_same_robot(meet.reach, robot)
 
 
-def check_same_robot(meet: InteractionWorkspace, robot: Robot) -> None:
-    """Refuse a robot whose tool is not moved as in the workspace's reach map.
+def check_same_robot(reach: ReachMap, robot: Robot) -> None:
+    """Refuse a robot whose tool is not moved as in a reach map.
 
     Raises:
         BadInput: Other joints, other limits or another tool.
     """
     from handover.chain import chain_of
 
-    chain, own = meet.reach.chain, chain_of(robot, self_collisions=False)
+    chain, own = reach.chain, chain_of(robot, self_collisions=False)
     q = np.clip(np.full(chain.dof, 0.3), *chain.limits.T)
     same = (
         chain.joint_names == own.joint_names
@@ -174,7 +175,7 @@ def check_same_robot(meet: InteractionWorkspace, robot: Robot) -> None:
     )
     if not same:
         raise BadInput(
-            f"the reach map of the workspace is of {chain.name} with {chain.dof} "
+            f"the reach map is of {chain.name} with {chain.dof} "
             f"joints, not of {robot.name} with its tool {robot.tip_name!r}; "
             "build one for this robot: `odm workspace build`"
         )

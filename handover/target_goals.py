@@ -65,7 +65,7 @@ class TargetGoals:
         near_rad: float = 0.52,
     ) -> None:
         """Know no goal yet."""
-        check_same_robot(meet, planner.robot)
+        check_same_robot(meet.reach, planner.robot)
         nodes = planner.cell_map.roadmap.nodes
         index = NodeIndex(planner.robot, nodes) if index is None else index
         if len(index) != len(nodes):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
+from handover.find import check_same_robot
 from handover.held_object import HeldObject, mallet, wrench
 from handover.live_targets import LiveTargets
 from handover.meet_settings import MeetSettings
@@ -137,7 +138,9 @@ def reach_of(robot: Robot, folder: Path | None, tell: Callable) -> ReachMap:
         if not folder.exists():
             print(f"no reach map of {robot.name} yet: building it into {folder}")
             build_reach_map(chain_of(robot), progress=tell).save(folder)
-    return load_reach_map(folder)
+    reach = load_reach_map(folder)
+    check_same_robot(reach, robot)
+    return reach
 
 
 def run_meet(

@@ -100,7 +100,7 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
     words += ["--distance", "0.8", "1.0", "--object", "mallet", "--out", tmp_path / "o"]
     code, out, err = odm(*words)
     assert code == 0, err
-    assert "top-ranked reachable target" in out
+    assert "top-ranked" in out and "target changes per minute" in out
     assert sorted(p.name for p in (tmp_path / "o").iterdir()) == [
         "reach.json",
         "reach_latency.png",
@@ -129,7 +129,7 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
 )
 def test_options_that_do_not_go_together_are_refused(odm, built, words, told):
     code, _, err = odm("run", "--map", built[0], "--seconds", "1", *words)
-    assert code == 1 and told in err and err.count("\n") == 1
+    assert code == 1 and told in err and "\n" not in err.strip()
 
 
 def test_the_reach_map_of_another_robot_is_refused(odm, built, tmp_path):
