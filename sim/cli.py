@@ -254,6 +254,8 @@ def run(
         )
         if json is not None:
             show_json(result, json)
+        if code := result.get("exit_code", 0):
+            raise typer.Exit(code)
         return
     if motion == "keyboard":
         from sim.keyboard import run_keyboard

@@ -1,5 +1,6 @@
 """From the options of `odm run --targets meet` to the run that was asked for."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,11 +10,18 @@ from handover import Human
 from roadmap.errors import BadInput
 from sim.arm import HumanArm
 from sim.arm_path import Person
-from sim.meet_command import MeetOptions, open_table, run_meet, target_figures
+from sim.demo import DEMO
+from sim.meet_command import (
+    MeetOptions,
+    open_table,
+    run_meet,
+    target_figures,
+    warm_up,
+)
 from sim.meet_loop import MeetLoop
 from sim.run_command import person_of as motion_of
 from sim.terminal import Bars
-from sim.whole_person import BASE_HEIGHT, WholePerson
+from sim.whole_person import BASE_HEIGHT, WholePerson, scripted_person
 
 if TYPE_CHECKING:
     from sim.loop import Loop, LoopSettings
@@ -92,8 +100,14 @@ def _keyboard(
     from sim.meet_audit import shares
     from sim.meet_command import print_targets
 
+    if options.side == "left":
+        raise BadInput("the keys move the right arm; leave --hand out")
+    side = "right"
     with Bars() as tell:
         table = open_table(map_dir, options, tell)
+        brief = replace(DEMO, rate_hz=rate, execution=execution, keep_paths=0)
+        anybody = scripted_person("reach", 0, options.distances)
+        warm_up(table, anybody, side, brief)
     near = float(np.mean(options.distances))
     shoulder = Human().placed(near, 0.0, np.pi).T_world_shoulder("right")[:3, 3]
     arm = Person(HumanArm.sized(), tuple(shoulder - [0.0, 0.0, BASE_HEIGHT]))
@@ -107,7 +121,7 @@ def _keyboard(
         settings: "LoopSettings",
     ) -> "Loop":
         person = WholePerson(motion)
-        live = table.live(person.human(0.0), options.side or "right")
+        live = table.live(person.human(0.0), side)
         loops.append(MeetLoop(live, table.rest, person, settings))
         return loops[0]
 
