@@ -30,6 +30,7 @@ class Attacher:
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
         self.quick = False
+        self._direct_from = np.full(planner.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
 
@@ -56,6 +57,7 @@ class Attacher:
         kept_rows = len(self.planner.goals)  # copying all would take half a millisecond
         before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
+        direct = np.full(len(goals), kinds.NO_WAY - 1)  # not known from this start
         for g, q in enumerate(goals):
             m.goals.q[g] = q
             known = old.get(q.tobytes())
@@ -63,6 +65,8 @@ class Attacher:
                 self._attach_goal(g, q)
             else:
                 self._take_over(g, known, before)
+                if self._is_direct_known():
+                    direct[g] = before[m.goals._fields.index("fresh_ref")][known]
             m.goals.cost[g] = 0.0 if costs is None else costs[g]
             m.goals.direct_stuck[g] = -1.0
         n = len(goals)
@@ -72,7 +76,7 @@ class Attacher:
         if m.way.count[0]:
             same = np.flatnonzero(m.goals.vertex[:n] == kept)
             m.way.count[1] = same[0] if len(same) else -1
-        self._attach_direct()
+        self._attach_direct(direct)
 
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
@@ -172,23 +176,39 @@ class Attacher:
         m.fresh.memo[:k] = 0
         self._attach_direct()
 
-    def _attach_direct(self) -> None:
-        """Sweep the straight motions from the attached start to every goal."""
+    def _attach_direct(self, known: np.ndarray | None = None) -> None:
+        """Sweep the straight motions from the attached start to the goals.
+
+        known: (g,) references that were swept from this very start before, below NO_WAY
+        where there is none; None: there are none.
+        """
         m, planner = self.planner.memory, self.planner
         g = int(m.goals.count[0])
         m.goals.fresh_ref[:g] = kinds.NO_WAY
         m.goals.direct_stuck[:g] = -1.0
-        if g == 0 or np.isnan(self.q_fresh[0]):
+        # a robot that has moved on does not begin where the start was attached
+        if g == 0 or not np.array_equal(self.q_fresh, planner._q):
+            self._direct_from[:] = np.nan
             return
-        dq = planner._difference(self.q_fresh, m.goals.q[:g])
-        q = np.repeat(self.q_fresh[None], g, axis=0)
-        free = np.flatnonzero(planner.static.motions_free(q, dq))
+        self._direct_from[:] = self.q_fresh
+        new = np.arange(g)
+        if known is not None:
+            m.goals.fresh_ref[:g] = np.maximum(known, kinds.NO_WAY)
+            new = np.flatnonzero(known < kinds.NO_WAY)
+        if not len(new):
+            return
+        dq = planner._difference(self.q_fresh, m.goals.q[new])
+        q = np.repeat(self.q_fresh[None], len(new), axis=0)
+        free = planner.static.motions_free(q, dq)
         if self.quick:
-            m.goals.fresh_ref[free] = kinds.NO_ITEM
+            m.goals.fresh_ref[new[free]] = kinds.NO_ITEM
             return
         first = self.sweep(q[free], dq[free])
         if first >= 0:
-            m.goals.fresh_ref[free] = first + np.arange(len(free))
+            m.goals.fresh_ref[new[free]] = first + np.arange(int(np.sum(free)))
+
+    def _is_direct_known(self) -> bool:
+        return bool(np.array_equal(self._direct_from, self.q_fresh))
 
     # --- inside ----------------------------------------------------------------
 

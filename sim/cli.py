@@ -188,6 +188,35 @@ def run(
     execution: Annotated[
         str, typer.Option(metavar="kinematic|timed", help="How the robot moves.")
     ] = "kinematic",
+    targets: Annotated[
+        str,
+        typer.Option(
+            metavar="places|meet",
+            help="To and fro between work places, or to the best reachable hand-over "
+            "target of the person.",
+        ),
+    ] = "places",
+    reach: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Reach map of the robot (meet); built if left."
+        ),
+    ] = None,
+    distance: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="NEAR FAR",
+            help="The scripted person walks between these, m (meet).  [0.6 1.3]",
+        ),
+    ] = None,
+    held: Annotated[
+        str | None,
+        typer.Option("--object", metavar="wrench|mallet", help="In its hand (meet)."),
+    ] = None,
+    hand: Annotated[
+        str | None,
+        typer.Option(metavar="right|left", help="Hand of the person (meet)."),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -206,18 +235,41 @@ def run(
     """Move the robot between two work places while a person moves; audit each frame.
 
     With `--execution timed` it keeps its limits of acceleration and jerk, and slows
-    down and stops for the person.
+    down and stops for the person. With `--targets meet` it goes where the person can
+    best take what it holds; see docs/handover.md.
 
     The keys of `--motion keyboard` stand on its screen; q ends it.
     """
     from sim.carried import check_carry
-    from sim.run_command import RunFiles, check_options, person_of, run_motion
+    from sim.run_command import (
+        RunFiles,
+        check_options,
+        meet_options,
+        person_of,
+        run_motion,
+    )
 
     check_options(
         motion, file, {"--out": out, "--plot": plot, "--animation": animation}
     )
     check_carry(carry, motion, record)
     quiet = json == "-"
+    own = {"reach": reach, "distances": distance, "obj": held, "side": hand}
+    meet = meet_options(targets, own)
+    if meet is not None:
+        from sim.meet_run import run_targets
+
+        given = {"animation": animation, "record": record, "out": out, "plot": plot}
+        given |= {"file": file, "mapping": mapping, "stand": stand}
+        options = {"execution": execution, "base_height": base_height}
+        result = run_targets(
+            map_dir, motion, seconds, seed, rate, meet, given, quiet, **options
+        )
+        if json is not None:
+            show_json(result, json)
+        if code := result.get("exit_code", 0):
+            raise typer.Exit(code)
+        return
     if motion == "keyboard":
         from sim.keyboard import run_keyboard
 

@@ -207,18 +207,22 @@ class Loop:
         return frame
 
     def _move(self) -> None:
-        executor = self.executor
-        executor.advance()
-        q = executor.set_point.q
-        self._moved = difference(self.robot, self._q, q) * self.settings.rate_hz
-        self._q = q
-        self.index += 1
+        self._advance()
+        executor, q = self.executor, self._q
         off = difference(self.robot, q, self.places[self.place])
         if executor.at_rest and np.abs(off).max() <= ARRIVED:
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
             self.planner.set_goals([self.places[self.place]])
             executor.new_goal()
+
+    def _advance(self) -> None:
+        """Let one period pass."""
+        self.executor.advance()
+        q = self.executor.set_point.q
+        self._moved = difference(self.robot, self._q, q) * self.settings.rate_hz
+        self._q = q
+        self.index += 1
 
     def _guess(self, now: float) -> np.ndarray | None:
         """Return where the person is, not only might be, for motions that know it."""

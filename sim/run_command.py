@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from odm import CellMap, Recipe
     from sim.human_motion import HumanMotion
     from sim.run_result import RunResult
+    from sim.targets_command import MeetOptions
 
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 DEMO = "demo"  # its recipe and the folder of its map
@@ -68,6 +69,30 @@ def check_options(motion: str, file: Path | None, pictures: dict) -> None:
                 f"{asked[0]} writes pictures of a run known beforehand; "
                 "leave it out with --motion keyboard"
             )
+
+
+def meet_options(targets: str, given: dict) -> "MeetOptions | None":
+    """Return the options of `--targets meet`; None: work places.
+
+    Args:
+        targets: "places" or "meet".
+        given: Attribute of `MeetOptions` -> value, None where it was not given.
+    """
+    named = {name: value for name, value in given.items() if value is not None}
+    if targets == "meet":
+        from sim.targets_command import MeetOptions
+
+        return MeetOptions(**named)
+    if targets != "places":
+        raise BadInput(f"no targets {targets!r}; choose places or meet")
+    if named:
+        flags = {"distances": "distance", "obj": "object", "side": "hand"}
+        first = next(iter(named))
+        raise BadInput(
+            f"--{flags.get(first, first)} goes with --targets meet; add that or leave "
+            "it out"
+        )
+    return None
 
 
 def person_of(

@@ -159,7 +159,9 @@ def judge(state, points, q, always):
     if not look:
         return FOLLOWING
     straight = weighted(q, way.q[way.count[0] - 1], state)
-    if rest_length(state, way, where, q) <= WORTH_A_LOOK * straight:
+    # nothing is shorter than straight on, but a goal of a better rank may be free now
+    first = way.count[1] == 0
+    if first and rest_length(state, way, where, q) <= WORTH_A_LOOK * straight:
         own.numbers[N_BETTER] = 0
         return FOLLOWING
     return LOOK

@@ -5,7 +5,10 @@ import pytest
 from reach_chains import person_arm
 
 from handover import ReachSettings, build_reach_map, chain_of
+from odm import Recipe, build_map
+from odm.recipe import RobotRecipe, Safety
 from roadmap import load_robot
+from roadmap.build import RoadmapSettings
 
 SMALL = ReachSettings(cell=0.2, rotations=72, samples=40_000, seed=3)
 
@@ -38,3 +41,15 @@ def robot_map(robot):
 @pytest.fixture
 def rng():
     return np.random.default_rng(20)
+
+
+@pytest.fixture(scope="session")
+def cell_map():
+    """A small planner's map of the Kawasaki."""
+    recipe = Recipe(
+        "kawasaki",
+        RobotRecipe(source="kawasaki_fs003n"),
+        RoadmapSettings(nodes=250, neighbors=8, seed=3),
+        Safety(h=0.06),
+    )
+    return build_map(recipe, threads=2)

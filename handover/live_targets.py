@@ -1,0 +1,295 @@
+"""LiveTargets: every frame the planner goes to the best target that it can reach.
+
+The sentence the project exists for: A* replans toward the top-ranked target of the
+interaction workspace, while the person moves.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from handover.human import Human
+from handover.node_index import NodeIndex
+from handover.target_choice import ChoiceSettings, TargetChoice
+from handover.target_goals import EXACT, Goal, TargetGoals
+from handover.workspace import InteractionWorkspace, Target
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference
+
+if TYPE_CHECKING:
+    from odm.answer import Answer
+    from odm.planner import ReactivePlanner
+
+THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+_DEEPEST = 8  # times as many targets are looked at while the best ones are blocked
+_ARRIVED = 1e-6  # largest joint difference at which a goal is reached
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """How the live thread shares out its work.
+
+    Attributes:
+        ranked: Targets looked at in every frame; more and more while all are blocked.
+        near_m, near_rad: A roadmap node that holds the tool this near to a target
+            serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
+            degrees: half a cell of 15 cm and 60 degrees.
+        attach_every: Frames between two goals that must be attached to the roadmap,
+            some milliseconds each; a third of it while the robot has no good one to go
+            to.
+        choice: Margin and patience, see `ChoiceSettings`.
+    """
+
+    ranked: int = 10
+    near_m: float = 0.075
+    near_rad: float = 0.52
+    attach_every: int = 50
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no setting."""
+        for name in ("ranked", "attach_every"):
+            value = getattr(self, name)
+            if value != int(value) or value < 1:
+                raise BadInput(f"{name} is {value}; give a whole number from 1")
+        for name, high in (("near_m", 1.0), ("near_rad", np.pi)):
+            value = getattr(self, name)
+            if not 0 <= value <= high:
+                raise BadInput(f"{name} is {value}; give 0 to {high:.3g}")
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """Where the robot stands with its targets in one frame.
+
+    Attributes:
+        state: "there", "on the way", "blocked" (there are targets, none can be reached
+            now) or "no target".
+        key: Cell of the target it is at or on the way to; None: none.
+        kind: "node" or "exact", of its goal; empty: none.
+        quality: Of that target now; 0: none.
+        best: Quality of the best target of the frame; 0: there is none.
+        targets: Targets looked at.
+        goals: Goals the planner has.
+        set_goals: Whether they changed in this frame.
+        missing_m: Where there is no target: how much nearer the person must come [m].
+    """
+
+    state: str
+    key: int | None
+    kind: str
+    quality: float
+    best: float
+    targets: int
+    goals: int
+    set_goals: bool
+    missing_m: float = 0.0
+
+
+class LiveTargets:
+    """Lets a reactive planner pursue the best reachable target of a moving person.
+
+    Call `step` where you would call the planner's own. Its goals are then the targets,
+    best first; without any target the robot goes to its place of rest.
+
+    Args:
+        planner: The planner; its goals are set here only.
+        meet: The interaction workspace of the planner's robot.
+        rest: (dof,) where the robot waits while there is no target; None: where it is
+            at the first step.
+        index: Nodes of the planner's roadmap by pose of the tool; None: made here.
+        settings: See LiveSettings.
+
+    Attributes:
+        pursuit: See Pursuit; of the last frame.
+        goals: The planner's goals, best first; empty at rest.
+        counts: "frames", "changes" of the target pursued, "set_goals", "attached".
+
+    Raises:
+        BadInput: The workspace is another robot's, or the index another map's.
+    """
+
+    def __init__(
+        self,
+        planner: "ReactivePlanner",
+        meet: InteractionWorkspace,
+        rest: np.ndarray | None = None,
+        index: NodeIndex | None = None,
+        settings: LiveSettings | None = None,
+    ) -> None:
+        """Pursue nothing."""
+        s = self.settings = settings or LiveSettings()
+        self.planner, self.meet, self.rest = planner, meet, rest
+        self.choice = TargetChoice(s.choice)
+        self.finder = TargetGoals(planner, meet, index, s.near_m, s.near_rad)
+        self.goals: tuple[Goal, ...] = ()
+        self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
+        self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
+        self._offers: dict[int, list[Goal]] = {}
+        self._attached_at = -s.attach_every
+        self._pursued: Goal | None = None
+        self._last_key: int | None = None
+        self._touched = False  # the person is within the clearance of the robot
+        self._best = 0.0
+        self._blocked = 0  # frames without a target that can be reached
+
+    def step(
+        self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
+    ) -> "Answer":
+        """Answer one frame: rank the targets, set the goals, plan.
+
+        Args:
+            human: The person now, world frame.
+            points: (n, 3) points of all obstacles, the person too, base frame [m].
+            q: (dof,) present configuration [rad or m].
+            options: Further arguments of `ReactivePlanner.step`.
+        """
+        self.look(human, q)
+        answer = self.planner.step(points, q=q, **options)
+        self.heed(answer, q)
+        return answer
+
+    def look(self, human: Human, q: np.ndarray) -> None:
+        """Rank the targets of a person and set the planner's goals, if they change."""
+        if self.rest is None:
+            self.rest = np.array(q, float)
+        self.counts["frames"] += 1
+        self.meet.update(human)
+        targets = self.meet.best(self._depth())
+        self._best = targets[0].quality if targets else 0.0
+        self._targets = {t.key: t for t in targets}
+        self._worth = {t.key: t.quality for t in self._known()}
+        self._changed = False
+        if self._touched:
+            return  # whatever the goals are, it cannot leave
+        pursued = None if self._pursued is None else self._pursued.key
+        decision = self.choice.decide(
+            [(t.key, t.quality) for t in targets],
+            self._worth,
+            pursued,
+            self._may_offer,
+            lambda key: self._node(key) is not None,
+        )
+        self._worth |= {t.key: t.quality for t in targets}
+        self._work(decision.wish, pursued)
+        goals = self._wanted(decision.keys)
+        self._changed = [g.q.tobytes() for g in goals] != [
+            g.q.tobytes() for g in self.goals
+        ] or not self.counts["set_goals"]
+        if self._changed:
+            self.counts["set_goals"] += 1
+            self.planner.set_goals([g.q for g in goals] or [self.rest])
+        self.goals = goals
+
+    def heed(self, answer: "Answer", q: np.ndarray) -> None:
+        """Note what the planner made of the goals."""
+        at = answer.goal if self.goals and answer.goal is not None else None
+        goal = self._pursued = None if at is None or at < 0 else self.goals[at]
+        planner = self.planner
+        self._touched = answer.status == "holding" and bool(
+            planner.separation(q) < planner.keep
+        )
+        if goal is None:
+            state = BLOCKED if self.goals or self._targets else NOBODY
+            missing = 0.0 if self._targets else self.meet.missing_m
+            told = (state, None, "", 0.0)
+        else:
+            self.counts["changes"] += goal.key != self._last_key
+            self._last_key = goal.key
+            off = np.abs(difference(self.planner.robot, q, goal.q)).max()
+            state = THERE if off <= _ARRIVED else UNDER_WAY
+            missing = 0.0
+            told = (state, goal.key, goal.kind, self._worth.get(goal.key, 0.0))
+        self.pursuit = Pursuit(
+            *told,
+            self._best,
+            len(self._targets),
+            len(self.goals),
+            self._changed,
+            missing,
+        )
+
+    # --- inside ----------------------------------------------------------------
+
+    def _depth(self) -> int:
+        """Return how many targets to look at: the longer it is blocked, the more."""
+        ranked, choice = self.settings.ranked, self.settings.choice
+        self._blocked = 0 if self._pursued is not None else self._blocked + 1
+        more = self._blocked // (choice.patience * choice.goals)
+        return ranked * min(1 + more, _DEEPEST)
+
+    def _known(self) -> list[Target]:
+        """Return the targets on offer as they are now; those that are none left out."""
+        keys = self.choice.keys
+        away = [key for key in keys if key not in self._targets]
+        rated = self.meet.rated(away) if away else []
+        self._others = {t.key: t for t in rated if t is not None}
+        both = self._targets | self._others
+        return [both[key] for key in keys if key in both]
+
+    def _node(self, key: int) -> Goal | None:
+        target = self._targets.get(key) or self._others.get(key)
+        return None if target is None else self.finder.near_node(target)
+
+    def _may_attach(self) -> bool:
+        every = self.settings.attach_every
+        goal, choice = self._pursued, self.settings.choice
+        worth = 0.0 if goal is None else self._worth.get(goal.key, 0.0)
+        if worth < self._best - choice.drop:
+            every = max(1, every // 3)
+        return self.counts["frames"] - self._attached_at >= every
+
+    def _may_offer(self, key: int) -> bool:
+        """Whether a target has a goal that this frame can afford; notes it."""
+        exact = self.finder.exact(key)
+        if exact is not None and self._may_attach():
+            self._attached(exact)
+            return True
+        node = self._node(key)
+        if node is None:
+            return False
+        self._offers[key] = [node]
+        return True
+
+    def _attached(self, goal: Goal) -> None:
+        self._attached_at = self.counts["frames"]
+        self.counts["attached"] += 1
+        before = [g for g in self._offers.get(goal.key, ()) if g.kind != EXACT]
+        self._offers[goal.key] = [goal, *before]
+
+    def _work(self, wish: int | None, pursued: int | None) -> None:
+        """Do this frame's share of inverse kinematics: for the wish, else the pursued.
+
+        A target that is pursued by way of a node gets its exact goal, too.
+        """
+        finder = self.finder
+        for key in (wish, pursued):
+            target = self._targets.get(key) or self._others.get(key)
+            if target is None:
+                continue
+            if finder.is_open(key):
+                finder.work(target)
+                return
+            exact, offered = finder.exact(key), self._offers.get(key, ())
+            if exact is None or key == wish or exact in offered:
+                continue
+            if self._may_attach():
+                self._attached(exact)
+            return
+
+    def _wanted(self, keys: tuple[int, ...]) -> tuple[Goal, ...]:
+        """Return the goals of the targets on offer, no configuration twice."""
+        self._offers = {k: g for k, g in self._offers.items() if k in keys}
+        for key in keys:  # spares, which are at nodes
+            if key not in self._offers:
+                node = self._node(key)
+                self._offers[key] = [node] if node is not None else []
+        goals, seen = [], set()
+        for key in keys:
+            for goal in self._offers[key]:
+                if goal.q.tobytes() not in seen:
+                    seen.add(goal.q.tobytes())
+                    goals.append(goal)
+        return tuple(goals)

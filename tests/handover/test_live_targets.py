@@ -1,0 +1,214 @@
+"""The live thread: targets become goals, and the robot gets there."""
+
+import numpy as np
+import pytest
+from meet_people import person, workspace
+from small import small_recipe
+
+import odm
+from handover.live_targets import (
+    BLOCKED,
+    NOBODY,
+    THERE,
+    UNDER_WAY,
+    LiveSettings,
+    LiveTargets,
+)
+from handover.node_index import NodeIndex
+from roadmap.errors import BadInput
+from roadmap.kinematics import difference, tool_pose
+
+STEP = 0.05  # [rad] the joints move in a frame
+
+
+@pytest.fixture(scope="module")
+def index(cell_map):
+    return NodeIndex(cell_map.robot, cell_map.roadmap.nodes)
+
+
+def live_of(cell_map, robot_map, index, human, **settings):
+    planner = odm.ReactivePlanner(cell_map)
+    meet = workspace(robot_map, human)
+    return LiveTargets(planner, meet, None, index, LiveSettings(**settings))
+
+
+def moved(robot, q, path):
+    """Return where a robot is one frame later on a path."""
+    for corner in path[1:]:
+        way = difference(robot, q, corner)
+        far = np.abs(way).max()
+        if far > 1e-9:
+            return q + way * min(1.0, STEP / far)
+    return q
+
+
+def run(live, q, people, pace=True):
+    """Run a frame for every person; return where the robot is and all pursuits."""
+    robot, pursuits = live.planner.robot, []
+    for human in people:
+        answer = live.step(human, human.surface_points(), q)
+        pursuits.append(live.pursuit)
+        if answer.status != "holding" and pace:
+            q = moved(robot, q, answer.path)
+    return q, pursuits
+
+
+def start(cell_map):
+    """Return a node whose tool is up and away from the person."""
+    tools = [tool_pose(cell_map.robot, q)[:3, 3] for q in cell_map.roadmap.nodes]
+    return np.array(cell_map.roadmap.nodes[int(np.argmin([t[0] for t in tools]))])
+
+
+def test_the_robot_gets_to_the_target_it_pursues(cell_map, robot_map, index):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human)
+    q, pursuits = run(live, start(cell_map), [human] * 250)
+    last = pursuits[-1]
+    assert last.state == THERE and last.kind == "exact"
+    assert {UNDER_WAY, THERE} <= {p.state for p in pursuits}
+    target = live.meet.rated([last.key])[0]
+    off = tool_pose(cell_map.robot, q)[:3, 3] - target.T_world_tool[:3, 3]
+    assert np.linalg.norm(off) < 1e-3
+    assert last.quality == pytest.approx(target.quality)
+
+
+def test_goals_are_set_only_when_they_change(cell_map, robot_map, index):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human)
+    calls = []
+    set_goals = live.planner.set_goals
+    live.planner.set_goals = lambda goals: (calls.append(goals), set_goals(goals))
+    _, pursuits = run(live, start(cell_map), [human] * 200)
+    assert len(calls) == sum(p.set_goals for p in pursuits) == live.counts["set_goals"]
+    assert 1 <= len(calls) < 40
+    for a, b in zip(calls, calls[1:], strict=False):
+        assert not np.array_equal(np.array(a), np.array(b))
+
+
+def test_a_person_who_trembles_does_not_change_the_target(cell_map, robot_map, index):
+    rng, human = np.random.default_rng(2), person(0.9)
+    live = live_of(cell_map, robot_map, index, human)
+    q, _ = run(live, start(cell_map), [human] * 200)
+    key = live.pursuit.key
+    people = [person(0.9 + d, a) for d, a in rng.uniform(-0.004, 0.004, (100, 2))]
+    _, pursuits = run(live, q, people)
+    assert {p.key for p in pursuits} == {key}
+
+
+def test_a_person_who_goes_elsewhere_is_followed(cell_map, robot_map, index):
+    here, there = person(0.9, 0.25), person(0.9, -0.35)
+    live = live_of(cell_map, robot_map, index, here)
+    q, before = run(live, start(cell_map), [here] * 200)
+    _, after = run(live, q, [there] * 300)
+    assert before[-1].key is not None and after[-1].key is not None
+    assert before[-1].key != after[-1].key
+    margin = live.settings.choice.margin
+    live.meet.update(there)
+    was = live.meet.rated([before[-1].key])[0]
+    assert was is None or after[-1].quality > was.quality + margin
+
+
+def test_with_nobody_in_reach_it_goes_to_its_place_of_rest(cell_map, robot_map, index):
+    here, away = person(0.9), person(2.5)
+    live = live_of(cell_map, robot_map, index, here)
+    rest = start(cell_map)
+    q, pursuits = run(live, rest, [here] * 150)
+    assert np.abs(difference(cell_map.robot, q, rest)).max() > 0.1
+    q, pursuits = run(live, q, [away] * 250)
+    assert pursuits[-1].state == NOBODY and pursuits[-1].goals == 0
+    assert pursuits[-1].missing_m == pytest.approx(live.meet.missing_m)
+    assert np.abs(difference(cell_map.robot, q, rest)).max() < 1e-9
+
+
+def test_a_blocked_best_target_is_left_for_the_best_reachable(
+    cell_map, robot_map, index
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human)
+    _, pursuits = run(live, start(cell_map), [human] * 200)
+    first = live.meet.rated([pursuits[-1].key])[0]
+    live = live_of(cell_map, robot_map, index, human, attach_every=6)
+    ball = np.r_[first.T_world_tool[:3, 3], first.T_world_tool[:3, 3], 0.02]
+    wall = odm.sample_capsules(ball[None], 0.03)
+    q, keys, states = start(cell_map), [], []
+    for _ in range(500):
+        points = np.concatenate([human.surface_points(), wall])
+        answer = live.step(human, points, q)
+        keys.append(live.pursuit.key)
+        states.append(live.pursuit.state)
+        if answer.status != "holding":
+            q = moved(cell_map.robot, q, answer.path)
+    assert first.key not in keys
+    assert states[-1] in (THERE, UNDER_WAY) and BLOCKED not in states[-50:]
+
+
+def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
+    cell_map, robot_map, index
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human, near_m=0.0)
+    target = live.meet.best(1)[0]
+    far = target.T_world_tool.copy()
+    far[0, 3] += 5.0
+    target = type(target)(**(vars(target) | {"T_world_tool": far}))
+    for _ in range(4):
+        assert live.finder.is_open(target.key)
+        assert live.finder.work(target) is None
+    assert not live.finder.is_open(target.key) and target.key in live.finder.failed
+    assert live.meet.rated([target.key]) == [None]
+
+
+def test_a_node_serves_only_where_the_person_can_take_the_object(
+    cell_map, robot_map, index
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human, near_m=0.2, near_rad=1.0)
+    meet, served = live.meet, 0
+    for target in meet.best(200):
+        goal = live.finder.near_node(target)
+        if goal is None:
+            continue
+        served += 1
+        T = tool_pose(cell_map.robot, goal.q) @ meet.obj.T_tool_object
+        assert len(human.arm_ik("right", T @ meet.grasps[target.grasp]).q)
+        off = np.linalg.norm(
+            tool_pose(cell_map.robot, goal.q)[:3, 3] - target.T_world_tool[:3, 3]
+        )
+        assert off == pytest.approx(goal.off_m) and off <= 0.2
+    assert served
+
+
+def test_the_same_frames_give_the_same_pursuits(cell_map, robot_map, index):
+    people = [person(0.9 - 0.002 * k) for k in range(120)]
+    runs = []
+    for _ in range(2):
+        live = live_of(cell_map, robot_map, index, people[0])
+        q, pursuits = run(live, start(cell_map), people)
+        runs.append((q.tobytes(), pursuits))
+    assert runs[0] == runs[1]
+
+
+def test_another_robots_workspace_is_refused(robot_map):
+    planner = odm.ReactivePlanner(odm.build_map(small_recipe(), threads=1))
+    with pytest.raises(BadInput, match="arm3"):
+        LiveTargets(planner, workspace(robot_map, person(0.9)))
+
+
+def test_an_index_of_another_map_is_refused(cell_map, robot_map):
+    index = NodeIndex(cell_map.robot, cell_map.roadmap.nodes[:9])
+    with pytest.raises(BadInput, match="9 nodes"):
+        live_of(cell_map, robot_map, index, person(0.9))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"ranked": 0}, "ranked"),
+        ({"attach_every": 0.5}, "attach_every"),
+        ({"near_m": -1.0}, "near_m"),
+        ({"near_rad": float("nan")}, "near_rad"),
+    ],
+)
+def test_live_settings_that_are_none_are_refused(wrong, words):
+    with pytest.raises(BadInput, match=words):
+        LiveSettings(**wrong)

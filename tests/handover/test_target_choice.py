@@ -1,0 +1,133 @@
+"""Which targets are offered: nothing changes but by a margin, and nothing is stuck."""
+
+import pytest
+
+from handover.target_choice import ChoiceSettings, TargetChoice
+from roadmap.errors import BadInput
+
+SETTINGS = ChoiceSettings(
+    margin=0.05, drop=0.2, goals=3, ahead=2, patience=10, retry=50, spares=1
+)
+
+
+def anything(key):
+    return True
+
+
+def nothing(key):
+    return False
+
+
+def decide(choice, ranked, pursued=None, has_goal=anything, is_cheap=nothing):
+    ranked = sorted(ranked.items(), key=lambda item: (-item[1], item[0]))
+    worth = {key: quality for key, quality in ranked if key in choice.keys}
+    return choice.decide(ranked, worth, pursued, has_goal, is_cheap)
+
+
+@pytest.fixture
+def pursuing():
+    """A choice that pursues target 1 of quality 0.5."""
+    choice = TargetChoice(SETTINGS)
+    decide(choice, {1: 0.5, 2: 0.45})
+    assert choice.keys == (1,)
+    return choice
+
+
+def test_the_best_target_is_offered_first():
+    assert decide(TargetChoice(SETTINGS), {7: 0.4, 3: 0.6, 5: 0.6}).keys == (3,)
+
+
+def test_a_better_one_within_the_margin_changes_nothing(pursuing):
+    for _ in range(100):
+        assert decide(pursuing, {1: 0.5, 2: 0.549}, pursued=1).keys == (1,)
+
+
+def test_one_better_by_the_margin_goes_before_the_pursued_which_stays(pursuing):
+    for _ in range(SETTINGS.patience + 1):
+        keys = decide(pursuing, {1: 0.5, 2: 0.56}, pursued=1).keys
+    assert keys == (2, 1)
+
+
+def test_the_pursued_keeps_its_lead_after_the_change(pursuing):
+    for _ in range(SETTINGS.patience + 1):
+        decide(pursuing, {1: 0.5, 2: 0.56}, pursued=1)
+    for quality in (0.51, 0.56, 0.6):  # a hand that trembles
+        assert decide(pursuing, {1: quality, 2: 0.56}, pursued=2).keys[0] == 2
+
+
+def test_a_pursued_target_that_is_none_any_more_is_dropped_at_once(pursuing):
+    assert decide(pursuing, {2: 0.45}, pursued=1).keys == (2,)
+
+
+def test_without_any_target_nothing_is_offered(pursuing):
+    decision = decide(pursuing, {}, pursued=1)
+    assert decision.keys == () and decision.wish is None
+
+
+def test_one_that_is_never_reached_makes_room_for_the_next_and_comes_again():
+    choice, offered = TargetChoice(SETTINGS), []
+    ranked = {1: 0.5, 2: 0.9, 3: 0.85, 4: 0.8, 5: 0.75}
+    for _ in range(6 * SETTINGS.patience + SETTINGS.retry):
+        offered += [k for k in decide(choice, ranked, pursued=1).keys]
+    first = {key: offered.index(key) for key in (2, 3, 4, 5)}
+    assert first[2] < first[3] < first[4] < first[5]  # all had their turn, best first
+    away = [k for k, key in enumerate(offered) if key == 2]
+    assert any(b - a > SETTINGS.retry for a, b in zip(away, away[1:], strict=False))
+
+
+def test_standing_it_tries_all_that_fit_and_then_the_others():
+    choice, seen = TargetChoice(SETTINGS), set()
+    ranked = {key: 0.9 - 0.01 * key for key in range(8)}
+    for _ in range(60):
+        keys = decide(choice, ranked).keys
+        assert len(keys) <= SETTINGS.goals
+        seen |= set(keys)
+    assert seen == set(ranked)
+
+
+def test_what_has_no_configuration_yet_is_wished_for(pursuing):
+    ranked = {1: 0.5, 2: 0.9}
+    for _ in range(SETTINGS.patience + 1):
+        decision = decide(pursuing, ranked, pursued=1, has_goal=nothing)
+    assert decision.wish == 2 and decision.keys == (1,)
+
+
+def test_spares_are_cheap_and_not_much_worse(pursuing):
+    ranked = {1: 0.5, 2: 0.45, 3: 0.1}
+    for _ in range(3 * SETTINGS.patience):
+        keys = decide(pursuing, ranked, pursued=1, is_cheap=anything).keys
+    assert keys == (1, 2)
+    # the person came nearer: what is far below the best now is no spare any more
+    keys = decide(pursuing, {1: 0.5, 2: 0.25}, pursued=1).keys
+    assert keys == (1,)
+
+
+def test_the_same_input_gives_the_same_offers():
+    runs = []
+    for _ in range(2):
+        choice = TargetChoice(SETTINGS)
+        runs.append(
+            [
+                decide(choice, {k: (k * 37 + t * 11) % 100 / 100 for k in range(9)}, 4)
+                for t in range(200)
+            ]
+        )
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"margin": -0.1}, "margin"),
+        ({"margin": float("nan")}, "margin"),
+        ({"drop": 0.01}, "drop"),
+        ({"goals": 0}, "goals"),
+        ({"patience": 0}, "patience"),
+        ({"patience": 1.5}, "patience"),
+        ({"spares": 3}, "spares"),
+        ({"ahead": 9}, "ahead"),
+    ],
+)
+def test_settings_that_are_none_are_refused(wrong, words):
+    with pytest.raises(BadInput, match=words):
+        ChoiceSettings(**wrong)

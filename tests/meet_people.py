@@ -1,0 +1,25 @@
+"""A person before the Kawasaki, a workspace and a small map of it: for many tests."""
+
+import numpy as np
+
+from handover import Human
+from handover.held_object import wrench
+from handover.meet_settings import MeetSettings
+from handover.workspace import InteractionWorkspace
+
+FLOOR_M = -0.75  # of the person, in the frame of the robot's base
+
+
+def person(distance, aside=0.0):
+    """Return a person who faces the base from so far away, right arm half bent."""
+    body = Human().placed(distance, aside, np.pi)
+    T = body.T_world_pelvis.copy()
+    T[2, 3] += FLOOR_M
+    joints = np.radians([20.0, 10.0, 0.0, 60.0, 0.0, 0.0, 0.0])
+    return body.moved(T).with_arm("right", joints).looking_at(np.zeros(3))
+
+
+def workspace(reach, human, **settings):
+    """Return a coarse workspace of a robot and a person."""
+    grid = {"cell": 0.15, "rotations": 72, "marked_share": 0.3} | settings
+    return InteractionWorkspace(reach, human, wrench(), 4, MeetSettings(**grid))

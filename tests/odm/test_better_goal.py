@@ -1,0 +1,64 @@
+"""Goals change under way: a better one that gets free, and one more on the list."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, NOBODY, ball_at, small_recipe
+
+import odm
+from roadmap.kinematics import tool_pose
+
+BETTER = np.array([1.2, -0.9, 0.4])
+
+
+@pytest.fixture(scope="module")
+def arm3():
+    return odm.build_map(small_recipe(), threads=1)
+
+
+@pytest.fixture
+def planner(arm3):
+    return odm.ReactivePlanner(arm3)
+
+
+def test_a_better_goal_that_gets_free_is_taken_from_a_straight_way(planner):
+    ball = ball_at(tool_pose(planner.robot, BETTER)[:3, 3], 0.05)
+    planner.set_goals([BETTER, AWAY])
+    q = HOME
+    for _ in range(3):
+        answer = planner.step(ball, q=q)
+    assert answer.goal == 1
+    # nothing is shorter than the rest of the way to the second goal
+    q = answer.path[0] + 0.02 * (answer.path[1] - answer.path[0])
+    goals = [planner.step(NOBODY, q=q).goal for _ in range(60)]
+    assert goals[-1] == 0
+
+
+def test_a_goal_that_is_kept_keeps_its_straight_motions(planner):
+    planner.set_goals([AWAY])
+    planner.step(NOBODY, q=HOME)
+    planner.step(NOBODY, q=HOME)
+    assert planner.attacher.is_fresh(HOME)
+    swept = []
+    sweep = planner.attacher.sweep
+    planner.attacher.sweep = lambda q, dq: (swept.append(len(q)), sweep(q, dq))[1]
+    ref = int(planner.memory.goals.fresh_ref[0])
+    planner.set_goals([BETTER, AWAY])
+    assert int(planner.memory.goals.fresh_ref[1]) == ref
+    assert swept[-1] == 1  # the straight motion to the new one only
+
+
+def test_answers_do_not_depend_on_what_was_kept(arm3):
+    kept, fresh = odm.ReactivePlanner(arm3), odm.ReactivePlanner(arm3)
+    kept.set_goals([AWAY])
+    for _ in range(2):
+        kept.step(NOBODY, q=HOME)
+    kept.set_goals([BETTER, AWAY])
+    kept.reset()
+    fresh.set_goals([BETTER, AWAY])
+    ball = ball_at(tool_pose(kept.robot, BETTER)[:3, 3], 0.05)
+    for points in (NOBODY, ball):
+        a, b = kept.step(points, q=HOME), fresh.step(points, q=HOME)
+        assert (a.status == "holding") == (b.status == "holding")
+        assert a.goal == b.goal
+        np.testing.assert_allclose(a.path, b.path, atol=1e-12)
+        kept.reset(), fresh.reset()

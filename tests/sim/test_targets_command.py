@@ -1,0 +1,187 @@
+"""`odm run --targets meet`: to the best reachable target of a moving person."""
+
+import json
+
+import numpy as np
+import pytest
+from mocap_files import person, write_csv
+
+from handover import ReachSettings, build_reach_map, chain_of
+from odm import Recipe, build_map
+from odm.recipe import RobotRecipe, Safety
+from roadmap.build import RoadmapSettings
+from sim.meet_audit import Verdict, shares
+from sim.meet_loop import MeetLoop
+from sim.targets_command import MeetOptions, open_table, person_of, run_meet
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Return the folders of a small map and a coarse reach map of the Kawasaki."""
+    folder = tmp_path_factory.mktemp("meet")
+    recipe = Recipe(
+        "kawasaki",
+        RobotRecipe(source="kawasaki_fs003n"),
+        RoadmapSettings(nodes=250, neighbors=8, seed=3),
+        Safety(h=0.06),
+    )
+    cell_map = build_map(recipe, threads=2)
+    settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
+    reach = build_reach_map(chain_of(cell_map.robot), settings, threads=2)
+    return cell_map.save(folder / "map"), reach.save(folder / "reach")
+
+
+def options(built, **more):
+    return MeetOptions(**({"reach": built[1], "distances": (0.9, 0.9)} | more))
+
+
+@pytest.fixture(scope="module")
+def data(built):
+    asked = options(built, audit_s=0.5)
+    return run_meet(built[0], "reach", None, 4.0, 1, 50.0, asked, quiet=True)
+
+
+def test_a_run_tells_what_became_of_the_targets(data):
+    told, run = data["targets"], data["run"]
+    assert run["frames"] == 200 and run["contacts"] == told["contacts"] == 0
+    assert sum(told["share_of_time"].values()) == pytest.approx(1.0, abs=1e-3)
+    going = told["share_of_time"]
+    assert going.get("there", 0.0) + going.get("on the way", 0.0) > 0.5
+    assert told["audit"]["judged"] == 7
+    parts = ("within_margin", "worse", "none")
+    assert sum(told["audit"][p] for p in parts) == pytest.approx(1.0, abs=1e-3)
+    for name in ("loop_wall_s", "loop_cpu_s"):
+        assert 0 < told[name]["p50"] <= told[name]["p99"] <= told[name]["max"]
+    json.dumps(data, allow_nan=False)
+
+
+def test_the_same_seed_gives_the_same_run(built, data):
+    again = run_meet(
+        built[0], "reach", None, 4.0, 1, 50.0, options(built, audit_s=0), quiet=True
+    )
+    assert again["run"]["trajectory_sha256"] == data["run"]["trajectory_sha256"]
+    assert again["targets"]["audit"]["judged"] == 0
+
+
+def test_the_loop_pursues_what_it_says(built):
+    asked = options(built)
+    table = open_table(built[0], asked, lambda *a: None)
+    someone, side = person_of("jitter", 0, None, asked)
+    live = table.live(someone.human(0.0), side)
+    loop = MeetLoop(live, table.rest, someone)
+    for _ in range(150):
+        frame = loop.frame()
+        pursuit = loop.pursuits[-1]
+        assert len(loop.pursuits) == frame.index + 1
+        if pursuit.key is None:
+            continue
+        goals = [g.q for g in live.goals]
+        np.testing.assert_array_equal(live.planner.goals, goals)
+        # the path ends at the goal that is said to be pursued
+        at = frame.answer.goal
+        assert live.goals[at].key == pursuit.key
+        np.testing.assert_allclose(frame.answer.path[-1], goals[at], atol=1e-9)
+
+
+def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
+    from sim.mocap import load_mocap
+
+    joints = {n: p for n, p in person(120).items() if not n.startswith("left_elbow")}
+    clip = load_mocap(write_csv(tmp_path / "clip.csv", joints))
+    someone, side = person_of("mocap", 0, clip, options(built))
+    assert side == "right" and someone.sides == ("right",)
+    result = run_meet(built[0], "mocap", clip, 1.0, 0, 50.0, options(built), quiet=True)
+    assert result["run"]["frames"] == 50
+
+
+def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
+    words = ["run", "--map", built[0], "--targets", "meet", "--reach", built[1]]
+    words += ["--motion", "reach", "--seconds", "1.5", "--rate", "50"]
+    words += ["--distance", "0.8", "1.0", "--object", "mallet", "--out", tmp_path / "o"]
+    code, out, err = odm(*words)
+    assert code == 0, err
+    assert "top-ranked" in out and "target changes per minute" in out
+    assert sorted(p.name for p in (tmp_path / "o").iterdir()) == [
+        "reach.json",
+        "reach_latency.png",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--targets", "moon"], "choose places or meet"),
+        (["--reach", "x"], "--reach goes with --targets meet"),
+        (["--distance", "0.6", "1"], "--distance goes with --targets meet"),
+        (["--object", "wrench"], "--object goes with --targets meet"),
+        (["--hand", "left"], "--hand goes with --targets meet"),
+        (["--targets", "meet", "--object", "cup"], "choose one of wrench, mallet"),
+        (["--targets", "meet", "--hand", "third"], "choose left or right"),
+        (["--targets", "meet", "--hand", "left"], "right arm only"),
+        (["--targets", "meet", "--motion", "crowding"], "4 capsules"),
+        (["--targets", "meet", "--motion", "dance"], "no motion 'dance'"),
+        (["--targets", "meet", "--distance", "2", "1"], "smaller one first"),
+        (["--targets", "meet", "--record", "a.npz"], "--record"),
+        (["--targets", "meet", "--animation", "a.gif"], "--animation"),
+        (["--targets", "meet", "--motion", "mocap"], "--file"),
+        (["--targets", "meet", "--reach", "nowhere"], "no reach map"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(odm, built, words, told):
+    code, _, err = odm("run", "--map", built[0], "--seconds", "1", *words)
+    assert code == 1 and told in err and "\n" not in err.strip()
+
+
+def test_the_reach_map_of_another_robot_is_refused(odm, built, tmp_path):
+    from roadmap import load_robot
+
+    chain = chain_of(load_robot("panda", cover_excess=0.2), False)
+    settings = ReachSettings(cell=0.3, rotations=72, samples=2000)
+    other = build_reach_map(chain, settings, threads=1).save(tmp_path / "panda")
+    words = ["--targets", "meet", "--reach", other, "--seconds", "1"]
+    code, _, err = odm("run", "--map", built[0], *words)
+    assert code == 1 and "panda" in err
+
+
+def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch):
+    import sim.targets_command as command
+
+    monkeypatch.chdir(tmp_path)
+    few = ReachSettings(cell=0.15, rotations=72, samples=20_000)
+
+    def quick(chain, progress):
+        return build_reach_map(chain, few, progress=progress)
+
+    monkeypatch.setattr(command, "build_reach_map", quick)
+    words = ["run", "--map", built[0], "--targets", "meet", "--seconds", "0.5"]
+    code, out, err = odm(*words)
+    assert code == 0, err
+    assert "building it into" in out
+    assert (tmp_path / "maps/built/reach/kawasaki_fs003n/manifest.json").is_file()
+    code, out, _ = odm(*words)
+    assert code == 0 and "building" not in out
+
+
+def test_shares_count_each_verdict_once():
+    def verdict(pursued, quality, top, top_quality, rank=0):
+        return Verdict(0.0, pursued, quality, top, top_quality, rank)
+
+    told = shares(
+        [
+            verdict(1, 0.6, 1, 0.6),  # the top one
+            verdict(2, 0.58, 1, 0.6, rank=2),  # within the margin
+            verdict(2, 0.5, 1, 0.6),  # worse
+            verdict(None, 0.0, 1, 0.6),  # none
+            verdict(None, 0.0, None, 0.0),  # nothing can be reached
+        ],
+        margin=0.03,
+    )
+    assert told == {
+        "judged": 5,
+        "out_of_reach": 1,
+        "top": 0.25,
+        "within_margin": 0.5,
+        "worse": 0.25,
+        "none": 0.25,
+        "first_ranked_reachable": 0.75,
+    }
