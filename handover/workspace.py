@@ -102,7 +102,11 @@ class InteractionWorkspace:
         )
         self._tables = PersonTables(human_reach or coarse_human_reach())
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
-        self._tool_hands = flat_poses(obj.T_tool_object @ self.grasps)
+        R, p = s.T_world_base[:3, :3], s.T_world_base[:3, 3]
+        self._turns_world = R @ self._cells.grid.rotations.centers
+        self._points_world = self._cells.points @ R.T + p
+        self._T_tool_hand = obj.T_tool_object @ self.grasps
+        self._tool_hands = flat_poses(self._T_tool_hand)
         self._hands = hands_of(len(self._tools), self._tool_hands)
         self._room = room()
         self._bounds = bounds_of(len(self._cells.points), self._hands)
@@ -286,9 +290,13 @@ class InteractionWorkspace:
         person = self._person, self._hands, self._where
         kernels.describe(*person, entries, grasps, self._room, joints, parts, numbers)
         keys = self._keys[entries]
-        T_tool = self.settings.T_world_base @ self._cells.grid.centers(keys)
+        T_tool = np.zeros((n, 4, 4))
+        at = np.searchsorted(self._cells.first, entries, side="right") - 1
+        T_tool[:, :3, :3] = self._turns_world[self._cells.rotation[entries]]
+        T_tool[:, :3, 3] = self._points_world[at]
+        T_tool[:, 3, 3] = 1.0
         T_object = T_tool @ self.obj.T_tool_object
-        T_hand = T_object @ self.grasps[grasps]
+        T_hand = T_tool @ self._T_tool_hand[grasps]
         targets = []
         for i, (total, online, dexterity) in enumerate(numbers.tolist()):
             named = dict(zip(PARTS, parts[i].tolist(), strict=True))
