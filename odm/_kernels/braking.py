@@ -4,7 +4,7 @@ from numba import njit
 
 from odm._kernels.close import motion_clear
 from odm._kernels.occupancy import clear, sort_points
-from odm._kernels.types import IS_SORTED, N_INSIDE, N_OCCUPIED
+from odm._kernels.types import IS_SORTED, N_BAD, N_INSIDE, N_OCCUPIED
 
 
 @njit(cache=True, nogil=True)
@@ -44,6 +44,7 @@ def lay_out(points, cloud):
         where[i] = b << 6
     cloud.counts[N_OCCUPIED] = n_occupied
     cloud.counts[N_INSIDE] = points.shape[0] - bad
+    cloud.counts[N_BAD] = bad
     sort_points(points, cloud)
     cloud.counts[IS_SORTED] = 1
     return bad

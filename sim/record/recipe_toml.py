@@ -15,6 +15,8 @@ def recipe_text(recipe: Recipe) -> str:
     parts = [_NOTE + f"name = {_value(table['name'])}\n"]
     parts += [_section(f"[{name}]", table[name]) for name in ("robot", "roadmap")]
     parts.append(_section("[safety]", table["safety"]))
+    if table.get("payload"):
+        parts.append(_section("[payload]", table["payload"]))
     parts += [_section("[[scenery]]", solid) for solid in table["scenery"]]
     return "\n".join(parts)
 

@@ -50,6 +50,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         planner.reset()
         planner.set_goals([goal])
         points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.step(points, q=q)
         planner.attacher.attach_start(q)
         planner.step(points, q=q)
         ref = int(planner.memory.goals.fresh_ref[0])

@@ -30,7 +30,7 @@ def test_a_recipe_names_a_known_robot_and_is_of_moderate_size(name):
     recipe = load_recipe(name)
     assert recipe.robot.source in robot_names()
     assert recipe.name == name
-    assert recipe.roadmap.nodes <= (10_500 if name == "panda" else 6_000)
+    assert recipe.roadmap.nodes <= (10_500 if recipe.robot.source == "panda" else 6_000)
     assert any(table["type"] == "plane" for table in recipe.scenery)
 
 
