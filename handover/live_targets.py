@@ -15,7 +15,7 @@ from handover.node_index import NodeIndex
 from handover.target_choice import ChoiceSettings, TargetChoice
 from handover.target_goals import EXACT, Goal, TargetGoals
 from handover.workspace import InteractionWorkspace, Target
-from roadmap.errors import BadInput
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics import difference
 
 if TYPE_CHECKING:
@@ -154,7 +154,10 @@ class LiveTargets:
     def look(self, human: Human, q: np.ndarray) -> None:
         """Rank the targets of a person and set the planner's goals, if they change."""
         if self.rest is None:
-            self.rest = np.array(q, float)
+            robot = self.planner.robot
+            lower = np.where(robot.continuous, -np.inf, robot.lower)
+            upper = np.where(robot.continuous, np.inf, robot.upper)
+            self.rest = np.clip(np.array(q, float), lower, upper)
         self.counts["frames"] += 1
         self.meet.update(human)
         targets = self.meet.best(self._depth())
@@ -180,8 +183,25 @@ class LiveTargets:
         ] or not self.counts["set_goals"]
         if self._changed:
             self.counts["set_goals"] += 1
-            self.planner.set_goals([g.q for g in goals] or [self.rest])
+            goals = self._set(goals)
         self.goals = goals
+
+    def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
+        """Set the planner's goals; leave out those that no longer can be."""
+        try:
+            self.planner.set_goals([g.q for g in goals] or [self.rest])
+        except BadConfiguration:  # something else is in the hand, or stands about
+            self.finder.forget()
+            self._offers.clear()
+            goals = tuple(g for g in goals if self._can_be(g.q))
+            still = [g.q for g in goals] or [self.rest]
+            if goals or self._can_be(self.rest):
+                self.planner.set_goals(still)
+        return goals
+
+    def _can_be(self, q: np.ndarray) -> bool:
+        planner = self.planner
+        return planner.static.why(q, np.zeros_like(q)) is None
 
     def heed(self, answer: "Answer", q: np.ndarray) -> None:
         """Note what the planner made of the goals."""

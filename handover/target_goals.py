@@ -90,6 +90,11 @@ class TargetGoals:
         """Return the configuration at a target, if it is known."""
         return self._exact.get(key)
 
+    def forget(self) -> None:
+        """Forget what was found: the hand, the scenery or the clearance has changed."""
+        for known in (self._exact, self._near, self._begun, self.failed):
+            known.clear()
+
     def is_open(self, key: int) -> bool:
         """Whether `work` on a target may still find something."""
         return key not in self._exact and key not in self.failed

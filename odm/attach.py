@@ -142,7 +142,7 @@ class Attacher:
         m.way.count[0] = 0
         self.forget_start()
         m.pool.used[:] = 0
-        self._forget_shortcuts()
+        self.forget_shortcuts()
         goals, costs = planner.goals, planner.costs
         planner.goals = goals[:0]
         if len(goals):
@@ -322,7 +322,7 @@ class Attacher:
         full = 2 * items > len(m.pool.begin) or 2 * entries > len(m.pool.block)
         if not full and 4 * m.short.count[0] < len(m.short.key):
             return
-        self._forget_shortcuts()
+        self.forget_shortcuts()
         refs = [m.way.ref[: max(0, int(m.way.count[0]) - 1)]]
         refs.append(m.fresh.ref[: m.fresh.count[0]])
         g = int(m.goals.count[0])
@@ -349,7 +349,8 @@ class Attacher:
             own = ref >= 0
             ref[own] = np.searchsorted(used, ref[own])
 
-    def _forget_shortcuts(self) -> None:
+    def forget_shortcuts(self) -> None:
+        """Forget the shortcuts that were found: their items are another hand's."""
         short = self.planner.memory.short
         short.key[:] = -1
         short.count[0] = 0

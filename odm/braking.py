@@ -9,6 +9,7 @@ from odm.clouds import SortedCloud
 from odm.last_phase import Cover, LastPhase, check_classes
 from odm.retreat import find_way_out
 from odm.world_frame import WorldFrame
+from roadmap.errors import BadInput
 
 
 class Braking:
@@ -42,15 +43,22 @@ class Braking:
             classes: (n,) of `points`, where they are given.
 
         Raises:
-            BadInput: A phase that cannot be, or bad classes.
+            BadInput: No path, a phase that cannot be, or bad classes.
         """
         path = np.ascontiguousarray(path, np.float64)
+        if path.ndim != 2 or not len(path) or path.shape[1] != self.robot.dof:
+            raise BadInput(
+                f"a path of shape {path.shape} is none; give (k, {self.robot.dof}) "
+                "corners, at least one"
+            )
         if points is None:
             points, classes = self.points, self.classes
         else:
             classes = check_classes(classes, len(points))
             points = self._world_ahead.points(points)
         if phase is not None:
+            if not np.isfinite(points).all():
+                return 0
             test = self.last_phase(phase, points, classes)
             cover = self.cover()
             legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)

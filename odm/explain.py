@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close, step
+from odm._kernels.types import N_BAD
 from odm.answer import NOTHING, Blockers, Freedom
 from odm.checks import check_configuration, outside_limits
 from odm.retreat import find_retreat
@@ -212,6 +213,9 @@ def is_free(
     if why is not None:
         itself = planner.static.touches_itself(ends[0], dq) is not None
         return Freedom(False, "self-collision" if itself else "scenery", why)
+    bad = int(planner.memory.cloud.counts[N_BAD])
+    if bad:
+        return Freedom(False, "frame", unfit(planner, bad, None, None))
     if phase is not None:
         hit = planner.last_phase(phase, planner.points, planner.classes).hit(
             planner.cover(), ends[0], dq

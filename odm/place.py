@@ -20,6 +20,9 @@ def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
         points = np.ascontiguousarray(points_or_shapes, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"scenery points have shape {points.shape}; give (n, 3)")
+        bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
+        if bad:
+            raise BadInput(f"{bad} scenery points are NaN or infinite; remove them")
         return points
     parts = points_or_shapes
     if isinstance(parts, Surface) or not isinstance(parts, Iterable):

@@ -166,9 +166,9 @@ class ReactivePlanner(Doors, Braking):
         """
         begun = time.perf_counter_ns()
         points = check_points(points, labels, covering_radius, self.rho)
+        q = check_configuration(self.robot, q, dq)
         self.classes = check_classes(classes, len(points))
         points = self.world.points(points)
-        q = check_configuration(self.robot, q, dq)
         if self._rejoin:
             self.attacher.forget_all()
         memory = self.memory
@@ -213,7 +213,8 @@ class ReactivePlanner(Doors, Braking):
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
         stays = self._stood >= _STAYS
-        if same and (first or (attacher.quick and stays)) and not attacher.is_fresh(q):
+        look = same and (first or (attacher.quick and stays))
+        if look and not attacher.is_fresh(q) and np.isfinite(q).all():
             # look around before it leaves, thoroughly where it stays for a while
             attacher.attach_start(q, quick=not stays)
         code = self._step(points, q)

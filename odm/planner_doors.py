@@ -5,6 +5,7 @@ No map is built again for any of these.
 
 import numpy as np
 
+from odm._kernels import frame
 from odm.carry import Carrier
 from odm.place import place_points
 from odm.surfaces import rounded_covering
@@ -65,6 +66,7 @@ class Doors:
         self.memory.goals.at[: len(self.goals)] = -1
         self.memory.goals.count[0] = 0
         self.memory.pool.used[:] = 0
+        self.attacher.forget_shortcuts()
         self._rejoin = True
         if self._approacher is not None:
             self._approacher.legs.forget_fine()
@@ -109,9 +111,12 @@ class Doors:
         Raises:
             BadInput: Not a rigid motion.
         """
-        self.world, self._world_ahead = WorldFrame(T_world_base), WorldFrame(
-            T_world_base
-        )
+        before = self.world.T_world_base
+        self.world = WorldFrame(T_world_base)
+        self._world_ahead = WorldFrame(T_world_base)
+        p_world = self.points @ before[:3, :3].T + before[:3, 3]
+        self.points = self.world.points(p_world).copy()  # the person stays
+        frame.take_points(self.memory.table, self.points)
         self._place()
         self.reset()
 
@@ -128,7 +133,7 @@ class Doors:
         """Close what the scenery of this place blocks, where the base stands now."""
         if self._p_world_place is None:
             return
-        points = self.world.points(self._p_world_place).copy()
+        points = self._world_ahead.points(self._p_world_place).copy()
         self.static_outside = self.carrier.set_place(points)
         self.attacher.forget_all()
 

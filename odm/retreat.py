@@ -84,7 +84,9 @@ def find_way_out(
     m, robot = planner.memory, planner.robot
     q = check_configuration(robot, q, None)
     coming = [(t, check_points(p, None, None, planner.rho)) for t, p in coming]
-    clouds = planner.coming.of([planner.world.points(p).copy() for _, p in coming])
+    # not in the room of the frame's points, which stay as they are
+    ahead = planner._world_ahead
+    clouds = planner.coming.of([ahead.points(p).copy() for _, p in coming])
     times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
     ample = planner.keep + _AMPLE
     here = m.arm, m.work

@@ -361,8 +361,12 @@ class Executor:
         stop = motion.stop(begin)
         if not self._test.passes(motion, t, begin, stop, threat, closer):
             return False
-        # with a look ahead the stop begins later than behind the next set-point
-        self._held = stop if ahead == 0.0 else motion.stop(t + self.period)
+        if ahead > 0.0:  # the stop that is held begins behind the next set-point
+            begin = min(t + self.period, motion.duration)
+            stop = motion.stop(begin)
+            if not self._test.passes(motion, t, begin, stop, threat, closer):
+                return False
+        self._held = stop
         self._held_t = -self.period
         return True
 

@@ -4,11 +4,13 @@ import contextlib
 import functools
 import json
 import os
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import BinaryIO
 
 import typer
@@ -26,6 +28,30 @@ INTERRUPTED = 130
 JSON_HELP = "Write the figures as JSON to FILE.json; alone or as '-': to the terminal."
 
 
+_STOPPED = "interrupted; nothing half-written was left behind"
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Note Ctrl-C, beside raising KeyboardInterrupt as ever."""
+    noted: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    plain = before is signal.default_int_handler
+    if not plain or threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        noted.append(number)
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def guarded(command: Callable) -> Callable:
     """Return the command with its errors told in one sentence and as an exit code.
 
@@ -36,13 +62,16 @@ def guarded(command: Callable) -> Callable:
     @functools.wraps(command)
     def run(*args: object, **kwargs: object) -> object:
         try:
-            return command(*args, **kwargs)
+            with _interrupts() as interrupted:
+                return command(*args, **kwargs)
         except KeyboardInterrupt:
-            _leave("interrupted; nothing half-written was left behind", INTERRUPTED)
+            _leave(_STOPPED, INTERRUPTED)
         except BrokenPipeError:
             # whoever read our output has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except Exception as error:
+            if interrupted:  # a library that was just imported swallowed it
+                _leave(_STOPPED, INTERRUPTED)
             told = _sentence(error)
             if told is None:
                 raise

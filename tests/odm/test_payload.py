@@ -16,7 +16,7 @@ from small import (
 )
 
 import odm
-from odm._kernels import close, frame
+from odm._kernels import close, frame, ways
 from odm.audit import audit
 from odm.exact import ExactRobot, obstacles_of
 from odm.fcl_robot import FclRobot
@@ -503,3 +503,18 @@ def test_cameras_look_wherever_a_payload_can_get(cell_map, loaded):
             if word >> k & 1:
                 assert inside[tuple(at + [k >> 4, k >> 2 & 3, k & 3])]
     assert layout.needs_all_cubes(cell_map, 0.02)
+
+
+@pytest.mark.parametrize("takes", [True, False])
+def test_no_shortcut_is_remembered_from_another_hand(cell_map, takes):
+    planner = odm.ReactivePlanner(cell_map)
+    if not takes:
+        planner.attach(BALLS)
+    planner.set_goals([HIGH])
+    planner.step(NOBODY, q=OVER)
+    # one that an earlier search has found, by the number of its item
+    ways.add_shortcut(planner.memory.short, 3, 9, 0)
+    assert (planner.memory.short.key >= 0).any()
+    planner.attach(BALLS) if takes else planner.detach()
+    planner.set_goals([0.5 * OVER])  # no step in between: the usual order of a pick
+    assert not (planner.memory.short.key >= 0).any()

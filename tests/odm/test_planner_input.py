@@ -145,3 +145,22 @@ def test_too_many_goals_and_bad_costs_raise(planner):
         planner.set_goals(np.zeros((33, 3)))
     with pytest.raises(BadConfiguration, match="costs"):
         planner.set_goals([AWAY], costs=[-1.0])
+
+
+def test_questions_after_a_frame_of_no_numbers_are_answered_with_no(planner):
+    planner.step(np.array([[0.5, np.nan, 0.5]]), q=HOME)
+    freedom = planner.is_free(HOME, HOME)
+    assert not freedom and freedom.failed == "frame" and "NaN" in freedom.reason
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (3,), (2, 2)])
+def test_a_path_that_is_none_is_refused_by_the_braking_test(planner, shape):
+    with pytest.raises(BadInput, match="a path of shape"):
+        planner.blocked_leg(np.zeros(shape))
+
+
+def test_scenery_of_no_numbers_is_refused_and_forgotten(planner):
+    with pytest.raises(BadInput, match="scenery points are NaN"):
+        planner.set_static(np.array([[0.5, np.nan, 0.5]]))
+    planner.set_base(np.eye(4))
+    planner.set_extra_clearance(0.01)

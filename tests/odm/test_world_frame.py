@@ -124,3 +124,33 @@ def _at(p):
     T = np.eye(4)
     T[:3, 3] = p
     return T
+
+
+def test_looking_ahead_leaves_the_frames_points_where_they_are(small_map, rng):
+    here, there = (odm.ReactivePlanner(small_map) for _ in range(2))
+    T = draw_base(rng)
+    there.set_base(T)
+    points = odm.sample_capsules(draw_arm(rng), 0.03)
+    coming = points + [0.4, 0.0, 0.0]
+    for planner, frame in ((here, np.eye(4)), (there, T)):
+        planner.set_goals([AWAY])
+        planner.step(in_world(frame, points), q=HOME)
+        planner.way_out(HOME, [(0.2, in_world(frame, coming))], 0.5)
+        box = odm.Box([0.1, 0.1, 0.1], frame @ _at([1.0, 0.9, 0.5]))
+        planner.set_static(box)
+        assert planner.points == pytest.approx(points, abs=1e-9)
+    assert here.separation(HOME) == pytest.approx(there.separation(HOME), abs=1e-9)
+    legs = np.stack([HOME, AWAY])
+    assert here.blocked_leg(legs, 0.05) == there.blocked_leg(legs, 0.05)
+
+
+def test_the_person_stays_in_the_world_when_the_base_moves(planner, rng):
+    points = odm.sample_capsules(draw_arm(rng), 0.03)
+    planner.step(points, q=HOME)
+    T = _at([0.3, -0.2, 0.0])
+    planner.set_base(T)
+    moved = planner.separation(HOME)
+    planner.step(points, q=HOME)  # of the world now
+    assert planner.separation(HOME) == pytest.approx(moved, abs=1e-9)
+    planner.step(np.ascontiguousarray(points - T[:3, 3]), q=HOME)
+    assert planner.separation(HOME) != pytest.approx(moved, abs=1e-3)
