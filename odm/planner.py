@@ -219,7 +219,7 @@ class ReactivePlanner(Doors, Braking):
             attacher.attach_start(q, quick=not stays)
         code = self._step(points, q)
         if code == step.NOT_ATTACHED:
-            attacher.attach_start(q, quick=True)
+            attacher.attach_start(q, quick=self._is_near(q, before))
             code = self._step(points, q)
         # on the way, but its segment is blocked at both ends: look around
         if code == step.NO_PATH and len(self.goals) and not attacher.is_fresh(q):
