@@ -23,7 +23,6 @@ RETREATING, STANDING = "retreating", "standing"
 RETREAT_EVERY = 5  # frames between two searches for a way out, which take a while
 _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
-_RAISE_EVERY = 1  # frames between two tries to be faster
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 
@@ -331,7 +330,7 @@ class Executor:
             self._on_path = False  # it may lie on the way before the last one
 
     def _try_faster(self, threat: Threat) -> None:
-        if self._level == 0 or self._frame % _RAISE_EVERY:
+        if self._level == 0:
             return
         faster = self.motion.rescaled(self.t, float(self.scales[self._level - 1]))
         if self._safe(faster, 0.0, threat, _LOOK_AHEAD):

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from handover import Chain
 from handover.reach_recall import random_poses
+from roadmap.transforms import pose_of
 
 # parts of the arm's length: MMM's 0.188, 0.145 and half of 0.108 of the height
 UPPER, FORE, GRIP = 0.188 / 0.387, 0.145 / 0.387, 0.054 / 0.387
@@ -18,6 +19,9 @@ JOINTS = (
     ("wrist", (0, -1, 0), (-75, 76)),
     ("deviation", (1, 0, 0), (-22, 36)),
 )
+
+# where the robot of the workspaces stands in the world
+BASE = pose_of([0.1, -0.2, 0.8], [0.0, 0.0, 0.4])
 
 
 def person_arm() -> Chain:

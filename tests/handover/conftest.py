@@ -2,9 +2,17 @@
 
 import numpy as np
 import pytest
-from reach_chains import person_arm
+from reach_chains import BASE, person_arm
 
-from handover import ReachSettings, build_reach_map, chain_of
+from handover import (
+    Human,
+    InteractionWorkspace,
+    MeetSettings,
+    ReachSettings,
+    build_reach_map,
+    chain_of,
+    wrench,
+)
 from odm import Recipe, build_map
 from odm.recipe import RobotRecipe, Safety
 from roadmap import load_robot
@@ -53,3 +61,28 @@ def cell_map():
         Safety(h=0.06),
     )
     return build_map(recipe, threads=2)
+
+
+@pytest.fixture(scope="session")
+def person_map():
+    """The reach map of a person's arm."""
+    settings = ReachSettings(cell=0.2, rotations=72, samples=20_000, seed=3)
+    return build_reach_map(Human().arm("right").chain(), settings, threads=1)
+
+
+@pytest.fixture(scope="session")
+def meet_of(robot_map, person_map):
+    """Return a function that makes a workspace of the Kawasaki."""
+
+    def make(human, obj=None, grasps=4, **settings):
+        chosen = {"T_world_base": BASE, "cell": 0.2} | settings
+        return InteractionWorkspace(
+            robot_map,
+            human,
+            obj or wrench(),
+            grasps,
+            MeetSettings(**chosen),
+            human_reach=person_map,
+        )
+
+    return make

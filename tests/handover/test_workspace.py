@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reach_chains import BASE
 from scipy.spatial.transform import Rotation
 
 import handover
@@ -11,46 +12,15 @@ from handover import (
     Above,
     Human,
     Inside,
-    InteractionWorkspace,
-    MeetSettings,
     QualitySettings,
-    ReachSettings,
     Upright,
-    build_reach_map,
     mallet,
     wrench,
 )
 from handover._kernels import meet_bounds as bounds
 from handover._kernels.meet import NUDGE, UNREACHED, hand_value
 from handover.robot_cells import robot_cells
-from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
-
-BASE = pose_of([0.1, -0.2, 0.8], [0.0, 0.0, 0.4])
-
-
-@pytest.fixture(scope="module")
-def person_map():
-    settings = ReachSettings(cell=0.2, rotations=72, samples=20_000, seed=3)
-    return build_reach_map(Human().arm("right").chain(), settings, threads=1)
-
-
-@pytest.fixture(scope="module")
-def meet_of(robot_map, person_map):
-    """Return a function that makes a workspace of the Kawasaki."""
-
-    def make(human, obj=None, grasps=4, **settings):
-        chosen = {"T_world_base": BASE, "cell": 0.2} | settings
-        return InteractionWorkspace(
-            robot_map,
-            human,
-            obj or wrench(),
-            grasps,
-            MeetSettings(**chosen),
-            human_reach=person_map,
-        )
-
-    return make
 
 
 def somebody(rng, far=1.3):
@@ -323,88 +293,3 @@ def test_tools_of_our_own_are_whole():
             assert rod[0] <= T[0, 3] <= rod[3]
         turns = {tuple(T[:3, :3].round(6).ravel()) for T in obj.hand_grasps}
         assert len(turns) == len(obj.hand_grasps)
-
-
-def no_rigid():
-    T = np.eye(4)[None].copy()
-    T[0, 0, 0] = 2.0
-    return T
-
-
-@pytest.mark.parametrize(
-    ("grasps", "says"),
-    [
-        ([], "no human grasp"),
-        (0, "0 of them"),
-        (99, "16 human grasps"),
-        (np.eye(4), "shape"),
-        (no_rigid(), "grasp 0"),
-        (np.full((1, 4, 4), np.nan), "NaN"),
-    ],
-)
-def test_grasps_that_are_none_are_refused(grasps, says, meet_of):
-    with pytest.raises(BadInput, match=says):
-        meet_of(Human(), grasps=grasps)
-
-
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"cell": 0.05}, "finer than the 0.1"),
-        ({"cell": 7.0}, "cell of 7.0 m"),
-        ({"cell": float("nan")}, "cell of nan"),
-        ({"rotations": 576}, "more than the 72"),
-        ({"rotations": 100}, "no grid has 100"),
-        ({"marked_share": 1.0}, "marked_share"),
-        ({"side": "both"}, "no 'both' arm"),
-        ({"swivel_step": 0.0}, "swivel step"),
-        ({"T_world_base": np.eye(3)}, "T_world_base"),
-        ({"T_world_base": np.diag([1.0, 1, 2, 1])}, "not a rigid motion"),
-        ({"obstacles": np.zeros((1, 6))}, "obstacles"),
-        ({"constraints": ["upright"]}, "no constraint"),
-    ],
-)
-def test_settings_that_are_none_are_refused(settings, says, meet_of):
-    with pytest.raises(BadInput, match=says):
-        meet_of(Human(), **settings)
-
-
-def test_maps_in_the_wrong_place_are_refused(robot_map, person_map, meet_of):
-    with pytest.raises(BadInput, match="give a robot's map"):
-        InteractionWorkspace(person_map, Human(), wrench())
-    with pytest.raises(BadInput, match="of a person's arm"):
-        InteractionWorkspace(robot_map, Human(), wrench(), human_reach=robot_map)
-    meet = meet_of(Human().placed(0.8, 0, np.pi))
-    with pytest.raises(BadInput, match="best 0"):
-        meet.best(0)
-    target = replace(meet.best(1)[0], key=-5)
-    with pytest.raises(BadInput, match="key -5"):
-        meet.remove(target)
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: Upright(0.0), "tilt of 0.0"),
-        (lambda: Upright(0.1, axis=(0, 0, 0)), "is zero"),
-        (lambda: Upright(0.1, up=(0, np.nan, 1)), "three finite"),
-        (lambda: Above(np.nan), "height of nan"),
-        (lambda: Inside((0, 0, 1), (1, 1, 0)), "box from"),
-        (lambda: wrench().held_by(np.zeros((4, 4))), "T_tool_object"),
-        (lambda: replace(wrench(), mass_kg=0.0), "mass of 0.0"),
-        (lambda: replace(wrench(), capsules=np.zeros((1, 7))), "radius of 0"),
-        (lambda: replace(wrench(), capsules=np.zeros((0, 7))), "shape"),
-    ],
-)
-def test_objects_and_constraints_that_are_none_are_refused(make, says):
-    with pytest.raises(BadInput, match=says):
-        make()
-
-
-def test_a_constraint_must_judge_every_pose(meet_of):
-    class Odd:
-        def allows(self, T_world_object, obj):
-            return np.ones(3)
-
-    with pytest.raises(BadInput, match="must return"):
-        meet_of(Human(), constraints=[Odd()])

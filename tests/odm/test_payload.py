@@ -1,62 +1,44 @@
-"""What is carried: the map's envelope, attach and detach, and who must heed it."""
+"""What is carried: the map's envelope, attach and detach."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from carrying import (
+    BALLS,
+    BRICK,
+    CENTER,
+    HIGH,
+    OVER,
+    RADIUS,
+    SHIFT,
+    arm_points,
+    capsules,
+)
 from naive_cells import free_items
 from small import (
     AWAY,
     HOME,
     NOBODY,
-    ball_at,
     draw_arm,
-    draw_valid,
     small_recipe,
 )
 
 import odm
-from odm._kernels import close, frame, ways
+from odm._kernels import close, frame
 from odm.audit import audit
 from odm.exact import ExactRobot, obstacles_of
 from odm.fcl_robot import FclRobot
 from odm.payload import envelope_robot, loaded_map
-from odm.recipe import PayloadRecipe, Recipe, RobotRecipe, Safety, parse_recipe
-from roadmap.build import RoadmapSettings
+from odm.recipe import PayloadRecipe, parse_recipe
 from roadmap.carry import PAYLOAD, with_payload
 from roadmap.errors import BadInput, BadRecipe
-from roadmap.kinematics import difference, tool_pose
-
-CENTER, RADIUS = np.array([0.1, 0.0, 0.02]), 0.12  # the map's envelope
-BALLS = np.array([[0.1, 0.0, 0.02, 0.06], [0.16, 0.0, 0.0, 0.04]])
-BRICK = odm.Box([0.1, 0.06, 0.12])
-# the small arm may stand so with BALLS in its hand: nearer to the floor it may not
-HIGH, OVER = np.array([0.7, 0.4, 0.0]), np.array([-0.7, -0.4, 0.0])
-SHIFT = np.block([[np.eye(3), CENTER[:, None]], [np.zeros((1, 3)), 1.0]])
-
-
-FOLDING = """<robot name="folding">
-<link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
-</link>
-<link name="upper"><collision><origin xyz="0.2 0 0"/><geometry>
-<box size="0.4 0.06 0.06"/></geometry></collision></link>
-<link name="fore"><collision><origin xyz="0.15 0 0.08"/><geometry>
-<box size="0.2 0.04 0.04"/></geometry></collision></link>
-<joint name="swing" type="revolute"><parent link="base"/><child link="upper"/>
-<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
-<joint name="bend" type="revolute"><parent link="upper"/><child link="fore"/>
-<origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
-<limit lower="-3.1" upper="3.1" velocity="1" effort="1"/></joint>
-</robot>
-"""
+from roadmap.kinematics import difference
 
 
 @pytest.fixture(scope="module")
-def cell_map(tmp_path_factory):
-    envelope = PayloadRecipe(radius=RADIUS, position=tuple(CENTER))
-    folder = tmp_path_factory.mktemp("maps") / "arm3"
-    odm.build_map(replace(small_recipe(), payload=envelope)).save(folder)
-    return odm.load_map(folder)
+def cell_map(carrying_map):
+    return carrying_map
 
 
 @pytest.fixture(scope="module")
@@ -67,22 +49,6 @@ def loaded(cell_map):
 @pytest.fixture
 def planner(cell_map):
     return odm.ReactivePlanner(cell_map)
-
-
-def arm_points(rng):
-    arm = draw_arm(rng)
-    return arm, odm.sample_capsules(arm, 0.03)
-
-
-def capsules(arm):
-    return [odm.Capsule.between(row[:3], row[3:6], row[6]) for row in arm]
-
-
-def exact_gap(robot, shapes, q_a, q_b, n=9):
-    exact = ExactRobot(robot)
-    dq = difference(robot, q_a, q_b)
-    places = [q_a + t * dq for t in np.linspace(0.0, 1.0, n)]
-    return min(exact.distance(q, shapes).distance for q in places)
 
 
 # --- the layer -----------------------------------------------------------------
@@ -317,204 +283,3 @@ def test_a_thing_that_is_none_is_refused(planner, thing):
 def test_a_robot_with_a_link_of_that_name_carries_nothing_else(cell_map):
     with pytest.raises(BadInput, match="has a link 'payload' already"):
         with_payload(with_payload(cell_map.robot, BALLS), BALLS)
-
-
-# --- every motion heeds it -----------------------------------------------------
-
-
-def test_is_free_agrees_with_exact_geometry(cell_map, planner, rng):
-    """Certified free: the solids and the object keep m, python-fcl sees no contact."""
-    planner.attach(BALLS)
-    loaded = with_payload(cell_map.robot, BALLS)
-    exact, fcl = ExactRobot(loaded), FclRobot(loaded)
-    m, freed, by_payload = cell_map.safety.m, 0, 0
-    for _ in range(300):
-        arm, points = arm_points(rng)
-        q_a, q_b = draw_valid(planner, rng), draw_valid(planner, rng)
-        q_b = q_a + 0.3 * difference(cell_map.robot, q_a, q_b)
-        planner.step(points, q_a)
-        answer = planner.is_free(q_a, q_b)
-        by_payload += "payload would" in answer.reason
-        if not answer:
-            continue
-        freed += 1
-        shapes = capsules(arm)
-        fcl.set_obstacles(shapes)
-        for t in (0.0, 0.31, 0.5, 0.77, 1.0):
-            q = q_a + t * (q_b - q_a)
-            assert exact.distance(q, shapes).distance >= m
-            assert not fcl.collides(q)
-            assert exact.self_distance(q).distance > 0.0
-    assert freed > 100 and by_payload > 5
-
-
-def test_an_object_that_touches_the_own_arm_is_not_free(tmp_path):
-    """A robot that folds: by exact geometry, at rest and in the middle of a motion."""
-    urdf = tmp_path / "folding.urdf"
-    urdf.write_text(FOLDING)
-    cell_map = odm.build_map(
-        Recipe(
-            "folding", RobotRecipe(str(urdf), tip="fore"),
-            RoadmapSettings(nodes=40, neighbors=4), Safety(h=0.05),
-            payload=PayloadRecipe(radius=0.06, position=(0.3, 0.0, 0.0)),
-        )
-    )  # fmt: skip
-    planner = odm.ReactivePlanner(cell_map)
-    thing = np.array([[0.3, 0.0, 0.0, 0.05]])
-    loaded = with_payload(cell_map.robot, thing)
-    exact, rng = ExactRobot(loaded), np.random.default_rng(1)
-    planner.attach(thing)
-    touching = folded = 0
-    for _ in range(200):
-        q = rng.uniform(cell_map.robot.lower, cell_map.robot.upper)
-        free = planner.is_free(q, q)
-        if exact.self_distance(q).distance <= 0.0:
-            touching += 1
-            assert free.failed == "self-collision" and "payload" in free.reason
-        folded += bool(free)
-    assert touching > 5 and folded > 50
-    stretched, shut = np.array([0.0, 0.5]), np.array([0.0, 3.0])
-    through = planner.is_free(stretched, shut)
-    assert through.failed == "self-collision" and "upper would touch" in through.reason
-    planner.detach()
-    assert planner.is_free(np.array([0.0, 3.0]), np.array([0.0, 3.0]))
-
-
-def test_every_path_keeps_robot_and_object_off_a_moving_arm(cell_map, rng):
-    """Search, straight and polished motions, backing off: all that is answered."""
-    loaded, m = with_payload(cell_map.robot, BALLS), cell_map.safety.m
-    seen = {"following": 0, "replanned": 0, "holding": 0}
-    for seed in range(8):
-        planner = odm.ReactivePlanner(cell_map)
-        planner.attach(BALLS)
-        walk = np.random.default_rng(seed)
-        arm, v = draw_arm(walk), 0.01 * walk.normal(size=3)
-        q = draw_valid(planner, walk)
-        planner.set_goals([draw_valid(planner, walk) for _ in range(2)])
-        for _ in range(30):
-            arm = arm + np.array([*v, *v, 0.0])
-            answer = planner.step(odm.sample_capsules(arm, 0.03), q)
-            seen[answer.status] += 1
-            shapes = capsules(arm)
-            legs = list(zip(answer.path, answer.path[1:], strict=False))
-            for a, b in legs[:3]:
-                assert exact_gap(loaded, shapes, a, b) >= m
-            if answer.retreat is not None:
-                now = exact_gap(loaded, shapes, q, q, 1)
-                away = exact_gap(loaded, shapes, *answer.retreat)
-                assert away >= min(m, now) - 1e-3
-            planner.polish()
-            if legs:
-                dq = difference(cell_map.robot, *legs[0])
-                q = q + dq * min(1.0, 0.1 / max(np.abs(dq).max(), 1e-9))
-    assert min(seen.values()) > 5, seen
-
-
-def test_braking_heeds_the_payload(cell_map, planner):
-    outer = ExactRobot(with_payload(cell_map.robot, BALLS)).frames(HOME)[-1]
-    points = ball_at(outer[9:] + 0.1 * outer[:9].reshape(3, 3)[:, 0])
-    planner.step(points, HOME)
-    assert planner.blocked_leg(HOME[None]) is None
-    gap = planner.separation(HOME)
-    planner.attach(BALLS)
-    assert planner.blocked_leg(HOME[None], points=points) == 0
-    assert planner.separation(HOME) < gap
-
-
-def test_what_the_object_touches_is_named(planner):
-    planner.attach(BALLS)
-    planner.set_goals([AWAY])
-    planner.set_static(odm.Box([0.1, 0.1, 0.1], _at(_outer(planner, AWAY))))
-    assert "payload would touch the scenery set by set_static" in planner.is_free(
-        AWAY, AWAY
-    ).reason
-    planner.detach()
-    planner.attach(BALLS)  # the scenery of the place outlives the hand
-    assert not planner.is_free(AWAY, AWAY)
-
-
-def test_the_place_closes_what_the_envelope_would_touch(cell_map, rng):
-    """What set_static closes for the payload is no less than for the bare arm."""
-    first, then = (odm.ReactivePlanner(cell_map) for _ in range(2))
-    box = odm.Box([0.3, 0.3, 0.3], _at(np.array([0.4, 0.3, 0.5])))
-    first.set_static(box)
-    bare = first.memory.graph.closed.copy()
-    first.attach(BALLS)
-    carrying = first.memory.graph.closed
-    assert (carrying | ~bare).all() and carrying.sum() > bare.sum()
-    then.attach(BALLS)
-    then.set_static(box)
-    assert np.array_equal(then.memory.graph.closed, carrying)
-    then.detach()
-    assert np.array_equal(then.memory.graph.closed, bare)
-
-
-def test_goals_that_the_object_cannot_reach_are_refused(planner):
-    low = None
-    for q in planner.cell_map.roadmap.nodes[planner.cell_map.payload.closed[:150]]:
-        if planner.is_free(q, q):
-            planner.attach(np.array([[*CENTER, RADIUS]]))
-            blocked = not planner.is_free(q, q)
-            if blocked:
-                low = q
-                break
-            planner.detach()
-    assert low is not None
-    with pytest.raises(ValueError, match="payload"):
-        planner.set_goals([low])
-
-
-def test_approach_heeds_the_payload(cell_map, planner):
-    T = tool_pose(cell_map.robot, AWAY)
-    back = HOME * 0.2 + AWAY * 0.8
-    planner.step(NOBODY, back)
-    free = planner.approach(T, q=back)
-    planner.attach(BALLS)
-    held = planner.approach(T, q=back)
-    assert bool(free) == bool(held)
-    points = ball_at(_outer(planner, AWAY))
-    planner.step(points, back)
-    answer = planner.approach(T, q=back)
-    assert not answer
-
-
-def _outer(planner, q):
-    loaded = with_payload(planner.cell_map.robot, BALLS)
-    return ExactRobot(loaded).frames(q)[-1, 9:]
-
-
-def _at(p):
-    T = np.eye(4)
-    T[:3, 3] = p
-    return T
-
-
-def test_cameras_look_wherever_a_payload_can_get(cell_map, loaded):
-    from odm.cameras import layout
-
-    inside = layout._in_reach(cell_map)
-    nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
-    blocks = np.unique(loaded.arm_cells.block.astype(np.int64))
-    for b in blocks:
-        masks = loaded.arm_cells.mask[loaded.arm_cells.block == b]
-        word = int(np.bitwise_or.reduce(masks))
-        at = 4 * np.array([b // (ny * nz), b // nz % ny, b % nz])
-        for k in range(64):
-            if word >> k & 1:
-                assert inside[tuple(at + [k >> 4, k >> 2 & 3, k & 3])]
-    assert layout.needs_all_cubes(cell_map, 0.02)
-
-
-@pytest.mark.parametrize("takes", [True, False])
-def test_no_shortcut_is_remembered_from_another_hand(cell_map, takes):
-    planner = odm.ReactivePlanner(cell_map)
-    if not takes:
-        planner.attach(BALLS)
-    planner.set_goals([HIGH])
-    planner.step(NOBODY, q=OVER)
-    # one that an earlier search has found, by the number of its item
-    ways.add_shortcut(planner.memory.short, 3, 9, 0)
-    assert (planner.memory.short.key >= 0).any()
-    planner.attach(BALLS) if takes else planner.detach()
-    planner.set_goals([0.5 * OVER])  # no step in between: the usual order of a pick
-    assert not (planner.memory.short.key >= 0).any()
