@@ -29,6 +29,7 @@ class Attacher:
         self.resize()
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
+        self._fresh_key = b""  # the same as bytes, which are compared faster
         self.quick = False
         self._direct_from = np.full(planner.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -81,7 +82,8 @@ class Attacher:
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
         goals = self.planner.memory.goals
-        for name in ("h", "at", "node", "length", "ref", "number", "vertex"):
+        kept = ("h", "at", "node", "length", "ref", "stuck", "number", "vertex")
+        for name in kept:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
 
@@ -89,6 +91,7 @@ class Attacher:
         m = self.planner.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
+        goals.stuck[g] = -1.0
         goals.vertex[g] = self.new_vertex()
         self._measure(q)
         nearest = int(np.argmin(self.near))
@@ -127,11 +130,12 @@ class Attacher:
 
     def is_at(self, q: np.ndarray) -> bool:
         """Return True if q is the configuration that was attached last."""
-        return bool(np.array_equal(q, self.q_fresh))
+        return q.tobytes() == self._fresh_key
 
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_fresh[:] = np.nan
+        self._fresh_key = b""
         self.planner.memory.fresh.count[0] = 0
 
     def forget_all(self) -> None:
@@ -159,6 +163,7 @@ class Attacher:
         m = self.planner.memory
         self.quick = quick
         self.q_fresh[:] = q
+        self._fresh_key = self.q_fresh.tobytes()
         m.goals.count[1] = self.new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
@@ -174,6 +179,7 @@ class Attacher:
         m.fresh.length[:k] = self.near[ids]
         m.fresh.static[:k] = 1
         m.fresh.memo[:k] = 0
+        m.fresh.stuck[:k] = -1.0
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
