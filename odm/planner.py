@@ -123,6 +123,7 @@ class ReactivePlanner(Doors, Braking):
             self.goals, self._rejoin = self.goals[:0], False
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
+        self.straightener.reset()
         self._new_goals = True
 
     # --- a frame ---------------------------------------------------------------
@@ -342,6 +343,7 @@ class ReactivePlanner(Doors, Braking):
         self.attacher.forget_start()
         self._moving = False
         self.smoother.reset()
+        self.straightener.reset()
         self.calm.reset()
         self.last = None
 
