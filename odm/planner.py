@@ -89,6 +89,7 @@ class ReactivePlanner(Doors, Braking):
         self.points = np.zeros((0, 3))
         self.classes: np.ndarray | None = None
         self.last: Answer | None = None
+        self.heard: tuple[float, float] | None = None  # newest stamp, and when
         self._q = self.memory.own.q
         self._here = b""
         self._moving = False
@@ -148,7 +149,8 @@ class ReactivePlanner(Doors, Braking):
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
-            stamp: Time of the points [s].
+            stamp: Time of the points [s]; older points than those of a frame before
+                hold, unless `now` went back, too.
             now: Present time [s], by the same clock.
             covering_radius: Declared for raw points [m]; None means that the points
                 come from closed shapes sampled within the map's rho. The close test
@@ -345,7 +347,7 @@ class ReactivePlanner(Doors, Braking):
         self.smoother.reset()
         self.straightener.reset()
         self.calm.reset()
-        self.last = None
+        self.last = self.heard = None
 
     # --- inside ----------------------------------------------------------------
 
