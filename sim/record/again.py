@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
-from odm.recipe import parse_recipe
+from odm.recipe import recipe_of_map
 from roadmap.errors import BadInput
 from roadmap.robot import Robot
 from sim.loop import Loop, LoopSettings
@@ -114,8 +114,7 @@ def check_built(record: RunRecord, cell_map: CellMap, folder: object) -> None:
 
 def recipe_of(record: RunRecord) -> Recipe:
     """Return the recipe of the map of a recording."""
-    table = record.head["map"]
-    return parse_recipe(table["recipe"], table["name"])
+    return recipe_of_map(record.head["map"]["recipe"])
 
 
 def robot_of(record: RunRecord) -> Robot:

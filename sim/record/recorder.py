@@ -117,7 +117,7 @@ class Recorder:
             "map": {
                 "name": cell_map.recipe.name,
                 "hash": cell_map.hash,
-                "recipe": cell_map.recipe.as_dict(),
+                "recipe": cell_map.recipe.for_map(),
             },
             "robot": cell_map.robot.meta(),
             "status_names": list(STATUS),
