@@ -205,8 +205,13 @@ def with_pairs(
 def crowded_pairs(robot: Robot) -> set[frozenset[str]]:
     """Return the pairs of links that touch in more than half of all sampled poses."""
     often = [pair for pair, share in _contact_share(robot).items() if share > 0.5]
-    always = [frozenset(pair[:2]) for pair in robot.dropped_pairs if ALWAYS in pair[2]]
-    return {*always, *(frozenset(robot.link_names[i] for i in p) for p in often)}
+    named = {frozenset(robot.link_names[i] for i in pair) for pair in often}
+    return always_touching_pairs(robot) | named
+
+
+def always_touching_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Return the pairs of links that are not tested since they always touch."""
+    return {frozenset(pair[:2]) for pair in robot.dropped_pairs if ALWAYS in pair[2]}
 
 
 def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:

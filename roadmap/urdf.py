@@ -10,7 +10,7 @@ from roadmap.errors import BadRobot
 from roadmap.fingers import finger_joints
 from roadmap.known import known_robot, own_file, robot_file
 from roadmap.robot import Robot
-from roadmap.self_collision import crowded_pairs
+from roadmap.self_collision import always_touching_pairs, crowded_pairs
 from roadmap.srdf import read_disabled_pairs
 from roadmap.travel import (
     Carried,
@@ -108,7 +108,9 @@ def _with_fingers(parts: Parts, excess: float, locked: Collection[str]) -> Robot
         return robot
     # fingers that touch the arm wherever they are, and do not where they stand
     still = assemble(parts, _COARSEST, ())
-    for a, b in sorted(map(sorted, crowded_pairs(robot) - crowded_pairs(still))):
+    crowded = crowded_pairs(robot) - crowded_pairs(still)
+    crowded |= always_touching_pairs(robot) - always_touching_pairs(still)
+    for a, b in sorted(map(sorted, crowded)):
         for name in (*_drivers(links, a), *_drivers(links, b)):
             why_not[name] = f"over its travel {a} and {b} touch in most poses"
     if not set(travel) & set(why_not):

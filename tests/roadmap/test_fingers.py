@@ -10,6 +10,7 @@ from roadmap.body_tree import build_tree
 from roadmap.description import read_description
 from roadmap.errors import BadRobot
 from roadmap.robot import BOX, CYLINDER, HULL
+from roadmap.self_collision import always_touching_pairs, crowded_pairs
 from roadmap.spheres import robot_solids
 
 ROD = '<geometry><cylinder radius="0.01" length="0.08"/></geometry>'
@@ -290,6 +291,23 @@ def test_a_finger_that_would_fill_the_room_of_the_arm_stands(tmp_path_factory):
     assert not travelling(robot)
     assert any("arm and finger touch in most poses" in note for note in robot.notes)
     assert not any("always" in reason for _, _, reason in robot.dropped_pairs)
+
+
+def test_a_pair_that_stands_apart_in_some_poses_is_tested(tmp_path_factory):
+    """It touches in most poses anyhow, but only as a hull in all of them."""
+    body = ARM.replace('lower="-1" upper="1"', 'lower="-0.4" upper="0.4"')
+    body += link("finger", 0.14)
+    limits = (3.04, 3.9)
+    body += joint("wag", "revolute", "palm", "finger", "0 0 0.006", "0 0 1", limits)
+    path = written(tmp_path_factory, body)
+    asked, still = (
+        load_robot(path, tip="tool", travel=names, **COARSE) for names in (["wag"], ())
+    )
+    pair = frozenset(("arm", "finger"))
+    assert pair in always_touching_pairs(asked)
+    assert pair in crowded_pairs(still) - always_touching_pairs(still)
+    robot = load_robot(path, tip="tool", **COARSE)
+    assert not travelling(robot) and not always_touching_pairs(robot)
 
 
 def test_a_tip_on_a_finger_plans_for_that_finger(hand):
