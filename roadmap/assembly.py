@@ -109,7 +109,7 @@ def _standing(
         notes.append(f"held over the whole travel of {', '.join(travel)}")
     for name, why in why_not.items():
         notes.append(
-            f"{name} of the gripper stands at {still[name]:.4g}, not held over its "
+            f"{name} behind the tool stands at {still[name]:.4g}, not held over its "
             f"travel: {why}; put it elsewhere with locked, or list all joints to hold "
             "in travel"
         )

@@ -81,6 +81,6 @@ def _too_wide(
         if (way > _FARTHEST or several) and way > farthest:
             worst, farthest = name, way
             why = f"it would move {link} by up to {way:.2f} m"
-            if several and len(carried.drivers) > 1:
+            if way <= _FARTHEST and len(carried.drivers) > 1:
                 why = f"{link} hangs on {' and '.join(carried.drivers)}"
     return None if worst is None else (worst, why)

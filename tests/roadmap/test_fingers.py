@@ -237,7 +237,7 @@ def test_an_empty_travel_is_none(hand):
     robot = load_robot(hand, tip="tool", travel=[], **COARSE)
     assert not travelling(robot)
     assert all(s.kind != HULL for s in robot_solids(robot))
-    assert not any("gripper" in note for note in robot.notes)
+    assert not any("behind the tool" in note for note in robot.notes)
 
 
 def test_joints_elsewhere_stand_still(hand):
@@ -248,16 +248,16 @@ def test_joints_elsewhere_stand_still(hand):
 
 def test_a_joint_of_the_gripper_that_cannot_travel_is_told(hand):
     notes = load_robot(hand, tip="tool", **COARSE).notes
-    (spin,) = [n for n in notes if n.startswith("spin of the gripper stands at 0,")]
+    (spin,) = [n for n in notes if n.startswith("spin behind the tool stands at 0,")]
     assert "it has no two limits; put it elsewhere with locked" in spin
-    (hoist,) = [n for n in notes if n.startswith("hoist of the gripper stands at 0,")]
+    (hoist,) = [n for n in notes if n.startswith("hoist behind the tool stands at 0,")]
     assert "would move mast by up to 0.80 m" in hoist
     with pytest.raises(BadRobot, match="'spin' has no two limits"):
         load_robot(hand, tip="tool", travel=("spin",), **COARSE)
     robot = load_robot(hand, tip="tool", travel=("hoist",), **COARSE)
     assert travelling(robot) == ["hoist"]
     locked = load_robot(hand, tip="tool", locked={"spin": 1.0, "hoist": 0.2}, **COARSE)
-    assert not any("gripper" in note for note in locked.notes)
+    assert not any("behind the tool" in note for note in locked.notes)
 
 
 def test_a_chain_too_long_to_hold_stands_as_far_as_it_must(tmp_path_factory):
@@ -271,7 +271,7 @@ def test_a_chain_too_long_to_hold_stands_as_far_as_it_must(tmp_path_factory):
         parent = f"l{k}"
     path = written(tmp_path_factory, body)
     robot = load_robot(path, tip="tool", **COARSE)
-    notes = [n for n in robot.notes if "of the gripper stands at 0" in n]
+    notes = [n for n in robot.notes if "behind the tool stands at 0" in n]
     assert travelling(robot) and notes
     assert len(travelling(robot)) + len(notes) == 9
     with pytest.raises(BadRobot, match="would travel with j0 and j1 and .* lock some"):
