@@ -8,10 +8,11 @@ import numpy as np
 
 from roadmap.body_tree import BodyTree
 from roadmap.description import Description, Link
+from roadmap.finger_chain import carried_links
 from roadmap.robot import Robot
 from roadmap.self_collision import with_pairs
 from roadmap.solids import Solid
-from roadmap.travel import carried_links, swept_solids
+from roadmap.travel import swept_solids
 
 
 @dataclass(frozen=True, eq=False)

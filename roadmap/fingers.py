@@ -8,7 +8,8 @@ from collections.abc import Collection, Mapping
 
 from roadmap.body_tree import BodyTree, drive
 from roadmap.description import MOVABLE, Description
-from roadmap.travel import WIDEST, carried_links, has_limits
+from roadmap.finger_chain import carried_links, has_limits
+from roadmap.travel import WIDEST
 
 _FARTHEST = 0.5  # [m] what moves something farther is an arm, not a finger
 

@@ -7,18 +7,13 @@ from roadmap.assembly import Parts, assemble
 from roadmap.body_tree import build_tree
 from roadmap.description import MOVABLE, Description, read_description
 from roadmap.errors import BadRobot
+from roadmap.finger_chain import Carried, carried_links
 from roadmap.fingers import finger_joints
 from roadmap.known import known_robot, own_file, robot_file
 from roadmap.robot import Robot
 from roadmap.self_collision import always_touching_pairs, crowded_pairs
 from roadmap.srdf import read_disabled_pairs
-from roadmap.travel import (
-    Carried,
-    carried_links,
-    check_travel,
-    check_width,
-    radii_of,
-)
+from roadmap.travel import check_travel, check_width, radii_of
 
 _COARSEST = 1.0  # [m] excess of a cover that nobody uses
 
