@@ -3,6 +3,7 @@
 from numba import njit
 
 from odm._kernels.judge import (
+    can_leave,
     judge_direct,
     judge_goal,
     judge_starts,
@@ -71,6 +72,7 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
     most = 2 * budget
     judged = False
     any_start = False
+    leaves = True  # the start may be left by one of its motions
     for g in range(low, high):
         if judge_direct(state, points, q, g, frame) and not joint:
             way.count[0] = 2
@@ -82,6 +84,8 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             way.q[1] = goals.q[g]
             unwind(way, own.continuous)
             return True
+        if not leaves:
+            continue
         if not judged:
             any_start = judge_starts(state, starts, cloud.words, frame)
             judged = True
@@ -103,13 +107,15 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
                     continue
             if not any_start:
                 if offer_starts(state, starts, frame, most) == 0:
-                    return False
+                    leaves = False
+                    continue
                 any_start = opened = True
             elif not opened:
                 opened = open_goal(state, points, g, frame, most)
                 opened = offer_starts(state, starts, frame, most) > 0 or opened
             if opened:
                 entry = search_goals(state, points, starts, q, g, frame)
+            leaves = entry >= 0 or can_leave(starts, frame)
         if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
             take_shortcuts(state, way, own.weights)
             return True

@@ -184,6 +184,15 @@ def offer_starts(state, starts, frame, most):
 
 
 @njit(cache=True, nogil=True)
+def can_leave(starts, frame):
+    """Return True if a start motion is free, or may be by the close test."""
+    for k in range(starts.count[0]):
+        if starts.memo[k] == 4 * frame + FREE or starts.memo[k] == 4 * frame + MAYBE:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def start_clear(state, points, starts, q, frame, k):
     """Run the close test of start motion k; its verdict is remembered."""
     own = own_of(state)

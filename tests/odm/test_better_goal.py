@@ -62,3 +62,18 @@ def test_answers_do_not_depend_on_what_was_kept(arm3):
         assert a.goal == b.goal
         np.testing.assert_allclose(a.path, b.path, atol=1e-12)
         kept.reset(), fresh.reset()
+
+
+def test_a_start_that_no_motion_leaves_still_goes_straight_to_another_goal(planner):
+    near = HOME + [0.1, -0.1, 0.2]
+    late = HOME + 0.75 * (BETTER - HOME)
+    ball = ball_at(tool_pose(planner.robot, late)[:3, 3], 0.02)
+    planner.set_goals([BETTER, near])
+    for _ in range(5):
+        planner.step(NOBODY, q=HOME)
+    planner.reset()
+    planner.attacher.attach_start(HOME)
+    planner.memory.fresh.count[0] = 0  # as where every motion is blocked for good
+    answer = planner.step(ball, q=HOME)
+    assert not planner.is_free(HOME, BETTER) and planner.is_free(HOME, near)
+    assert answer.goal == 1
