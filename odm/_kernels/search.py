@@ -36,9 +36,9 @@ from odm._kernels.types import (
 LOOK_BACK = 8  # vertices closed before the last way is looked at,
 LOOK_FARTHER = 12  # and all ways of the past where it is blocked
 PATIENCE = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 600  # lists looked at before the direct map settles all items at once
+MANY_TESTS = 1000  # lists looked at before the direct map settles all items at once
 RECENT = 2  # frames in which its counts change little
-RECENT_TESTS = 450  # lists looked at before then
+RECENT_TESTS = 700  # lists looked at before then
 
 
 @njit(cache=True, nogil=True)
