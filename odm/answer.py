@@ -65,13 +65,13 @@ class Answer:
         goal: int | None,
         certified: str,
         times: tuple[int, int, int],
-        counted: tuple[list[int], list[int]],
+        counted: tuple[bytes, bytes],
         explain: "Explains | None" = None,
     ) -> None:
         """Keep the values; `explain` is asked when the reason or the retreat is.
 
         `times` are begin, end of the occupancy and end [ns]; `counted` the counts of
-        the cloud and of the search.
+        the cloud and of the search, as bytes: they are seldom looked at.
         """
         self.status = status
         self.path = path
@@ -96,7 +96,8 @@ class Answer:
     @property
     def work(self) -> "Work":
         """Counted work of the frame."""
-        (blocks, inside, outside, bad, _), stats = self._counted
+        counts, stats = (np.frombuffer(c, np.int64).tolist() for c in self._counted)
+        blocks, inside, outside, bad, _ = counts
         popped, tests, flooded, close, runs = stats[:5]
         n_points = inside + outside + bad
         return Work(

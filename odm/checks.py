@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 MAX_GOALS = 32
+_FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
 
 
 def check_points(
@@ -21,7 +22,8 @@ def check_points(
     rho: float,
 ) -> np.ndarray:
     """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
-    if type(points) is not np.ndarray or points.dtype != np.float64:
+    kind = getattr(points, "dtype", None)
+    if type(points) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
         points = _as_floats(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise BadInput(
@@ -55,9 +57,10 @@ def check_configuration(
     robot: Robot, q: np.ndarray, dq: np.ndarray | None
 ) -> np.ndarray:
     """Return q as (dof,) float64; values are judged later, shapes now."""
-    if type(q) is not np.ndarray or q.dtype != np.float64:
+    kind = getattr(q, "dtype", None)
+    if type(q) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
         q = np.asarray(q, dtype=np.float64)
-    if q.shape != (robot.dof,):
+    if q.ndim != 1 or len(q) != robot.dof:
         raise BadInput(
             f"q has shape {q.shape}, but {robot.name} has {robot.dof} moving joints: "
             f"{', '.join(robot.joint_names)}"

@@ -190,13 +190,15 @@ class ReactivePlanner(Doors, Braking):
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
             return self._hold(begun, marked, covering_radius, trouble, code)
-        way, numbers = memory.way, memory.own.numbers
-        at, end = int(numbers[N_SEGMENT]), int(way.count[0])
+        way, own = memory.way, memory.own
+        numbers, end = own.numbers.tolist(), way.count.item(0)
+        at = numbers[N_SEGMENT]
         if end - at > 2 and (
             code == step.PLANNED or not numbers[N_FRAME] % _LOOK_STRAIGHT
         ):
             code = self.straightener.run(code)
-            at, end = int(numbers[N_SEGMENT]), int(way.count[0])
+            numbers, end = own.numbers.tolist(), way.count.item(0)
+            at = numbers[N_SEGMENT]
         path = way.q[at:end].copy()
         path[0] = q
         following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
@@ -386,8 +388,8 @@ class ReactivePlanner(Doors, Braking):
         told: "explain.Reasons | None" = None,
     ) -> Answer:
         memory = self.memory
-        goal = int(memory.way.count[1]) if told is None else None
-        counted = (memory.cloud.counts.tolist(), memory.search.stats.tolist())
+        goal = memory.way.count.item(1) if told is None else None
+        counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
         times = (begun, marked, time.perf_counter_ns())
         certified = WHOLE if covering_radius is None else VISIBLE
         self.last = Answer(status, path, goal, certified, times, counted, told)
