@@ -2,7 +2,9 @@
 
 A bin is five boards around what the tool's body carries, so that the nearest board is
 `spare` away from it at the pose; exact geometry says how much is really spared on the
-whole line. The planner sees the boards' samples only.
+whole line. The planner sees the boards' samples only. A board may come near to another
+link: of a pose that is not found, exact geometry is asked about many configurations
+that reach it, whether any of them keeps `spare`.
 """
 
 from collections.abc import Callable
@@ -30,6 +32,8 @@ SAMPLINGS = (
     ("surface, 1 cm", 0.01, False),
 )
 _SAMPLES = 8  # of each leg, for the exact distance
+_SEEDS = 100  # of inverse kinematics, where no approach was found
+_ROUNDING = 5e-4  # [m] the boards are `spare` away: nothing keeps a hair more
 
 
 def run(
@@ -73,7 +77,7 @@ def run(
 
 
 def _measure(planner, exact, poses, spare, spacing, by_face, label) -> list[dict]:
-    clock, found, spared = Clock(), [], []
+    clock, found, spared, allowed = Clock(), [], [], []
     for q, T in poses:
         boards = bin_around(planner.robot, T, spare)
         sampled = [(box_faces if by_face else surface_of)(b, spacing) for b in boards]
@@ -84,11 +88,15 @@ def _measure(planner, exact, poses, spare, spacing, by_face, label) -> list[dict
         found.append(bool(answer))
         if answer:
             spared.append(least_gap(exact, answer, boards))
+        least = spare - _ROUNDING
+        allowed.append(bool(answer) or largest_gap(planner, exact, T, boards) >= least)
     share = 100.0 * np.mean(found) if found else np.nan
-    least = 100.0 * min(spared) if spared else np.nan
+    gap = 100.0 * min(spared) if spared else np.nan
+    fair = 100.0 * sum(found) / sum(allowed) if any(allowed) else np.nan
     return [
         value_row(f"{label}: found", share, "%"),
-        value_row(f"{label}: least exact gap of those", least, "cm"),
+        value_row(f"{label}: found where exact geometry allows it", fair, "%"),
+        value_row(f"{label}: least exact gap of those", gap, "cm"),
         clock.row(label, p99=5000),
     ]
 
@@ -163,3 +171,20 @@ def least_gap(exact: ExactRobot, answer: Approach, boards: list[Box]) -> float:
     legs = zip(answer.path[:-1], answer.path[1:], strict=True)
     qs = [q for a, b in legs for q in np.linspace(a, b, _SAMPLES)]
     return min(exact.distance(q, ready).distance for q in qs)
+
+
+def largest_gap(
+    planner: ReactivePlanner, exact: ExactRobot, T: np.ndarray, boards: list[Box]
+) -> float:
+    """Return the largest exact distance of configurations that reach a pose [m].
+
+    Of many, drawn with inverse kinematics, that are free of what stands still; it may
+    be a little less than the largest of all.
+    """
+    robot, ready = planner.robot, obstacles_of(boards)
+    rng, best = np.random.default_rng(0), 0.0
+    for _ in range(_SEEDS):
+        for solution in robot.ik(T, q_seed=rng.uniform(robot.lower, robot.upper)):
+            if planner.static.motion_free(solution.q, np.zeros(robot.dof)):
+                best = max(best, exact.distance(solution.q, ready).distance)
+    return best
