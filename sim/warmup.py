@@ -150,6 +150,7 @@ def exercise(cell_map: CellMap) -> None:
             if planner.memory.way.count[0] >= 2:
                 planner.attacher.forget_start()
                 planner.straightener.run(step.FOLLOWING)
+            planner.attacher.attach_start(start, quick=True)
             planner.invalid_nodes()
             planner.invalid_edges()
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)

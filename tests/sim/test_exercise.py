@@ -1,0 +1,56 @@
+"""After the exercise no frame waits for a kernel that was never called before."""
+
+import os
+import subprocess
+import sys
+
+_CODE = """
+import importlib, pkgutil, sys
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from small import AWAY, HOME, small_recipe
+import odm, odm._kernels, roadmap._kernels
+from sim.warmup import exercise
+
+cell_map = odm.build_map(small_recipe(), threads=1)
+exercise(cell_map)
+found = set()
+for package in (odm._kernels, roadmap._kernels):
+    for info in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+        found |= {
+            value for value in vars(importlib.import_module(info.name)).values()
+            if isinstance(value, Dispatcher)
+        }
+known = {kernel: len(kernel.signatures) for kernel in found}
+rng = np.random.default_rng(3)
+for always in (True, False):
+    planner = odm.ReactivePlanner(cell_map, always)
+    goals, q = [AWAY, HOME], HOME
+    middle = np.array([0.3, 0.0, 0.3])
+    for k in range(500):
+        if k % 125 == 0:
+            planner.set_goals(goals[k // 125 % 2 :][:1])
+        middle = np.clip(middle + rng.normal(0.0, 0.02, 3), -0.5, 0.6)
+        points = middle + rng.normal(0.0, 0.03, (12, 3))
+        answer = planner.step(points, q=q, stamp=0.01 * k, now=0.01 * k)
+        _ = answer.reason, answer.retreat
+        planner.polish(4)
+        if len(answer.path) > 1:
+            leg = answer.path[1] - q
+            q = q + leg * min(1.0, 0.02 / max(1e-9, np.abs(leg).max()))
+new = [k.py_func.__name__ for k in found if len(k.signatures) > known[k]]
+sys.exit("first called in a frame: " + ", ".join(sorted(new)) if new else 0)
+"""
+
+
+def test_the_exercise_calls_every_kernel_of_a_frame():
+    paths = os.pathsep.join(p for p in sys.path if p)
+    done = subprocess.run(
+        [sys.executable, "-c", _CODE],
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+
