@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
-from odm._kernels import close, frame, occupancy, step
+from odm._kernels import frame, occupancy, step
 from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
@@ -15,7 +15,6 @@ from odm.answer import (
     VISIBLE,
     WHOLE,
     Answer,
-    Freedom,
 )
 from odm.braking import Braking
 from odm.carry import Carrier
@@ -25,20 +24,20 @@ from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
 from odm.last_phase import LastPhase, check_classes
 from odm.planner_doors import Doors
+from odm.planner_questions import Questions
 from odm.planner_settings import PlannerSettings
 from odm.state import lay_out
 from odm.static import StaticTest
 from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
-from roadmap.transforms import check_pose
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 _STAYS = 3  # frames at the same place
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
-class ReactivePlanner(Doors, Braking):
+class ReactivePlanner(Doors, Questions, Braking):
     """Answers every frame: go on, go a new way, or hold and say why.
 
     One planner belongs to one thread. Nothing is allocated in a frame after warm-up
@@ -273,74 +272,6 @@ class ReactivePlanner(Doors, Braking):
         found, left = self.polisher.run(half)
         return found + self.smoother.run(budget - half + left, ahead)
 
-    # --- questions -------------------------------------------------------------
-
-    def is_free(
-        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
-    ) -> Freedom:
-        """Test the straight motion from q_a to q_b: all four tests, all the way.
-
-        Limits, self-collision, scenery (the recipe's and set_static's) and the last
-        frame's points, with the motion bound over the whole length.
-
-        Args:
-            q_a: (dof,) start [rad or m].
-            q_b: (dof,) end.
-            phase: "give" lets the payload touch CONTACT points, "receive" the finger
-                pads OBJECT points; see `odm.last_phase`.
-
-        Raises:
-            BadInput: Wrong length or not finite, or a phase that cannot be.
-        """
-        return explain.is_free(self, q_a, q_b, phase)
-
-    def approach(
-        self,
-        T_base_tool: np.ndarray,
-        q: np.ndarray | None = None,
-        distance: float = 0.15,
-        direction: np.ndarray | None = None,
-        phase: str | None = None,
-    ) -> "approach.Approach":
-        """Find a straight tool motion to a pose, every leg proved free.
-
-        Scenery and the last frame's points count. The first call prepares for seconds.
-
-        Args:
-            T_base_tool: (4, 4) where the tool ends, base frame [m] (the world's after
-                `set_base`, as the direction).
-            q: (dof,) where the motion starts; None finds the start, too: `distance`
-                back from the pose.
-            distance: Length of the motion where q is None [m].
-            direction: (3,) which way the tool moves, base frame; None: along its z.
-            phase: As in `is_free`; where q is None, the line starts where none
-                of the points is touched.
-
-        Raises:
-            BadInput: The pose is not rigid, q, distance or direction is out of range.
-        """
-        if self._approacher is None:
-            self._approacher = approach.Approacher(self)
-        T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
-        direction = self.world.direction(direction)
-        return self._approacher.run(T, q, distance, direction, phase)
-
-    def separation(self, q: np.ndarray) -> float:
-        """Return the smallest distance of the cover at q from the frame's points [m].
-
-        Infinity when the frame has no point inside the grid.
-        """
-        q = check_configuration(self.robot, q, None)
-        return self._nearest(q)
-
-    def invalid_nodes(self) -> np.ndarray:
-        """Return the ids of the nodes that the frame invalidates, ascending."""
-        return self.direct.nodes().copy()
-
-    def invalid_edges(self) -> np.ndarray:
-        """Return the ids of the edges that the frame invalidates, ascending."""
-        return self.direct.edges().copy()
-
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
         self.memory.way.count[0] = 0
@@ -352,11 +283,6 @@ class ReactivePlanner(Doors, Braking):
         self.last = self.heard = None
 
     # --- inside ----------------------------------------------------------------
-
-    def _nearest(self, q: np.ndarray) -> float:
-        memory = self.memory
-        self._sort()
-        return close.separation(memory.arm, q, memory.cloud, np.inf, memory.work)
 
     def _sort(self) -> None:
         if not self.memory.cloud.counts[IS_SORTED]:

@@ -1,0 +1,94 @@
+"""What a planner can be asked between frames, about what it has seen last."""
+
+import numpy as np
+
+from odm import approach, explain
+from odm._kernels import close
+from odm.answer import Freedom
+from odm.checks import check_configuration
+from odm.direct import DirectMap
+from odm.state import Memory
+from odm.world_frame import WorldFrame
+from roadmap.robot import Robot
+from roadmap.transforms import check_pose
+
+
+class Questions:
+    """Methods of `ReactivePlanner`."""
+
+    robot: Robot
+    memory: Memory
+    direct: DirectMap
+    world: WorldFrame
+    _approacher: "approach.Approacher | None"
+
+    def is_free(
+        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+    ) -> Freedom:
+        """Test the straight motion from q_a to q_b: all four tests, all the way.
+
+        Limits, self-collision, scenery (the recipe's and set_static's) and the last
+        frame's points, with the motion bound over the whole length.
+
+        Args:
+            q_a: (dof,) start [rad or m].
+            q_b: (dof,) end.
+            phase: "give" lets the payload touch CONTACT points, "receive" the finger
+                pads OBJECT points; see `odm.last_phase`.
+
+        Raises:
+            BadInput: Wrong length or not finite, or a phase that cannot be.
+        """
+        return explain.is_free(self, q_a, q_b, phase)
+
+    def approach(
+        self,
+        T_base_tool: np.ndarray,
+        q: np.ndarray | None = None,
+        distance: float = 0.15,
+        direction: np.ndarray | None = None,
+        phase: str | None = None,
+    ) -> "approach.Approach":
+        """Find a straight tool motion to a pose, every leg proved free.
+
+        Scenery and the last frame's points count. The first call prepares for seconds.
+
+        Args:
+            T_base_tool: (4, 4) where the tool ends, base frame [m] (the world's after
+                `set_base`, as the direction).
+            q: (dof,) where the motion starts; None finds the start, too: `distance`
+                back from the pose.
+            distance: Length of the motion where q is None [m].
+            direction: (3,) which way the tool moves, base frame; None: along its z.
+            phase: As in `is_free`; where q is None, the line starts where none
+                of the points is touched.
+
+        Raises:
+            BadInput: The pose is not rigid, q, distance or direction is out of range.
+        """
+        if self._approacher is None:
+            self._approacher = approach.Approacher(self)
+        T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
+        direction = self.world.direction(direction)
+        return self._approacher.run(T, q, distance, direction, phase)
+
+    def separation(self, q: np.ndarray) -> float:
+        """Return the smallest distance of the cover at q from the frame's points [m].
+
+        Infinity when the frame has no point inside the grid.
+        """
+        q = check_configuration(self.robot, q, None)
+        return self._nearest(q)
+
+    def invalid_nodes(self) -> np.ndarray:
+        """Return the ids of the nodes that the frame invalidates, ascending."""
+        return self.direct.nodes().copy()
+
+    def invalid_edges(self) -> np.ndarray:
+        """Return the ids of the edges that the frame invalidates, ascending."""
+        return self.direct.edges().copy()
+
+    def _nearest(self, q: np.ndarray) -> float:
+        memory = self.memory
+        self._sort()
+        return close.separation(memory.arm, q, memory.cloud, np.inf, memory.work)
