@@ -1,8 +1,16 @@
 """After the exercise no frame waits for a kernel that was never called before."""
 
+import gc
 import os
 import subprocess
 import sys
+from dataclasses import replace
+
+import numpy as np
+from small import AWAY, HOME
+
+import odm
+from sim.demo import DEMO, warm_up
 
 _CODE = """
 import importlib, pkgutil, sys
@@ -54,3 +62,11 @@ def test_the_exercise_calls_every_kernel_of_a_frame():
     )
     assert done.returncode == 0, done.stderr[-2000:]
 
+
+def test_warming_up_leaves_nothing_for_the_garbage_collection_in_a_frame(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    try:
+        warm_up(planner, np.stack([HOME, AWAY]), "sweep", replace(DEMO, duration_s=1.0))
+        assert gc.get_freeze_count() > 10_000
+    finally:
+        gc.unfreeze()
