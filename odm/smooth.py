@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from odm._kernels import close, smoothing, ways
-from odm._kernels.state import N_TRACK
 from odm._kernels.types import N_SEGMENT
 from odm.answer import HOLDING
-from roadmap.blend import STRAY, TURN_A, TURN_J, joint_sway
+from roadmap.blend import STRAY, TURN_A, TURN_J, blend_length, joint_sway
+from roadmap.graph import Roadmap
+from roadmap.kinematics import difference
+from roadmap.robot import Robot
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -24,7 +26,31 @@ if TYPE_CHECKING:
 _WORTH = 0.01  # a change must save this share of the whole rest
 _PACE = 0.5  # share of the joints' speed limits that is likely used
 _LEAD_S = 0.05  # what the robot reaches in this time at full speed stays [s]
+_GAIN_NODES = 128  # corners of the roadmap that are looked at
+_GAIN_STRAY, _GAIN_ROOM = 0.004, 10.0  # [m] allowed there, and of endless legs
 _DRAWS = 40  # changes looked at for each one that is tested
+
+
+def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
+    """Return how much longer blends are than the sum over joints allows, as a rule.
+
+    The median over corners of the roadmap: what a corner costs is weighed thousands of
+    times between two frames, and its own bound would take longer than that.
+    """
+    gains = []
+    step = max(1, roadmap.n_nodes // _GAIN_NODES)
+    for node in range(0, roadmap.n_nodes, step):
+        near = roadmap.adj_node[roadmap.adj_ptr[node] : roadmap.adj_ptr[node + 1]]
+        if len(near) < 2:
+            continue
+        q = roadmap.nodes[node].copy()
+        legs = [difference(robot, q, roadmap.nodes[k]) for k in near[[0, -1]]]
+        u, w = (leg / np.linalg.norm(leg) for leg in legs)
+        far = STRAY * float(joint_sway(robot) @ np.abs(w + u))
+        if far > 0.0:
+            d, _ = blend_length(robot, q, -u, w, _GAIN_ROOM, _GAIN_STRAY)
+            gains.append(d * far / _GAIN_STRAY)
+    return float(np.median(gains)) if gains else 1.0
 
 
 class Change(NamedTuple):
@@ -64,7 +90,9 @@ class Smoother:
             ]
         )
         own, way = planner.memory.own, planner.memory.way
-        self._rounding = np.array([own.terms[N_TRACK], STRAY, TURN_A, TURN_J])
+        cell_map = planner.cell_map
+        stray = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
+        self._rounding = np.array([stray, STRAY, TURN_A, TURN_J])
         self._continuous = own.continuous
         self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
         self.reset()

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.blend import joint_sway, lay_way
+from roadmap.blend import lay_way
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -165,11 +165,16 @@ class Motion:
         """Return the earliest place at which another path may begin.
 
         It is where the robot stands if it begins to stop `ahead` seconds after `t`,
-        but not before arc length `least`.
+        but not before arc length `least`, nor in a blend that it goes on through: at
+        the end of that the corner path goes on, and the robot need not stand there.
         """
         begin = min(t + ahead, self.duration)
         s = max(self.stop(begin)._end, self._state(t).s, least)
         s = min(s, self._end)
+        if s < self._end:
+            piece = self._way.pieces[self._way.index(s)]
+            if piece.d > 0.0 and piece.end <= self._end:
+                s = piece.end
         return Commit(self._way.at(s)[0].copy(), s, begin)
 
     def join(
@@ -211,15 +216,16 @@ class Motion:
         check_scale(scale)
         # a little of what is behind stays: the state must lie on a piece of its own
         before = self._way.part(state.s - 10.0 * NEAR, commit.s)
-        sway = joint_sway(robot)
         for rounded in (True, False):
             head = before.pieces
             if not rounded or not head:
-                tail, stray = lay_way(path, sway, blend, at=commit.s)
+                tail, stray = lay_way(robot, path, blend, at=commit.s)
                 pieces = head + tail
             else:
                 room = commit.s - settled(self._way, state)
-                pieces, stray = lay_way(path, sway, blend, head, room_before=room)
+                pieces, stray = lay_way(
+                    robot, path, blend, head, room_before=room
+                )
             stray = max(stray, before.stray)
             way = Way.of(robot, pieces, stray, commit.q)
             try:
@@ -231,7 +237,7 @@ class Motion:
         if halt._end > commit.s + 1e-6:
             halt = self.stop(t)
         rest = State(min(halt._end, commit.s), 0.0, 0.0)
-        tail, stray = lay_way(path, sway, blend, at=commit.s)
+        tail, stray = lay_way(robot, path, blend, at=commit.s)
         stray = max(stray, before.stray)
         way = Way.of(robot, before.pieces + tail, stray, commit.q)
         return halt._then(self._timed(way, rest, scale), way)
@@ -387,7 +393,7 @@ def time_path(
     if not 0.0 <= blend < math.inf:
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
     path = unwound(robot, path)
-    pieces, stray = lay_way(path, joint_sway(robot), blend)
+    pieces, stray = lay_way(robot, path, blend)
     way = Way.of(robot, pieces, stray, frozen(path[0], np.float64))
     return Motion._timed(way, State(0.0, 0.0, 0.0), speed_scale)
 

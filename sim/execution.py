@@ -34,7 +34,8 @@ class ExecutionSettings:
     Attributes:
         speed_scale: Share of the joints' speed limits the robot uses.
         retreat_scale: The same when it moves out of the way.
-        blend: Corners are rounded within this [m]: a share of the clearance m.
+        blend: Corners are rounded within this [m], but never within more than the
+            map's blending share of m.
         ahead: A new path begins where the robot stands if it begins to stop this
             much later [s]: a rounded corner needs some way.
         stand_below: It does not even retreat where, two frames on, its cover would be
@@ -80,7 +81,11 @@ class Executor:
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
-        self._clearance = planner.cell_map.safety.m if self.brakes else 0.0
+        self._clearance, self._blend = 0.0, self.settings.blend
+        if self.brakes:
+            safety = planner.cell_map.safety
+            self._clearance = safety.m
+            self._blend = min(self._blend, safety.blending)
         self._test = BrakingTest(planner)
         self._level = 0
         self._frame = 0
@@ -161,7 +166,7 @@ class Executor:
                         self.t,
                         commit,
                         answer.path,
-                        blend=self.settings.blend,
+                        blend=self._blend,
                         speed_scale=float(scale),
                     )
                 )
