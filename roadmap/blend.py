@@ -146,7 +146,8 @@ def blend_length(
     Args:
         robot: Whose cover it is.
         corner: (dof,) configuration of the corner [rad or m].
-        u, w: (dof,) unit directions before and behind it.
+        u: (dof,) unit direction before it.
+        w: (dof,) unit direction behind it.
         room: The most that the half-length may be [rad or m of joint space].
         blend: No centre of the cover may stray farther than this [m].
     """
@@ -182,6 +183,21 @@ def _rounded(a: Piece, b: Piece, d: float) -> tuple[list[Piece], Piece]:
     blend = Piece(begin, a.end + d, origin, begin, a.u, b.u, d)
     rest = replace(b, begin=b.begin + d)
     return [replace(a, end=begin), blend], rest
+
+
+def slowing_limit(piece: Piece, robot: Robot, v: float) -> float:
+    """Return the acceleration with which a blend may be slowed down on, from speed v.
+
+    In `scalar_limits` the acceleration is what turning leaves at the highest speed. A
+    robot that only slows down has what turning leaves at its present one:
+    |q''| v^2 + |q'| |a| within the acceleration, 3 |q''| v |a| within its share of the
+    jerk.
+    """
+    steepest = np.maximum(np.maximum(np.abs(piece.u), np.abs(piece.w)), SHORTEST)
+    bend = np.maximum(np.abs(piece.w - piece.u), SHORTEST) * (0.75 / piece.d)
+    left = (robot.max_acceleration - v * v * bend) / steepest
+    mixed = MIXED_J / (3.0 * max(v, SHORTEST)) * robot.max_jerk / bend
+    return float(min(left.min(), mixed.min()))
 
 
 def scalar_limits(

@@ -161,17 +161,24 @@ class Motion:
             rest = State(halt._end, 0.0, 0.0)
             return halt._then(self._timed(self._way, rest, speed_scale), self._way)
 
-    def commit(self, t: float, ahead: float = 0.0, least: float = 0.0) -> Commit:
+    def commit(
+        self,
+        t: float,
+        ahead: float = 0.0,
+        least: float = 0.0,
+        through_blends: bool = False,
+    ) -> Commit:
         """Return the earliest place at which another path may begin.
 
         It is where the robot stands if it begins to stop `ahead` seconds after `t`,
-        but not before arc length `least`, nor in a blend that it goes on through: at
-        the end of that the corner path goes on, and the robot need not stand there.
+        but not before arc length `least`. `through_blends` leaves a blend at its end
+        at the earliest: from there a path that follows the same corners goes straight
+        on, whereas one that begins beside them is begun from rest.
         """
         begin = min(t + ahead, self.duration)
         s = max(self.stop(begin)._end, self._state(t).s, least)
         s = min(s, self._end)
-        if s < self._end:
+        if through_blends and s < self._end:
             piece = self._way.pieces[self._way.index(s)]
             if piece.d > 0.0 and piece.end <= self._end:
                 s = piece.end

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from roadmap.blend import Piece, scalar_limits, without_gaps
+from roadmap.blend import Piece, scalar_limits, slowing_limit, without_gaps
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -69,6 +69,17 @@ class Way:
             none = np.zeros_like(self.home)
             return self.home, none, none
         return self.pieces[self.index(s)].at(s)
+
+    def slowing(self, k: int, v: float) -> float:
+        """Return the acceleration for slowing down on piece k from speed v or less.
+
+        It counts on piece k being entered within its own speeds.
+        """
+        piece = self.pieces[k]
+        if piece.d == 0.0:
+            return self.a[k]
+        v = min(v, self.swift[k], self.turning[k])
+        return max(self.a[k], slowing_limit(piece, self.robot, v))
 
     @cached_property
     def corners(self) -> np.ndarray:

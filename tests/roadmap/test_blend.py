@@ -1,4 +1,6 @@
-"""How far blends stray is proved: for every robot, every corner, every place on them."""
+"""How far blends stray is proved: for every robot, corner and place on them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,7 +109,7 @@ def test_a_blend_is_never_shorter_than_the_sum_over_joints_allows(robot, rng):
     assert np.median(gains) > (2.0 if robot.dof > 3 else 1.1)
 
 
-# --- the kernel's twin, in plain numpy -------------------------------------------------
+# --- the kernel's twin, in plain numpy -------------------------------------------
 
 
 def velocities(robot, q, dq):
@@ -188,7 +190,7 @@ def test_the_blend_is_off_most_in_the_corner_even_with_the_way_to_it():
     assert weighed.max() <= STRAY + 1e-12 and np.isclose(weighed[50000], STRAY)
 
 
-# --- what is left of a motion, as chords -----------------------------------------------
+# --- what is left of a motion, as chords -------------------------------------
 
 
 def test_chords_of_any_part_of_a_blend_are_nearer_to_it_than_the_corner_path(
@@ -226,7 +228,7 @@ def test_the_weighed_distance_of_chords_is_less_than_that_of_the_corner_path():
             assert chord_weight(a, b, x).max() < 0.9 * STRAY
 
 
-# --- motions from beside a leg ---------------------------------------------------------
+# --- motions from beside a leg -----------------------------------------------
 
 
 def legs_stray(robot, q, leg, share, off):
@@ -267,7 +269,7 @@ def test_the_highest_place_of_the_bound_is_found(rng):
         assert kernels.highest(begin, slope, most) >= seen - 1e-12
 
 
-# --- motions over blends ---------------------------------------------------------------
+# --- motions over blends -----------------------------------------------------
 
 
 def test_all_limits_hold_on_longer_blends_and_through_joins(robot, rng):
@@ -287,6 +289,40 @@ def test_all_limits_hold_on_longer_blends_and_through_joins(robot, rng):
             motion = motion.join(t, commit, draw(3, commit.q), blend=0.01)
 
 
+@pytest.mark.parametrize("jerk", [15.0, 500.0])
+def test_stops_on_blends_brake_harder_and_keep_all_limits(robot, rng, jerk):
+    quick = 7.0 * robot.max_velocity
+    robot = replace(robot, max_acceleration=quick, max_jerk=jerk * quick)
+    middle, half = 0.5 * (robot.upper + robot.lower), 0.3 * (robot.upper - robot.lower)
+    harder = 0
+    for _ in range(8):
+        legs = rng.uniform(-1, 1, robot.dof) + rng.uniform(-1, 1, (5, robot.dof))
+        path = middle + 0.1 * half * np.cumsum(legs, axis=0)
+        scale = rng.uniform(0.1, 1.0)
+        motion = roadmap.time_path(robot, path, blend=0.01, speed_scale=scale)
+        for t in rng.choice(_times_on_blends(motion), 6):
+            stop = motion.stop(t)
+            check_limits(robot, stop)
+            way = stop._way
+            for phase in stop._phases:
+                k = way.index(phase.s)
+                harder += -phase.a > 1.05 * way.a[k] and way.pieces[k].d > 0.0
+            # taken back before it stands, and left for another path
+            on = stop.rescaled(rng.uniform(0.0, stop.duration), scale)
+            check_limits(robot, on)
+            assert np.allclose(on.q_end, motion.q_end)
+            t = rng.uniform(0.0, stop.duration)
+            commit = stop.commit(t, 0.02)
+            new = middle + half * rng.uniform(-1, 1, (2, robot.dof))
+            check_limits(robot, stop.join(t, commit, np.vstack([commit.q, new])))
+    assert harder > 5
+
+
+def _times_on_blends(motion):
+    way, times = motion._way, np.linspace(0.0, motion.duration, 200)
+    return [t for t in times if way.pieces[way.index(motion.place(t))].d > 0.0]
+
+
 def check_limits(robot, motion, dt=1e-3):
     q, dq, ddq = motion.sample(np.arange(0.0, motion.duration + 2 * dt, dt))
     slack = 1.0 + 1e-6
@@ -297,31 +333,23 @@ def check_limits(robot, motion, dt=1e-3):
     assert np.allclose(np.diff(q, axis=0) / dt, 0.5 * (dq[1:] + dq[:-1]), atol=2e-3)
 
 
-def test_a_motion_is_left_behind_its_blends_not_in_them(panda, rng):
-    inside = 0
+def test_a_motion_may_be_left_behind_its_blends_and_goes_straight_on(panda, rng):
+    through = 0
     for _ in range(8):
         path = rng.uniform(-1.0, 1.0, (4, 7)) + [0, 0, 0, -1.5, 0, 1.5, 0]
         motion = roadmap.time_path(panda, path, blend=0.01, speed_scale=0.5)
         for t in np.linspace(0.0, motion.duration, 40):
-            commit = motion.commit(t, 0.05)
+            stands = motion.commit(t, 0.05).s
+            commit = motion.commit(t, 0.05, through_blends=True)
             piece = motion._way.pieces[motion._way.index(commit.s)]
             assert piece.d == 0.0 or commit.s >= piece.end - 1e-9
-            stands = motion.stop(min(t + 0.05, motion.duration)).length
-            if commit.s > stands + 1e-6:  # it lay in a blend: it goes on through it
-                inside += 1
-                corner = np.argmin(np.linalg.norm(path - commit.q, axis=1))
-                ahead = [q for q in path[1:] if _is_ahead(motion, commit, q)]
-                joined = motion.join(
-                    t, commit, np.vstack([commit.q, *ahead]), blend=0.01,
-                    speed_scale=0.5,
-                )
-                left = motion.duration - t
-                assert abs(joined.duration - left) < 0.02 * left + 0.01, corner
-    assert inside > 5
-
-
-def _is_ahead(motion, commit, q):
-    """Whether a corner of the way lies behind the commit point on it."""
-    ends = [p.corner() for p in motion._way.pieces if p.begin >= commit.s - 1e-9
-            and p.d > 0.0]
-    return any(np.allclose(q, c) for c in [*ends, motion.q_end])
+            if commit.s <= stands + 1e-6:
+                continue
+            through += 1
+            ahead = [p.corner() for p in motion._way.pieces
+                     if p.d > 0.0 and p.begin >= commit.s - 1e-9]
+            rest = np.vstack([commit.q, *ahead, path[-1]])
+            joined = motion.join(t, commit, rest, blend=0.01, speed_scale=0.5)
+            assert joined.duration < 1.02 * (motion.duration - t) + 0.01
+            assert not joined._way.corners[1:-1].any()  # it stops nowhere
+    assert through > 5
