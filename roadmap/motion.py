@@ -162,10 +162,7 @@ class Motion:
             return halt._then(self._timed(self._way, rest, speed_scale), self._way)
 
     def commit(
-        self,
-        t: float,
-        ahead: float = 0.0,
-        least: float = 0.0,
+        self, t: float, ahead: float = 0.0, least: float = 0.0, *,
         through_blends: bool = False,
     ) -> Commit:
         """Return the earliest place at which another path may begin.
@@ -178,10 +175,8 @@ class Motion:
         begin = min(t + ahead, self.duration)
         s = max(self.stop(begin)._end, self._state(t).s, least)
         s = min(s, self._end)
-        if through_blends and s < self._end:
-            piece = self._way.pieces[self._way.index(s)]
-            if piece.d > 0.0 and piece.end <= self._end:
-                s = piece.end
+        if through_blends:
+            s = self._way.behind_blend(s, self._end)
         return Commit(self._way.at(s)[0].copy(), s, begin)
 
     def join(
@@ -230,9 +225,7 @@ class Motion:
                 pieces = head + tail
             else:
                 room = commit.s - settled(self._way, state)
-                pieces, stray = lay_way(
-                    robot, path, blend, head, room_before=room
-                )
+                pieces, stray = lay_way(robot, path, blend, head, room_before=room)
             stray = max(stray, before.stray)
             way = Way.of(robot, pieces, stray, commit.q)
             try:

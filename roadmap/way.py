@@ -70,6 +70,14 @@ class Way:
             return self.home, none, none
         return self.pieces[self.index(s)].at(s)
 
+    def behind_blend(self, s: float, end: float) -> float:
+        """Return the end of the blend that `s` lies in, unless beyond `end`; else s."""
+        if s < end:
+            piece = self.pieces[self.index(s)]
+            if piece.d > 0.0 and piece.end <= end:
+                return piece.end
+        return s
+
     def slowing(self, k: int, v: float) -> float:
         """Return the acceleration for slowing down on piece k from speed v or less.
 

@@ -1,56 +1,18 @@
 """How far blends stray is proved: for every robot, corner and place on them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
 
-import roadmap
 from roadmap._kernels import stray as kernels
 from roadmap.blend import STRAY, blend_length, joint_sway, lay_way
 from roadmap.kinematics import body_frames, motion_bounds, sphere_centers
-
-ROBOTS = ("panda", "gantry", "crane")
-
-
-@pytest.fixture
-def crane(urdf, link, joint):
-    """Return a robot whose slides come before, between and behind turning joints."""
-    slow = '<limit lower="-3" upper="3" velocity="0.7" effort="1"/>'
-    rail = '<limit lower="0" upper="1.2" velocity="0.5" effort="1"/>'
-    rod = '<limit lower="-0.1" upper="0.5" velocity="0.3" effort="1"/>'
-    box = '<box size="0.6 0.08 0.08"/>'
-    body = link("base", '<box size="0.2 0.2 0.2"/>') + link("cart", box)
-    body += link("boom", box, "0.3 0 0") + link("mast", box, "0 0.2 0")
-    body += link("rod", '<cylinder radius="0.04" length="0.5"/>', "0 0 -0.25")
-    body += link("hook", '<sphere radius="0.07"/>', "0.1 0 0") + link("tool")
-    body += joint("rail", "prismatic", "base", "cart", "0 0 0.5", "0 1 0", rail)
-    body += joint("slew", "continuous", "cart", "boom", "0 0 0.1")
-    body += joint("luff", "revolute", "boom", "mast", "0.6 0 0", "0 0.6 0.8", slow)
-    body += joint("lift", "prismatic", "mast", "rod", "0 0.4 0", "0 0 1", rod)
-    body += joint("spin", "continuous", "rod", "hook", "0 0 -0.5", "0.6 0 0.8")
-    body += joint("mount", "fixed", "hook", "tool", "0.2 0 0")
-    return roadmap.load_robot(urdf(body, "crane.urdf"), cover_excess=0.05)
 
 
 @pytest.fixture(params=ROBOTS)
 def robot(request):
     """Return one robot after the other."""
     return request.getfixturevalue(request.param)
-
-
-def draw_corner(robot, rng, sharp):
-    """Return a corner and unit directions before and behind it."""
-    q = robot.lower + rng.random(robot.dof) * (robot.upper - robot.lower)
-    u = rng.normal(size=robot.dof)
-    w = rng.normal(size=robot.dof) if sharp else u + 0.1 * rng.normal(size=robot.dof)
-    if rng.random() < 0.3:  # some joints stand still
-        u[rng.integers(robot.dof)] = w[rng.integers(robot.dof)] = 0.0
-    return q, u / np.linalg.norm(u), w / np.linalg.norm(w)
-
-
-def legs_at(q, u, w, size=3.0):
-    return np.array([q - size * u, q, q + size * w])
 
 
 def beside(x, d):
@@ -72,10 +34,13 @@ def farthest(robot, piece, x):
 
 
 @pytest.mark.parametrize("blend", [0.001, 0.01, 0.15])
-@pytest.mark.parametrize("sharp", [True, False])
-def test_no_centre_strays_farther_than_is_said(robot, rng, blend, sharp):
+@pytest.mark.parametrize("kind", ["sharp", "shallow", "tricky"])
+def test_no_centre_strays_farther_than_is_said(robot, rng, blend, kind):
     for _ in range(60):
-        q, u, w = draw_corner(robot, rng, sharp)
+        if kind == "tricky":
+            q, u, w = draw_tricky(robot, rng)
+        else:
+            q, u, w = draw_corner(robot, rng, kind == "sharp")
         size = rng.choice([0.02, 0.3, 3.0])
         pieces, stray = lay_way(robot, legs_at(q, u, w, size), blend)
         assert stray <= blend * (1.0 + 1e-12)
@@ -190,44 +155,6 @@ def test_the_blend_is_off_most_in_the_corner_even_with_the_way_to_it():
     assert weighed.max() <= STRAY + 1e-12 and np.isclose(weighed[50000], STRAY)
 
 
-# --- what is left of a motion, as chords -------------------------------------
-
-
-def test_chords_of_any_part_of_a_blend_are_nearer_to_it_than_the_corner_path(
-    robot, rng
-):
-    for _ in range(15):
-        q, u, w = draw_corner(robot, rng, True)
-        pieces, stray = lay_way(robot, legs_at(q, u, w), 0.02)
-        for piece in (p for p in pieces if p.d > 0.0):
-            a, b = np.sort(rng.random(2)) if rng.random() < 0.7 else (0.0, 1.0)
-            ends = piece.begin + 2.0 * piece.d * np.array([a, 0.5 * (a + b), b])
-            for begin, end in zip(ends, ends[1:], strict=False):
-                first, last = piece.at(begin)[0], piece.at(end)[0]
-                for t in np.linspace(0.0, 1.0, 21):
-                    on = piece.at(begin + t * (end - begin))[0]
-                    chord = first + t * (last - first)
-                    moved = sphere_centers(robot, on) - sphere_centers(robot, chord)
-                    assert np.linalg.norm(moved, axis=1).max() <= stray + 1e-9
-
-
-def chord_weight(a, b, x):
-    """How far a chord over [a, b] is from the blend, weighed as the corner path is."""
-    def curve(y):  # in w - u, beside the straight line through the first leg
-        return 2.0 * y**3 * (1.0 - 0.5 * y)
-
-    chord = curve(a) + (x - a) / max(b - a, 1e-12) * (curve(b) - curve(a))
-    return np.abs(chord - curve(x)) * (1.0 + 8.0 / 3.0 * np.abs(1.0 - 2.0 * x))
-
-
-def test_the_weighed_distance_of_chords_is_less_than_that_of_the_corner_path():
-    # a part of a blend stands as two chords, so that none is longer than half of it
-    for a in np.linspace(0.0, 1.0, 41):
-        for b in np.linspace(a, min(1.0, a + 0.5), 21):
-            x = np.linspace(a, b, 101)
-            assert chord_weight(a, b, x).max() < 0.9 * STRAY
-
-
 # --- motions from beside a leg -----------------------------------------------
 
 
@@ -261,95 +188,26 @@ def test_motions_from_beside_a_leg_stay_as_near_as_is_said(robot, rng, size):
     assert np.median(shares) > 0.6
 
 
+def test_joints_that_cancel_beside_a_leg_need_not_cancel_along_it(robot, rng):
+    grown = 0
+    for _ in range(40):
+        q, leg, _ = draw_corner(robot, rng, True)
+        off = 0.003 * cancelling(robot, q)
+        said = legs_stray(robot, q, 2.5 * leg, 0.0, off)
+        far = []
+        for t in np.linspace(0.0, 1.0, 25):
+            on = q + 2.5 * t * leg
+            moved = sphere_centers(robot, on + (1.0 - t) * off)
+            moved = np.linalg.norm(moved - sphere_centers(robot, on), axis=1)
+            far.append(moved.max())
+        assert max(far) <= said + 1e-9
+        grown += max(far) > 1.1 * far[0]
+    assert grown > 3 or robot.dof < 7
+
+
 def test_the_highest_place_of_the_bound_is_found(rng):
     t = np.linspace(0.0, 1.0, 20001)
     for begin, slope, most in rng.uniform(0.0, 3.0, (300, 3)):
         seen = ((1.0 - t) * np.minimum(most, begin + t * slope)).max()
         assert np.isclose(kernels.highest(begin, slope, most), seen, atol=1e-3)
         assert kernels.highest(begin, slope, most) >= seen - 1e-12
-
-
-# --- motions over blends -----------------------------------------------------
-
-
-def test_all_limits_hold_on_longer_blends_and_through_joins(robot, rng):
-    middle, half = 0.5 * (robot.upper + robot.lower), 0.3 * (robot.upper - robot.lower)
-
-    def draw(n, first=None):
-        path = middle + half * rng.uniform(-1, 1, (n, robot.dof))
-        return path if first is None else np.vstack([first, path])
-
-    for _ in range(5):
-        motion = roadmap.time_path(robot, draw(5), blend=0.01)
-        for _ in range(3):
-            check_limits(robot, motion)
-            assert motion.deviation <= 0.01 + 1e-12
-            t = rng.uniform(0.0, 0.8 * motion.duration)
-            commit = motion.commit(t, 0.05)
-            motion = motion.join(t, commit, draw(3, commit.q), blend=0.01)
-
-
-@pytest.mark.parametrize("jerk", [15.0, 500.0])
-def test_stops_on_blends_brake_harder_and_keep_all_limits(robot, rng, jerk):
-    quick = 7.0 * robot.max_velocity
-    robot = replace(robot, max_acceleration=quick, max_jerk=jerk * quick)
-    middle, half = 0.5 * (robot.upper + robot.lower), 0.3 * (robot.upper - robot.lower)
-    harder = 0
-    for _ in range(8):
-        legs = rng.uniform(-1, 1, robot.dof) + rng.uniform(-1, 1, (5, robot.dof))
-        path = middle + 0.1 * half * np.cumsum(legs, axis=0)
-        scale = rng.uniform(0.1, 1.0)
-        motion = roadmap.time_path(robot, path, blend=0.01, speed_scale=scale)
-        for t in rng.choice(_times_on_blends(motion), 6):
-            stop = motion.stop(t)
-            check_limits(robot, stop)
-            way = stop._way
-            for phase in stop._phases:
-                k = way.index(phase.s)
-                harder += -phase.a > 1.05 * way.a[k] and way.pieces[k].d > 0.0
-            # taken back before it stands, and left for another path
-            on = stop.rescaled(rng.uniform(0.0, stop.duration), scale)
-            check_limits(robot, on)
-            assert np.allclose(on.q_end, motion.q_end)
-            t = rng.uniform(0.0, stop.duration)
-            commit = stop.commit(t, 0.02)
-            new = middle + half * rng.uniform(-1, 1, (2, robot.dof))
-            check_limits(robot, stop.join(t, commit, np.vstack([commit.q, new])))
-    assert harder > 5
-
-
-def _times_on_blends(motion):
-    way, times = motion._way, np.linspace(0.0, motion.duration, 200)
-    return [t for t in times if way.pieces[way.index(motion.place(t))].d > 0.0]
-
-
-def check_limits(robot, motion, dt=1e-3):
-    q, dq, ddq = motion.sample(np.arange(0.0, motion.duration + 2 * dt, dt))
-    slack = 1.0 + 1e-6
-    assert (np.abs(dq) <= slack * robot.max_velocity).all()
-    assert (np.abs(ddq) <= slack * robot.max_acceleration).all()
-    jerk = np.diff(ddq, axis=0) / dt
-    assert (np.abs(jerk) <= 1.001 * robot.max_jerk + 1e-6).all()
-    assert np.allclose(np.diff(q, axis=0) / dt, 0.5 * (dq[1:] + dq[:-1]), atol=2e-3)
-
-
-def test_a_motion_may_be_left_behind_its_blends_and_goes_straight_on(panda, rng):
-    through = 0
-    for _ in range(8):
-        path = rng.uniform(-1.0, 1.0, (4, 7)) + [0, 0, 0, -1.5, 0, 1.5, 0]
-        motion = roadmap.time_path(panda, path, blend=0.01, speed_scale=0.5)
-        for t in np.linspace(0.0, motion.duration, 40):
-            stands = motion.commit(t, 0.05).s
-            commit = motion.commit(t, 0.05, through_blends=True)
-            piece = motion._way.pieces[motion._way.index(commit.s)]
-            assert piece.d == 0.0 or commit.s >= piece.end - 1e-9
-            if commit.s <= stands + 1e-6:
-                continue
-            through += 1
-            ahead = [p.corner() for p in motion._way.pieces
-                     if p.d > 0.0 and p.begin >= commit.s - 1e-9]
-            rest = np.vstack([commit.q, *ahead, path[-1]])
-            joined = motion.join(t, commit, rest, blend=0.01, speed_scale=0.5)
-            assert joined.duration < 1.02 * (motion.duration - t) + 0.01
-            assert not joined._way.corners[1:-1].any()  # it stops nowhere
-    assert through > 5
