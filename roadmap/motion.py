@@ -169,12 +169,10 @@ class Motion:
 
         It is where the robot stands if it begins to stop `ahead` seconds after `t`,
         but not before arc length `least`. `through_blends` leaves a blend at its end
-        at the earliest: from there a path that follows the same corners goes straight
-        on, whereas one that begins beside them is begun from rest.
+        at the earliest: a path past the same corners then needs no stop there.
         """
         begin = min(t + ahead, self.duration)
-        s = max(self.stop(begin)._end, self._state(t).s, least)
-        s = min(s, self._end)
+        s = min(max(self.stop(begin)._end, self._state(t).s, least), self._end)
         if through_blends:
             s = self._way.behind_blend(s, self._end)
         return Commit(self._way.at(s)[0].copy(), s, begin)
