@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import attach as kernels
+from odm._kernels import cost_to_go, quick
 from odm._kernels import types as kinds
 from odm._kernels.sweep import sweep_space
 from odm.cell_map import ROUNDING
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
-_QUICK = 6  # near nodes that a robot in motion is joined with
+_QUICK = 6  # near nodes that a robot in motion may be joined with,
+_PASSED = 3  # and how many of them it is
 _TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
@@ -29,6 +31,8 @@ class Attacher:
         self.resize()
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
+        self._fresh_key = b""  # the same as bytes, which are compared faster
+        self._kept = np.zeros(_QUICK, np.int64)
         self.quick = False
         self._direct_from = np.full(planner.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -81,7 +85,8 @@ class Attacher:
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
         goals = self.planner.memory.goals
-        for name in ("h", "at", "node", "length", "ref", "number", "vertex"):
+        kept = ("h", "at", "node", "length", "ref", "stuck", "number", "vertex")
+        for name in kept:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
 
@@ -89,6 +94,7 @@ class Attacher:
         m = self.planner.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
+        goals.stuck[g] = -1.0
         goals.vertex[g] = self.new_vertex()
         self._measure(q)
         nearest = int(np.argmin(self.near))
@@ -115,7 +121,7 @@ class Attacher:
         goals.node[g, :k], goals.ref[g, :k] = ids, refs
         goals.length[g, :k] = self.near[ids]
         goals.at[g, ids] = np.arange(k)
-        kernels.exact_cost(
+        cost_to_go.exact_cost(
             m.graph, goals.node[g], goals.length[g], k, m.search, goals.h[g]
         )
 
@@ -127,11 +133,12 @@ class Attacher:
 
     def is_at(self, q: np.ndarray) -> bool:
         """Return True if q is the configuration that was attached last."""
-        return bool(np.array_equal(q, self.q_fresh))
+        return q.tobytes() == self._fresh_key
 
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_fresh[:] = np.nan
+        self._fresh_key = b""
         self.planner.memory.fresh.count[0] = 0
 
     def forget_all(self) -> None:
@@ -159,6 +166,7 @@ class Attacher:
         m = self.planner.memory
         self.quick = quick
         self.q_fresh[:] = q
+        self._fresh_key = self.q_fresh.tobytes()
         m.goals.count[1] = self.new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
@@ -174,6 +182,7 @@ class Attacher:
         m.fresh.length[:k] = self.near[ids]
         m.fresh.static[:k] = 1
         m.fresh.memo[:k] = 0
+        m.fresh.stuck[:k] = -1.0
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
@@ -276,11 +285,23 @@ class Attacher:
         return nodes, first + np.arange(len(nodes))
 
     def _quick_motions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (nodes, no items) of certified motions to a few near nodes."""
-        ids = self._candidates(_QUICK)[:_QUICK]
-        begin, dq = self._between(q, ids, True)
-        good = ids[self.planner.static.motions_free(begin, dq)]
-        return good, np.full(len(good), kinds.NO_ITEM)
+        """Return (nodes, no items) of certified motions to a few near nodes.
+
+        Only what the frame leaves free is certified, the best first.
+        """
+        planner = self.planner
+        ids = self._candidates(_QUICK)[: _LOOKED_AT * _QUICK]
+        table, points = planner.memory.table, planner.points
+        n = quick.clear_starts(table, points, q, ids, _QUICK, self._kept)
+        good = []
+        for node in self._kept[:n]:
+            dq = planner._difference(q, self.roadmap.nodes[node])
+            if planner.static.motion_free(q, dq):
+                good.append(node)
+            if len(good) == _PASSED:
+                break
+        nodes = np.array(good, np.int64)
+        return nodes, np.full(len(nodes), kinds.NO_ITEM)
 
     def _between(
         self, q: np.ndarray, ids: np.ndarray, outward: bool

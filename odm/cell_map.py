@@ -8,7 +8,7 @@ import numpy as np
 
 from odm._kernels.types import Arm
 from odm.grid import WorkspaceGrid
-from odm.recipe import PayloadRecipe, Recipe, Safety, parse_recipe
+from odm.recipe import PayloadRecipe, Recipe, Safety, recipe_of_map
 from odm.scenery import Scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadMap
@@ -144,7 +144,7 @@ class CellMap:
         """Write the map to a folder, atomically."""
         manifest = {
             "kind": "cell map",
-            "recipe": self.recipe.as_dict(),
+            "recipe": self.recipe.for_map(),
             "robot": self.robot.meta(),
             "robot_hash": self.robot.fingerprint(),
             "safety": self.safety.as_dict(),
@@ -189,7 +189,7 @@ def load_map(
     grid = WorkspaceGrid(
         arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
     )
-    recipe = parse_recipe(manifest["recipe"], manifest["recipe"]["name"])
+    recipe = recipe_of_map(manifest["recipe"])
     payload = None
     if recipe.payload is not None:
         payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))

@@ -41,6 +41,13 @@ def unfit(
             f"the obstacle data are stamped {-1e3 * age:.0f} ms in the future; "
             "use one clock for stamp and now"
         )
+    before, planner.heard = planner.heard, (stamp, now)
+    if before is not None and stamp < before[0] and now >= before[1]:
+        planner.heard = before
+        return (
+            f"the obstacle data are {1e3 * (before[0] - stamp):.0f} ms older than "
+            "those of the frame before; drop frames that arrive out of order"
+        )
     return None
 
 

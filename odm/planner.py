@@ -89,6 +89,7 @@ class ReactivePlanner(Doors, Braking):
         self.points = np.zeros((0, 3))
         self.classes: np.ndarray | None = None
         self.last: Answer | None = None
+        self.heard: tuple[float, float] | None = None  # newest stamp, and when
         self._q = self.memory.own.q
         self._here = b""
         self._moving = False
@@ -123,6 +124,7 @@ class ReactivePlanner(Doors, Braking):
             self.goals, self._rejoin = self.goals[:0], False
         self.attacher.set_goals(goals, costs)
         self.goals, self.costs = goals, costs
+        self.straightener.reset()
         self._new_goals = True
 
     # --- a frame ---------------------------------------------------------------
@@ -147,7 +149,8 @@ class ReactivePlanner(Doors, Braking):
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
-            stamp: Time of the points [s].
+            stamp: Time of the points [s]; older points than those of a frame before
+                hold, unless `now` went back, too.
             now: Present time [s], by the same clock.
             covering_radius: Declared for raw points [m]; None means that the points
                 come from closed shapes sampled within the map's rho. The close test
@@ -342,8 +345,9 @@ class ReactivePlanner(Doors, Braking):
         self.attacher.forget_start()
         self._moving = False
         self.smoother.reset()
+        self.straightener.reset()
         self.calm.reset()
-        self.last = None
+        self.last = self.heard = None
 
     # --- inside ----------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from roadmap.build import RoadmapSettings
 from roadmap.errors import BadRecipe
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
+AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
 _MARGINS = ("sensor", "tracking", "blending", "user")
 
 
@@ -54,8 +55,8 @@ class RobotRecipe:
         source: A known name, or the path of a URDF; as `srdf`, a relative one starts
             at the folder of the recipe.
         tip, locked, srdf, cover_excess, velocity, acceleration, jerk, travel: See
-            there. Joints of a gripper that `travel` names may stand anywhere; any
-            other stands where it is locked.
+            there. The fingers of a gripper may stand anywhere but where they are
+            locked; `travel` names others, or fewer.
     """
 
     source: str = "panda"
@@ -66,7 +67,7 @@ class RobotRecipe:
     velocity: dict[str, float] = field(default_factory=dict)
     acceleration: dict[str, float] = field(default_factory=dict)
     jerk: dict[str, float] = field(default_factory=dict)
-    travel: tuple[str, ...] = ()
+    travel: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -121,10 +122,8 @@ class Recipe:
     def as_dict(self) -> dict[str, Any]:
         """Return the recipe as plain data, every default spelled out."""
         plain = {f.name: getattr(self.robot, f.name) for f in fields(self.robot)}
-        if self.robot.travel:  # maps without one are as they were before
-            plain["travel"] = list(self.robot.travel)
-        else:
-            del plain["travel"]
+        travel = self.robot.travel
+        plain["travel"] = AUTO if travel is None else list(travel)
         roadmap = {f.name: getattr(self.roadmap, f.name) for f in fields(self.roadmap)}
         whole = {
             "name": self.name,
@@ -135,6 +134,17 @@ class Recipe:
         }
         if self.payload is not None:  # maps without one are as they were before
             whole["payload"] = self.payload.as_dict()
+        return whole
+
+    def for_map(self) -> dict[str, Any]:
+        """Return what maps and recordings keep; `recipe_of_map` reads it.
+
+        Where no finger travels nothing is said of it: so were maps before fingers
+        could, and they keep their meaning and their hash.
+        """
+        whole = self.as_dict()
+        if not whole["robot"]["travel"]:
+            del whole["robot"]["travel"]
         return whole
 
 
@@ -200,15 +210,26 @@ def parse_recipe(
     return Recipe(name, robot, roadmap, safety, scenery, payload, folder)
 
 
+def recipe_of_map(table: dict[str, Any]) -> Recipe:
+    """Return the recipe that a map or a recording keeps, see `Recipe.for_map`.
+
+    Raises:
+        BadRecipe: It is not one of this version.
+    """
+    robot = {"travel": [], **table.get("robot", {})}
+    return parse_recipe({**table, "robot": robot}, table["name"])
+
+
 def _with_travel(table: dict) -> dict:
-    if "travel" not in table:
-        return table
-    travel = table["travel"]
+    travel = table.get("travel", AUTO)
+    if travel == AUTO:
+        return {**table, "travel": None}
     listed = isinstance(travel, list | tuple)
     if not listed or not all(isinstance(t, str) for t in travel):
         raise BadRecipe(
             f"robot.travel is {travel!r}, but must be a list of the joints that may "
-            'stand anywhere, such as ["finger_joint1"]; change it in the recipe'
+            f'stand anywhere, such as ["finger_joint1"], or "{AUTO}" for those of the '
+            "gripper; change it in the recipe"
         )
     return {**table, "travel": tuple(travel)}
 

@@ -186,7 +186,7 @@ def _past() -> kinds.Past:
     return kinds.Past(
         np.full(k, -1, np.int64), np.zeros((k, WAY_LENGTH), np.int32),
         np.zeros((k, WAY_LENGTH), np.int32), np.zeros((k, WAY_LENGTH)),
-        np.zeros(k + 1, np.int64),
+        np.zeros(k + 2, np.int64),
     )
 
 
@@ -194,7 +194,8 @@ def _starts() -> kinds.Starts:
     k = MAX_ATTACHMENTS
     return kinds.Starts(
         np.zeros(k, np.int64), np.zeros(k), np.zeros(k, np.int64),
-        np.zeros(k, np.int64), np.zeros(k, np.int64), np.zeros(2, np.int64),
+        np.zeros(k, np.int64), np.zeros(k, np.int64), np.full(k, -1.0),
+        np.zeros(2, np.int64),
     )
 
 
@@ -204,6 +205,7 @@ def _goals(n: int, dof: int) -> kinds.Goals:
         np.zeros((g, dof)), np.zeros(g), np.full((g, n), np.inf),
         np.full((g, n), -1, np.int32), np.zeros((g, k), np.int64), np.zeros((g, k)),
         np.zeros((g, k), np.int64), np.zeros((g, k), np.int64),
+        np.full((g, k), -1.0),
         np.zeros(g, np.int64), np.zeros(g, np.int64),
         np.full(g, kinds.NO_WAY, np.int64), np.zeros(g),
         np.full(g, kinds.NO_WAY, np.int64), np.zeros(g, np.int64),
@@ -216,7 +218,8 @@ def _search(n: int, m: int) -> kinds.Search:
     return kinds.Search(
         np.full(n + m, -1, np.int64), np.zeros(n + MAX_GOALS, np.int64),
         np.zeros(n, np.int64),
-        np.zeros(n, np.int64), np.zeros(room, np.int32), np.zeros(room, np.int32),
+        np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n),
+        np.zeros(room, np.int32), np.zeros(room, np.int32),
         np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
         np.zeros(room, np.int32), np.zeros(4, np.uint64), np.zeros(8, np.int64),
     )

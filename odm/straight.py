@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close, step
-from odm._kernels.types import N_SAME, N_SEGMENT, NO_ITEM
+from odm._kernels.types import N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
+_WAIT = 8  # frames from a look that found it blocked to the next while replanning
 _WORTH = 1.1  # times the straight length: a rest shorter than that stays
 
 
@@ -27,6 +28,11 @@ class Straightener:
         """No look has found anything."""
         self.planner = planner
         self._found = 0  # looks in a row that found the straight way free
+        self._next = 0  # frame of the next look
+
+    def reset(self) -> None:
+        """Look again in the next frame: there are other goals, or another start."""
+        self._found = self._next = 0
 
     def run(self, code: int) -> int:
         """Take the straight way where it is free; returns the frame's code."""
@@ -34,7 +40,9 @@ class Straightener:
         m, way = planner.memory, planner.memory.way
         at = int(m.own.numbers[N_SEGMENT])
         last = int(way.count[0]) - 1
-        if planner.attacher.is_fresh(planner._q):
+        frame = int(m.own.numbers[N_FRAME])
+        waits = code == step.PLANNED and frame < self._next
+        if waits or planner.attacher.is_fresh(planner._q):
             return code
         q = planner._q.copy()
         dq = planner._difference(q, way.q[last])
@@ -46,6 +54,7 @@ class Straightener:
             m.arm, planner.radii, q, dq, tolerance, cloud, False, m.work
         ) or not planner.static.motion_free(q, dq):
             self._found = 0
+            self._next = frame + _WAIT
             return code
         self._found += 1
         if code == step.FOLLOWING and self._found < planner.settings.looks:

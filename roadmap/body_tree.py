@@ -1,6 +1,6 @@
 """From a robot description to bodies: which joints move, what is fixed to what."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,10 @@ JERK_PER_ACCELERATION = 10.0
 
 @dataclass(frozen=True, eq=False)
 class BodyTree:
-    """Bodies and where each link sits; see `Robot` for the arrays."""
+    """Bodies and where each link sits; see `Robot` for the arrays.
+
+    `standing` holds the values of the joints that stand still, drivers only [rad or m].
+    """
 
     joint_names: tuple[str, ...]
     limits: dict[str, np.ndarray]
@@ -26,6 +29,7 @@ class BodyTree:
     tree_f: np.ndarray
     link_body: dict[str, int]
     T_body_link: dict[str, np.ndarray]
+    standing: dict[str, float]
     notes: tuple[str, ...]
 
 
@@ -46,26 +50,26 @@ def build_tree(
             given limit is none.
     """
     drives = {
-        j.name: _drive(description, j)
+        j.name: drive(description, j)
         for j in description.joints.values()
         if j.kind in MOVABLE
     }
     _check_locked(description, drives, locked)
     limits = {name: _limits(description.joints[name]) for name, _, _ in drives.values()}
     moving = _moving(description, tip, drives, locked, limits)
-    values, notes = _locked_values(description, drives, moving, locked, limits)
+    values = standing_values(description, moving, locked)
     if not moving:
         raise BadRobot(
             f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
             "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
         )
     bodies = _bodies(description, drives, moving, values)
-    joint_limits, more = _joint_limits(description, moving, limits, drives)
+    joint_limits, notes = _joint_limits(description, moving, limits, drives)
     _take_limits(joint_limits, moving, drives, given or {})
-    return BodyTree(tuple(moving), joint_limits, *bodies, (*notes, *more))
+    return BodyTree(tuple(moving), joint_limits, *bodies, values, tuple(notes))
 
 
-def _drive(description: Description, joint: Joint) -> tuple[str, float, float]:
+def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
     """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
     factor, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None:
@@ -102,6 +106,30 @@ def _limits(joint: Joint) -> tuple[float, float]:
     return float(lower), float(upper)
 
 
+def standing_values(
+    description: Description, moving: Collection[str], locked: Mapping[str, float]
+) -> dict[str, float]:
+    """Return where the drivers that are not `moving` stand [rad or m].
+
+    Where they are locked, else at 0 clipped into their limits.
+    """
+    values = {}
+    for joint in description.joints.values():
+        if joint.kind in MOVABLE:
+            name = drive(description, joint)[0]
+            if name not in moving and name not in values:
+                rest = np.clip(0.0, *_limits(description.joints[name]))
+                values[name] = float(locked.get(name, rest))
+    return values
+
+
+def driven_by(description: Description, name: str) -> list[tuple[str, float, float]]:
+    """Return (joint, factor, offset) of `name` and of all that follow it."""
+    joints = [j for j in description.joints.values() if j.kind in MOVABLE]
+    rows = [(joint.name, *drive(description, joint)) for joint in joints]
+    return [(own, f, o) for own, driver, f, o in rows if driver == name]
+
+
 def _check_locked(description, drives, locked) -> None:
     for name, value in locked.items():
         if name not in drives:
@@ -127,18 +155,6 @@ def _moving(description, tip, drives, locked, limits) -> list[str]:
     on_chain = [j.name for j in description.path(tip) if j.kind in MOVABLE]
     drivers = dict.fromkeys(drives[name][0] for name in on_chain)
     return [d for d in drivers if d not in locked and limits[d][0] < limits[d][1]]
-
-
-def _locked_values(description, drives, moving, locked, limits):
-    """Return {driver: value} of the joints that stand still, and what to say."""
-    values, texts = {}, []
-    for driver in dict.fromkeys(d for d, _, _ in drives.values()):
-        if driver not in moving:
-            default = float(np.clip(0.0, *limits[driver]))
-            values[driver] = float(locked.get(driver, default))
-            how = "" if driver in locked else " (default)"
-            texts.append(f"{driver} = {values[driver]:.4g}{how}")
-    return values, [f"locked joints: {', '.join(texts)}"] if texts else []
 
 
 def _bodies(description, drives, moving, values):

@@ -28,7 +28,8 @@ class KnownRobot:
             "example-robot-data".
         file: Path of the URDF inside of it.
         tip: Link of the tool.
-        locked: Joints that stand still elsewhere than at 0 [rad or m].
+        locked: Where joints stand that stand still elsewhere than at 0 [rad or m];
+            fingers do not, unless they are told not to travel.
         srdf: File of this package with the link pairs that are not tested, or "".
         acceleration, jerk: Joint name -> the maker's limit, which no URDF holds
             [rad/s2, rad/s3].
@@ -43,7 +44,7 @@ class KnownRobot:
     jerk: Mapping[str, float] = field(default_factory=dict)
 
 
-# Baxter's right arm hangs beside the pedestal; the gripper of the left one is open.
+# Baxter's right arm hangs beside the pedestal; its left gripper, if it stands, is open.
 _BAXTER = {"right_s1": 1.0, "l_gripper_l_finger_joint": 0.02}
 
 # Franka Control Interface documentation, "Limits for Panda": jerk is 500 times this.

@@ -23,6 +23,7 @@ MARGIN = 1e-4
 TOLERANCE = 1e-3
 _MAX_DEPTH = 40
 _SAMPLES = 500
+ALWAYS = "always in contact"
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +186,7 @@ def with_pairs(
     robot = replace(robot, self_pairs=np.array(kept).reshape(-1, 2))
     share = _contact_share(robot)
     always = [pair for pair in kept if share[pair] == 1.0]
-    reason = f"always in contact ({_SAMPLES + 2} configurations)"
+    reason = f"{ALWAYS} ({_SAMPLES + 2} configurations)"
     dropped += [(names[i], names[j], reason) for i, j in always]
     often = [
         f"{names[i]} and {names[j]} are in contact in {share[i, j]:.0%} of all poses"
@@ -199,6 +200,18 @@ def with_pairs(
         dropped_pairs=tuple(dropped),
         notes=(*robot.notes, *often),
     )
+
+
+def crowded_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Return the pairs of links that touch in more than half of all sampled poses."""
+    often = [pair for pair, share in _contact_share(robot).items() if share > 0.5]
+    named = {frozenset(robot.link_names[i] for i in pair) for pair in often}
+    return always_touching_pairs(robot) | named
+
+
+def always_touching_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Return the pairs of links that are not tested since they always touch."""
+    return {frozenset(pair[:2]) for pair in robot.dropped_pairs if ALWAYS in pair[2]}
 
 
 def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:

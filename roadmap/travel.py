@@ -1,55 +1,43 @@
-"""Fingers wherever they are: solids that hold a link over its joint's whole travel.
+"""Fingers wherever they are: solids that hold a link over its joints' whole travel.
 
-Between two values of one joint every corner of a solid runs along a line or an arc.
-The hull of the corners at both ends, grown by how far an arc leaves its chord, holds
-the solid all along; several such hulls hold a whole turn.
+Take a cell of the joints' values, d_i wide in joint i. The places p of one point over
+the cell leave the hull of its places at the cell's corners by at most
+
+    sum_i d_i^2 / 8 * max |d2p / dv_i2|,
+
+the error of multilinear interpolation, whose values lie in that hull. All points of a
+convex solid are mixtures of its corners, so the hull of its corners over all corners
+of the cell, grown by that much, holds the solid all along. Hulls of many small cells
+are merged where hardly any empty room comes with it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 
-from roadmap.body_tree import BodyTree
+from roadmap.body_tree import BodyTree, drive
 from roadmap.description import MOVABLE, Description, Link
 from roadmap.errors import BadRobot
-from roadmap.polytope import shell
+from roadmap.finger_chain import Carried, has_limits
+from roadmap.polytope import polytope, shell
 from roadmap.robot import BOX, HULL
 from roadmap.solids import Solid
 
-_TURN = 0.1  # [rad] largest turn of one hull: an arc of 0.1 m leaves it by 0.13 mm
+WIDEST = 0.01  # [m] hulls grown by more than this are not worth having
+_MANY_CORNERS = 200  # hulls of more corners are simplified (by 0.2 mm at most)
 _SIDES = (-0.5, 0.5)
 _CORNERS = np.array([[x, y, z] for x in _SIDES for y in _SIDES for z in _SIDES])
+_OCTAHEDRON = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])  # holds a ball
 
 
-def travelling_links(
-    description: Description, tree: BodyTree, travel: Sequence[str]
-) -> dict[str, str]:
-    """Return the links that a travelling joint carries, and the joint that drives it.
+def check_travel(description: Description, tree: BodyTree, name: str) -> None:
+    """Refuse a joint that cannot travel.
 
     Raises:
         BadRobot: There is no such joint, it is one that moves, follows another or has
-            no two limits; or a link would travel with two joints, or with the tool.
+            no two limits.
     """
-    for name in travel:
-        _check(description, tree, name)
-    found: dict[str, str] = {}
-    for link in description.links:
-        own = [
-            joint
-            for joint in description.path(link)
-            if joint.kind in MOVABLE and driver_of(description, joint.name) in travel
-        ]
-        if len(own) > 1:
-            raise BadRobot(
-                f"link {link!r} would travel with {' and '.join(j.name for j in own)}; "
-                "lock all but one of them"
-            )
-        if own:
-            found[link] = driver_of(description, own[0].name)
-    return found
-
-
-def _check(description: Description, tree: BodyTree, name: str) -> None:
     joint = description.joints.get(name)
     movable = [j.name for j in description.joints.values() if j.kind in MOVABLE]
     if joint is None or joint.kind not in MOVABLE:
@@ -62,39 +50,61 @@ def _check(description: Description, tree: BodyTree, name: str) -> None:
             "travel"
         )
     if joint.mimic is not None:
-        driver = driver_of(description, name)
+        driver = drive(description, joint)[0]
         raise BadRobot(f"joint {name!r} mimics {driver!r}; name {driver!r} instead")
-    if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
+    if not has_limits(joint):
         raise BadRobot(
             f"joint {name!r} has no two limits to travel between; lock it, or give it "
             "a <limit>"
         )
 
 
-def driver_of(description: Description, name: str) -> str:
-    """Return the joint that a joint follows, itself where it follows none."""
-    while description.joints[name].mimic is not None:
-        name = description.joints[name].mimic[0]
-    return name
+def check_width(
+    links: Mapping[str, Carried], radii: Mapping[str, float], tip: str
+) -> None:
+    """Refuse a travel of the tip, and one too wide for hulls.
+
+    Raises:
+        BadRobot: The tip would travel, or a link hangs on too many joints.
+    """
+    if tip in links:
+        raise BadRobot(
+            f"the tip {tip!r} would travel with {' and '.join(links[tip].drivers)}; "
+            "choose a tip on the hand itself"
+        )
+    for link, carried in links.items():
+        if link in radii and carried.cells(radii[link])[2] > WIDEST:
+            raise BadRobot(
+                f"link {link!r} would travel with {' and '.join(carried.drivers)}, "
+                "too far to be held closely; lock some of them"
+            )
+
+
+def radii_of(
+    solids: list[Solid], owners: list[Link], tree: BodyTree
+) -> dict[str, float]:
+    """Return how far each link's solids reach from its origin [m]."""
+    radii: dict[str, float] = {}
+    for solid in solids:
+        name = owners[solid.link].name
+        far = np.linalg.norm(_link_corners(solid, tree, name), axis=1).max()
+        radii[name] = max(radii.get(name, 0.0), float(far))
+    return radii
 
 
 def swept_solids(
     solids: list[Solid],
     owners: list[Link],
-    description: Description,
     tree: BodyTree,
-    links: dict[str, str],
-    tree_at: Callable[[str, float], BodyTree],
+    links: Mapping[str, Carried],
 ) -> list[Solid]:
     """Put hulls over the whole travel in the place of the solids that travel.
 
     Args:
         solids: Of all links, body frames.
         owners: The links they belong to.
-        description: The robot.
-        tree: Its bodies, as the solids were placed.
-        links: From `travelling_links`.
-        tree_at: Bodies with a joint locked at a value.
+        tree: The bodies, as the solids were placed.
+        links: From `carried_links`.
     """
     result = []
     for solid in solids:
@@ -102,18 +112,10 @@ def swept_solids(
         if name not in links:
             result.append(solid)
             continue
-        joint = description.joints[links[name]]
-        ends = (joint.lower, joint.upper)
-        T_link_body = np.linalg.inv(tree.T_body_link[name])
-        corners = corners_of(solid) @ T_link_body[:3, :3].T + T_link_body[:3, 3]
-        turn = _turn(description, name, links[name]) * (ends[1] - ends[0])
-        values = np.linspace(*ends, 1 + max(1, int(np.ceil(turn / _TURN))))
-        poses = [tree_at(joint.name, float(v)).T_body_link[name] for v in values]
-        rows = [corners @ T[:3, :3].T + T[:3, 3] for T in poses]
-        part = turn / (len(values) - 1)
+        corners = _link_corners(solid, tree, name)
         result += [
-            Solid(HULL, solid.link, np.eye(4), (0.0, 0.0, 0.0), _hull(a, b, part))
-            for a, b in zip(rows, rows[1:], strict=False)
+            Solid(HULL, solid.link, np.eye(4), (0.0, 0.0, 0.0), points)
+            for points in _hulls(links[name], corners)
         ]
     return result
 
@@ -121,35 +123,48 @@ def swept_solids(
 def corners_of(solid: Solid) -> np.ndarray:
     """Return corners (n, 3) whose hull holds a solid, body frame [m]."""
     if solid.kind == HULL:
-        return solid.body_points()
+        return _few(solid.body_points())
     if solid.kind == BOX:
         T = solid.T_body_solid
         return (_CORNERS * solid.size) @ T[:3, :3].T + T[:3, 3]
     return shell(solid)
 
 
-def _turn(description: Description, link: str, driver: str) -> float:
-    """Return how much the link turns per unit of its travelling joint [rad]."""
-    for joint in description.path(link):
-        if joint.kind in MOVABLE and driver_of(description, joint.name) == driver:
-            if joint.kind == "prismatic":
-                return 0.0
-            factor, name = 1.0, joint.name
-            while description.joints[name].mimic is not None:
-                name, own, _ = description.joints[name].mimic
-                factor *= own
-            return abs(factor)
-    raise AssertionError(link)
+def _few(points: np.ndarray) -> np.ndarray:
+    """Return the corners of a hull, or fewer ones whose hull holds it."""
+    if len(points) <= _MANY_CORNERS:
+        return points
+    solid = Solid(HULL, 0, np.eye(4), (0.0, 0.0, 0.0), points)
+    return polytope(solid).corners
 
 
-def _hull(a: np.ndarray, b: np.ndarray, turn: float) -> np.ndarray:
-    """Return the corners of a hull that holds corners on their way from a to b."""
+def _link_corners(solid: Solid, tree: BodyTree, link: str) -> np.ndarray:
+    T_link_body = np.linalg.inv(tree.T_body_link[link])
+    return corners_of(solid) @ T_link_body[:3, :3].T + T_link_body[:3, 3]
+
+
+def _hulls(carried: Carried, corners: np.ndarray) -> list[np.ndarray]:
+    """Return corners of the hulls that hold a hull of `corners`, link frame, always."""
+    radius = float(np.linalg.norm(corners, axis=1).max())
+    hulls, small, sag = carried.cells(radius)
+    span = (carried.upper - carried.lower) / hulls
+    found = []
+    for cell in product(*map(range, hulls)):
+        lower = carried.lower + span * cell
+        axes = [
+            np.linspace(a, a + s, n + 1)
+            for a, s, n in zip(lower, span, small, strict=True)
+        ]
+        values = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
+        T = carried.poses(values)
+        points = np.einsum("nij,mj->nmi", T[:, :3, :3], corners) + T[:, None, :3, 3]
+        points = _extreme(points.reshape(-1, 3))
+        grown = points[:, None] + sag * _OCTAHEDRON
+        found.append(_few(_extreme(grown.reshape(-1, 3))))
+    return found
+
+
+def _extreme(points: np.ndarray) -> np.ndarray:
     from scipy.spatial import ConvexHull
 
-    points = np.concatenate([a, b])
-    chord = np.linalg.norm(b - a, axis=1).max()
-    sag = 0.5 * chord * np.tan(turn / 4.0) + 1e-9
-    # an octahedron of this half diagonal holds the ball of radius sag
-    around = np.sqrt(3.0) * sag * np.concatenate([np.eye(3), -np.eye(3)])
-    points = (points[:, None] + around).reshape(-1, 3)
     return points[ConvexHull(points).vertices]

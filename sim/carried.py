@@ -1,6 +1,5 @@
 """`odm run --carry`: a ball in the robot's hand, planned with, audited and drawn."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,15 +14,10 @@ if TYPE_CHECKING:
     from odm import ReactivePlanner
 
 
-def check_carry(radius: float | None, motion: str, record: Path | None) -> None:
+def check_carry(radius: float | None, motion: str) -> None:
     """Refuse what does not go with a ball in the hand, before any work."""
     if radius is None:
         return
-    if record is not None:
-        raise BadInput(
-            "--record keeps no payload, so a replay would differ; leave --record or "
-            "--carry out"
-        )
     if motion == "keyboard":
         raise BadInput("--carry does not go with --motion keyboard; leave one out")
     if not 0.0 < radius < np.inf:

@@ -252,7 +252,7 @@ def run(
     check_options(
         motion, file, {"--out": out, "--plot": plot, "--animation": animation}
     )
-    check_carry(carry, motion, record)
+    check_carry(carry, motion)
     quiet = json == "-"
     own = {"reach": reach, "distances": distance, "obj": held, "side": hand}
     meet = meet_options(targets, own)

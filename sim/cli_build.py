@@ -145,7 +145,7 @@ def check_target(target: Path, recipe: "Recipe", force: bool) -> None:
     Raises:
         BuildRefused: The folder holds something else, or the map of another recipe.
     """
-    from odm.recipe import parse_recipe
+    from odm.recipe import recipe_of_map
     from roadmap.errors import BuildRefused, PlanningError
     from roadmap.store import read_folder
 
@@ -160,7 +160,7 @@ def check_target(target: Path, recipe: "Recipe", force: bool) -> None:
         return
     try:
         found = read_folder(target, verify=False)[0]["recipe"]
-        same = parse_recipe(found, found["name"]).as_dict() == recipe.as_dict()
+        same = recipe_of_map(found).as_dict() == recipe.as_dict()
     except (PlanningError, KeyError, TypeError):
         return  # a damaged map, or one of another version: nothing is lost
     if not same:

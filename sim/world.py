@@ -12,6 +12,8 @@ from types import ModuleType
 
 import numpy as np
 
+from roadmap.body_tree import driven_by, standing_values
+from roadmap.description import Description, read_description
 from roadmap.errors import PlanningError
 from roadmap.known import known_robot, robot_file
 from roadmap.robot import Robot
@@ -77,9 +79,13 @@ class World:
         count = self._call("getNumJoints", self._robot)
         infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
         index = {info[1].decode(): info[0] for info in infos}
-        self._joints = [index[name] for name in robot.joint_names]
+        description = read_description(path)
+        followers = [driven_by(description, name) for name in robot.joint_names]
+        self._joints = [[(index[n], f, o) for n, f, o in row] for row in followers]
         known = known_robot(urdf)
-        self._lock(infos, {**(known.locked if known else {}), **(locked or {})})
+        locked = {**(known.locked if known else {}), **(locked or {})}
+        values = standing_values(description, robot.joint_names, locked)
+        self._lock(description, index, values)
         self._person: list[int] = []
         self._sizes = np.zeros((0, 2))
         self._arm, self._held = robot, np.zeros((0, 4))
@@ -100,8 +106,10 @@ class World:
         """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
         if len(self._held):
             capsules = np.vstack([capsules, ball_rows(self._arm, self._held, q)])
-        for joint, value in zip(self._joints, q, strict=True):
-            self._call("resetJointState", self._robot, joint, float(value))
+        for row, value in zip(self._joints, q, strict=True):
+            for joint, factor, offset in row:
+                at = float(factor * value + offset)
+                self._call("resetJointState", self._robot, joint, at)
         length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
         sizes = np.column_stack([length, capsules[:, 6]])
         if sizes.shape != self._sizes.shape or not np.allclose(sizes, self._sizes):
@@ -148,15 +156,17 @@ class World:
         empty = np.reshape(body, shape) < 0
         return colour, camera.metres(np.reshape(depth, shape)), empty
 
-    def _lock(self, infos: list, locked: Mapping[str, float]) -> None:
-        """Put the joints that no `place` moves where they stand."""
-        for info in infos:
-            joint, name, lower, upper = info[0], info[1].decode(), info[8], info[9]
-            if joint in self._joints or info[2] == self._bullet.JOINT_FIXED:
-                continue
-            rest = min(max(0.0, lower), upper) if lower < upper else 0.0
-            value = locked.get(name, rest)
-            self._call("resetJointState", self._robot, joint, float(value))
+    def _lock(
+        self,
+        description: Description,
+        index: Mapping[str, int],
+        values: Mapping[str, float],
+    ) -> None:
+        """Put the joints that no `place` moves where they stand; fingers, too."""
+        for driver, value in values.items():
+            for name, factor, offset in driven_by(description, driver):
+                at = float(factor * value + offset)
+                self._call("resetJointState", self._robot, index[name], at)
 
     def _call(self, name: str, *args: object, **kwargs: object) -> object:
         kwargs["physicsClientId"] = self._client

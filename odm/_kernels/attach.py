@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from odm._kernels.close import displacement
-from odm._kernels.search import pop, push
 from odm._kernels.sweep import sweep_motion
 
 
@@ -75,38 +74,6 @@ def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
             best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
         # rounding must not lift the bound above the truth
         h[i] = best * (1.0 - 1e-12)
-
-
-@njit(cache=True, nogil=True)
-def exact_cost(graph, node, length, number, search, h):
-    """Fill `h` with the cost to go over the whole roadmap (Dijkstra's algorithm)."""
-    h[:] = math.inf
-    entries = 0
-    size = 0
-    for a in range(number):
-        if length[a] < h[node[a]]:
-            h[node[a]] = length[a]
-            search.e_node[entries] = node[a]
-            push(search, size, length[a], entries)
-            entries += 1
-            size += 1
-    while size > 0:
-        f = search.heap_f[0]
-        v = search.e_node[pop(search, size)]
-        size -= 1
-        if f > h[v]:
-            continue
-        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
-            w = graph.adj_node[k]
-            through = f + graph.adj_length[k]
-            if through < h[w] and entries < search.e_node.shape[0]:
-                h[w] = through
-                search.e_node[entries] = w
-                push(search, size, through, entries)
-                entries += 1
-                size += 1
-    for i in range(h.shape[0]):
-        h[i] *= 1.0 - 1e-12
 
 
 @njit(cache=True, nogil=True)

@@ -8,59 +8,68 @@ import math
 
 from numba import njit
 
-from odm._kernels.occupancy import list_hit
-from odm._kernels.signature import apart
+from odm._kernels.items import FREE, item_free, way_in_free
 from odm._kernels.types import EDGE_BASE
 
 ROUNDING = 1.0 + 1e-9
 
 
 @njit(cache=True, nogil=True)
-def open_item(graph, words, sign, item):
-    """Return True if no occupied cell is in the list of a roadmap item."""
-    if graph.closed[item]:
-        return False
-    if apart(graph.sign, item, sign):
-        return True
-    begin, end = graph.ptr[item], graph.ptr[item + 1]
-    return not list_hit(words, graph.block, graph.mask, begin, end)
-
-
-@njit(cache=True, nogil=True)
-def free_bound(past, graph, words, starts, goals, g, search, free):
-    """Return the length of the shortest past way to goal g that is free, or inf.
+def way_bound(
+    past, r, graph, pool, words, starts, goals, g, search, frame, best
+):
+    """Return the length of past way r to goal g where it is free and below `best`.
 
     A way counts from any vertex that the start is joined to.
     """
+    if past.vertex[r] != goals.vertex[g]:
+        return best
     n = graph.adj_ptr.shape[0] - 1
+    free = 4 * frame + FREE
+    length = goals.cost[g]
+    for i in range(past.count[r]):
+        v, via = past.node[r, i], past.via[r, i]
+        length += past.length[r, i]
+        if length >= best:
+            break
+        if i == 0:
+            if not way_in_free(goals, pool, words, search, frame, g, via):
+                break
+        elif not item_free(graph, words, search, frame, n + via):
+            break
+        if not item_free(graph, words, search, frame, v):
+            break
+        for k in range(starts.count[0]):
+            if starts.node[k] == v and starts.memo[k] == free:
+                best = min(best, length + starts.length[k])
+    return best
+
+
+@njit(cache=True, nogil=True)
+def recent_bound(past, graph, pool, words, starts, goals, g, search, frame):
+    """Return the length of the way found last if it leads to g and is free, or inf."""
+    r = past.count[past.vertex.shape[0] + 1]
+    return ROUNDING * way_bound(
+        past, r, graph, pool, words, starts, goals, g, search, frame, math.inf
+    )
+
+
+@njit(cache=True, nogil=True)
+def free_bound(past, graph, pool, words, starts, goals, g, search, frame):
+    """Return the length of the shortest past way to goal g that is free, or inf."""
     best = math.inf
     for r in range(past.vertex.shape[0]):
-        if past.vertex[r] != goals.vertex[g]:
-            continue
-        length = goals.cost[g]
-        for i in range(past.count[r]):
-            v, via = past.node[r, i], past.via[r, i]
-            if i == 0:
-                if goals.memo[g, via] != free:
-                    break
-            elif not open_item(graph, words, search.sign, n + via):
-                break
-            if not open_item(graph, words, search.sign, v):
-                break
-            length += past.length[r, i]
-            if length >= best:
-                break
-            for k in range(starts.count[0]):
-                if starts.node[k] == v and starts.memo[k] == free:
-                    best = min(best, length + starts.length[k])
+        best = way_bound(
+            past, r, graph, pool, words, starts, goals, g, search, frame, best
+        )
     return best * ROUNDING
 
 
 @njit(cache=True, nogil=True)
 def remember_way(past, search, goals, entry, g):
     """Keep the way that ends in heap entry `entry` at goal g."""
-    last = past.count.shape[0] - 1
-    r = past.count[last]
+    rows = past.vertex.shape[0]
+    r = past.count[rows]
     via = -2 - search.e_ref[entry]
     e = search.e_from[entry]
     count = 0
@@ -76,24 +85,30 @@ def remember_way(past, search, goals, entry, g):
         via = EDGE_BASE - search.e_ref[e]
         e = search.e_from[e]
         count += 1
+    if count == 0:
+        return
     past.length[r, 0] -= goals.cost[g]
     past.count[r] = count
     past.vertex[r] = goals.vertex[g]
-    if known_before(past, r):
+    same = row_with(past, r)
+    if same >= 0:
         past.vertex[r] = -1
+        past.count[rows + 1] = same
     else:
-        past.count[last] = (r + 1) % past.vertex.shape[0]
+        past.count[rows] = (r + 1) % rows
+        past.count[rows + 1] = r
 
 
 @njit(cache=True, nogil=True)
-def known_before(past, r):
-    """Return True if another row holds the way of row r."""
+def row_with(past, r):
+    """Return another row that ends as row r does, all its way; -1 if there is none."""
+    count = past.count[r]
     for s in range(past.vertex.shape[0]):
-        if s == r or past.vertex[s] != past.vertex[r] or past.count[s] != past.count[r]:
+        if s == r or past.vertex[s] != past.vertex[r] or past.count[s] < count:
             continue
         same = past.via[s, 0] == past.via[r, 0]
-        for i in range(past.count[r]):
+        for i in range(count):
             same = same and past.node[s, i] == past.node[r, i]
         if same:
-            return True
-    return False
+            return s
+    return -1

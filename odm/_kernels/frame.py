@@ -3,11 +3,11 @@
 from numba import njit
 
 from odm._kernels.judge import (
-    close_goal,
-    close_starts,
     judge_direct,
     judge_goal,
     judge_starts,
+    offer_starts,
+    open_goal,
     stands_free,
 )
 from odm._kernels.layers import dilate_points
@@ -17,11 +17,9 @@ from odm._kernels.signature import sign_frame
 from odm._kernels.state import (
     N_EXTRA,
     cloud_of,
-    direct_of,
     goals_of,
     graph_of,
     own_of,
-    past_of,
     search_of,
 )
 from odm._kernels.types import (
@@ -51,20 +49,12 @@ def take_points(state, points):
 
 
 @njit(cache=True, nogil=True)
-def search_goals(state, starts, only, frame):
+def search_goals(state, points, starts, q, only, frame):
     """Run A* once; return the entry found or -1."""
-    cloud = cloud_of(state)
-    graph = graph_of(state)
-    goals = goals_of(state)
-    search = search_of(state)
     own = own_of(state)
     own.numbers[N_RUN] += 1
-    search.stats[N_RUNS] += 1
-    h = own.h_any if only < 0 else goals.h[only]
-    return a_star(
-        graph, direct_of(state), cloud, starts, goals, only, h, search,
-        past_of(state), frame, own.numbers[N_RUN],
-    )
+    search_of(state).stats[N_RUNS] += 1
+    return a_star(state, points, starts, q, only, frame, own.numbers[N_RUN])
 
 
 @njit(cache=True, nogil=True)
@@ -78,6 +68,7 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
     own = own_of(state)
     frame = own.numbers[N_FRAME]
     joint = own.numbers[N_JOINT_COSTS] == 1
+    most = 2 * budget
     judged = False
     any_start = False
     for g in range(low, high):
@@ -94,41 +85,39 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
         if not judged:
             any_start = judge_starts(state, starts, cloud.words, frame)
             judged = True
-        enterable = judge_goal(state, points, g, frame)
+        enterable = judge_goal(state, g, frame)
         if joint:
             continue
         entry = -1
         if any_start and enterable:
-            entry = search_goals(state, starts, g, frame)
+            entry = search_goals(state, points, starts, q, g, frame)
         if entry < 0:
-            opened = 0
+            opened = False
             if not any_start and not stands_free(state, points, q):
                 return False
             if not enterable:
                 if not stands_free(state, points, goals.q[g]):
                     continue
-                opened = close_goal(state, points, g, frame, budget)
-                if opened == 0:
+                opened = open_goal(state, points, g, frame, most)
+                if not opened:
                     continue
             if not any_start:
-                found = close_starts(state, points, starts, q, frame, budget)
-                if found == 0:
+                if offer_starts(state, starts, frame, most) == 0:
                     return False
-                any_start = True
-                opened += found
-            elif opened == 0:
-                opened += close_starts(state, points, starts, q, frame, budget)
-                opened += close_goal(state, points, g, frame, budget)
-            if opened > 0:
-                entry = search_goals(state, starts, g, frame)
+                any_start = opened = True
+            elif not opened:
+                opened = open_goal(state, points, g, frame, most)
+                opened = offer_starts(state, starts, frame, most) > 0 or opened
+            if opened:
+                entry = search_goals(state, points, starts, q, g, frame)
         if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
             take_shortcuts(state, way, own.weights)
             return True
     if not joint:
         return False
     if not any_start:
-        close_starts(state, points, starts, q, frame, budget)
-    entry = search_goals(state, starts, -1, frame)
+        offer_starts(state, starts, frame, most)
+    entry = search_goals(state, points, starts, q, -1, frame)
     if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
         take_shortcuts(state, way, own.weights)
         return True

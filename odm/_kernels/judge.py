@@ -4,9 +4,18 @@ import numpy as np
 from numba import njit
 
 from odm._kernels.close import displacement, motion_clear, set_point
+from odm._kernels.items import (
+    BLOCKED,
+    FREE,
+    MAYBE,
+    REFUSED,
+    edge_free,
+    item_free,
+    pool_free,
+    way_in_free,
+)
 from odm._kernels.occupancy import sort_points
 from odm._kernels.pick import forget_cells, pick_cells, pick_points
-from odm._kernels.search import edge_free, item_free, pool_free
 from odm._kernels.state import (
     N_EXTRA,
     N_TOLERANCE,
@@ -23,14 +32,11 @@ from odm._kernels.state import (
 )
 from odm._kernels.types import (
     EDGE_BASE,
-    IS_GOAL,
     IS_SORTED,
     N_CLOSE,
     NO_ITEM,
     NO_WAY,
 )
-
-FREE, BLOCKED = 1, 2
 
 
 @njit(cache=True, nogil=True)
@@ -82,6 +88,25 @@ def pick_ref(state, points, ref):
             pick_cells(pick, cloud.words, graph.block, graph.mask, begin, end)
     pick_points(pick, cloud, points)
     return pick
+
+
+@njit(cache=True, nogil=True)
+def where_blocked(state, near, q, dq, stuck):
+    """Return the share of a motion at which the close test finds it blocked, or -1.
+
+    It is most likely blocked where it was the last time, at the share `stuck` (-1: it
+    was not): there is where it is looked at first.
+    """
+    own = own_of(state)
+    if stuck >= 0.0:
+        set_point(q, dq, stuck, own.spot)
+        for j in range(q.shape[0]):
+            own.still[j] = 0.0
+        if not near_free(state, near, own.spot, own.still):
+            return stuck
+    if near_free(state, near, q, dq):
+        return -1.0
+    return work_of(state).value[0]
 
 
 @njit(cache=True, nogil=True)
@@ -138,73 +163,97 @@ def judge_starts(state, starts, words, frame):
 
 
 @njit(cache=True, nogil=True)
-def close_starts(state, points, starts, q, frame, budget):
-    """Give blocked start motions a close test, in order, until `budget` were free."""
+def offer_starts(state, starts, frame, most):
+    """Let the search ask the close test about up to `most` blocked start motions.
+
+    The nearest whose nodes are free; returns how many.
+    """
     cloud = cloud_of(state)
     graph = graph_of(state)
     search = search_of(state)
-    own = own_of(state)
-    found = 0
-    tried = 0
+    offered = 0
     for k in range(starts.count[0]):
-        if found >= budget or tried >= 2 * budget:
+        if offered >= most:
             break
-        if starts.memo[k] == 4 * frame + FREE or starts.static[k] != 1:
+        if starts.memo[k] != 4 * frame + BLOCKED or starts.static[k] != 1:
             continue
-        v = starts.node[k]
-        if not item_free(graph, cloud.words, search, frame, v):
-            continue
-        displacement(q, graph.nodes[v], own.continuous, own.dq)
-        tried += 1
-        if part_free(state, points, starts.ref[k], q, own.dq):
-            starts.memo[k] = 4 * frame + FREE
-            found += 1
-    return found
+        if item_free(graph, cloud.words, search, frame, starts.node[k]):
+            starts.memo[k] = 4 * frame + MAYBE
+            offered += 1
+    return offered
 
 
 @njit(cache=True, nogil=True)
-def judge_goal(state, points, g, frame):
-    """Write the verdict of a goal's attachments; True if the goal can be entered."""
-    cloud = cloud_of(state)
+def start_clear(state, points, starts, q, frame, k):
+    """Run the close test of start motion k; its verdict is remembered."""
+    own = own_of(state)
+    displacement(q, graph_of(state).nodes[starts.node[k]], own.continuous, own.dq)
+    near = pick_ref(state, points, starts.ref[k])
+    stuck = where_blocked(state, near, q, own.dq, starts.stuck[k])
+    starts.stuck[k] = stuck
+    starts.memo[k] = 4 * frame + (FREE if stuck < 0.0 else REFUSED)
+    return stuck < 0.0
+
+
+@njit(cache=True, nogil=True)
+def judge_goal(state, g, frame):
+    """Return True if a motion into goal g and the node it comes from are free."""
+    words = cloud_of(state).words
     graph = graph_of(state)
     pool = pool_of(state)
     goals = goals_of(state)
     search = search_of(state)
-    any_ = False
     for a in range(goals.number[g]):
-        ref = goals.ref[g, a]
-        free = ref == IS_GOAL or pool_free(pool, cloud.words, search.sign, ref)
-        v = goals.node[g, a]
-        if free and not any_:
-            any_ = item_free(graph, cloud.words, search, frame, v)
-        goals.memo[g, a] = 4 * frame + (FREE if free else BLOCKED)
-    return any_
+        if not way_in_free(goals, pool, words, search, frame, g, a):
+            continue
+        if item_free(graph, words, search, frame, goals.node[g, a]):
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)
-def close_goal(state, points, g, frame, budget):
-    """Give blocked goal motions a close test, until `budget` were free."""
-    cloud = cloud_of(state)
+def way_in_clear(state, points, frame, g, a):
+    """Run the close test of attachment a of goal g; its verdict is remembered."""
+    goals = goals_of(state)
+    own = own_of(state)
+    q = graph_of(state).nodes[goals.node[g, a]]
+    displacement(q, goals.q[g], own.continuous, own.dq)
+    near = pick_ref(state, points, goals.ref[g, a])
+    stuck = where_blocked(state, near, q, own.dq, goals.stuck[g, a])
+    goals.stuck[g, a] = stuck
+    goals.memo[g, a] = 4 * frame + (FREE if stuck < 0.0 else REFUSED)
+    return stuck < 0.0
+
+
+@njit(cache=True, nogil=True)
+def open_goal(state, points, g, frame, most):
+    """Look for a blocked motion into g that the close test finds free; True if any.
+
+    Up to `most` are in question; those after the first that is free are left to the
+    search, which asks when they come out first. Where none is free no search begins:
+    it would look everywhere for a goal that cannot be entered.
+    """
+    words = cloud_of(state).words
     graph = graph_of(state)
+    pool = pool_of(state)
     goals = goals_of(state)
     search = search_of(state)
-    own = own_of(state)
-    found = 0
-    tried = 0
+    offered = 0
+    any_ = False
     for a in range(goals.number[g]):
-        if found >= budget or tried >= 2 * budget:
+        if offered >= most:
             break
-        if goals.memo[g, a] == 4 * frame + FREE:
+        if way_in_free(goals, pool, words, search, frame, g, a):
             continue
-        v = goals.node[g, a]
-        if not item_free(graph, cloud.words, search, frame, v):
+        if goals.memo[g, a] != 4 * frame + BLOCKED:
             continue
-        displacement(graph.nodes[v], goals.q[g], own.continuous, own.dq)
-        tried += 1
-        if part_free(state, points, goals.ref[g, a], graph.nodes[v], own.dq):
-            goals.memo[g, a] = 4 * frame + FREE
-            found += 1
-    return found
+        if item_free(graph, words, search, frame, goals.node[g, a]):
+            offered += 1
+            if any_:
+                goals.memo[g, a] = 4 * frame + MAYBE
+            else:
+                any_ = way_in_clear(state, points, frame, g, a)
+    return any_
 
 
 @njit(cache=True, nogil=True)
@@ -221,7 +270,6 @@ def judge_direct(state, points, q, g, frame):
     """Test the straight motion to goal g: cells, where it stuck before, closely."""
     search = search_of(state)
     cloud = cloud_of(state)
-    work = work_of(state)
     pool = pool_of(state)
     goals = goals_of(state)
     own = own_of(state)
@@ -234,17 +282,9 @@ def judge_direct(state, points, q, g, frame):
         return True
     displacement(q, goals.q[g], own.continuous, own.dq)
     near = pick_ref(state, points, ref)
-    # the motion is most likely blocked where it was in the last frame
-    stuck = goals.direct_stuck[g]
+    stuck = where_blocked(state, near, q, own.dq, goals.direct_stuck[g])
+    goals.direct_stuck[g] = stuck
     if stuck >= 0.0:
-        set_point(q, own.dq, stuck, own.spot)
-        for j in range(q.shape[0]):
-            own.still[j] = 0.0
-        if not near_free(state, near, own.spot, own.still):
-            return False
-    if not near_free(state, near, q, own.dq):
-        goals.direct_stuck[g] = work.value[0]
         return False
-    goals.direct_stuck[g] = -1.0
     goals.direct_memo[g] = 4 * frame + FREE
     return True

@@ -9,13 +9,22 @@ goal (or a start) that is walled in is known when the smaller side is exhausted.
 
 import math
 
-import numpy as np
 from numba import njit
 
-from odm._kernels.bound import free_bound, remember_way
+from odm._kernels.bound import free_bound, recent_bound, remember_way
 from odm._kernels.direct import update_hits
-from odm._kernels.occupancy import list_hit
-from odm._kernels.signature import apart
+from odm._kernels.items import FREE, MAYBE, is_taken, item_free, way_in_free
+from odm._kernels.judge import start_clear, way_in_clear
+from odm._kernels.state import (
+    cloud_of,
+    direct_of,
+    goals_of,
+    graph_of,
+    own_of,
+    past_of,
+    pool_of,
+    search_of,
+)
 from odm._kernels.types import (
     EDGE_BASE,
     N_COUNTED,
@@ -24,57 +33,12 @@ from odm._kernels.types import (
     N_POPPED,
 )
 
-LOOK_BACK = 10  # vertices closed before ways of the past are looked at
+LOOK_BACK = 8  # vertices closed before the last way is looked at,
+LOOK_FARTHER = 12  # and all ways of the past where it is blocked
 PATIENCE = 96  # vertices closed before the flood from the goal starts
 MANY_TESTS = 600  # lists looked at before the direct map settles all items at once
-FRESH = 2  # frames in which its counts change little
-FRESH_TESTS = 150  # lists looked at before then
-
-
-@njit(cache=True, nogil=True)
-def is_taken(graph, item):
-    """Return True if the direct map, brought up to the frame, counts an item."""
-    return (graph.taken[item >> 6] >> np.uint64(item & 63)) & np.uint64(1) != 0
-
-
-@njit(cache=True, nogil=True)
-def item_free(graph, words, search, frame, item):
-    """Return True if no occupied cell is in the list of a roadmap item; remembered."""
-    known = search.memo[item]
-    if known >> 1 == frame:
-        return known & 1 == 0
-    hit = 1 if graph.closed[item] else 0
-    if search.stats[N_COUNTED] != 0:
-        hit |= 1 if is_taken(graph, item) else 0
-    elif hit == 0:
-        search.stats[N_EDGE_TESTS] += 1
-        if not apart(graph.sign, item, search.sign):
-            begin, end = graph.ptr[item], graph.ptr[item + 1]
-            if list_hit(words, graph.block, graph.mask, begin, end):
-                hit = 1
-    search.memo[item] = 2 * frame + hit
-    return hit == 0
-
-
-@njit(cache=True, nogil=True)
-def pool_free(pool, words, frame_sign, item):
-    """Return True if no occupied cell is in the list of a pool item."""
-    if apart(pool.sign, item, frame_sign):
-        return True
-    return not list_hit(
-        words, pool.block, pool.mask, pool.begin[item], pool.end[item]
-    )
-
-
-@njit(cache=True, nogil=True)
-def edge_free(graph, words, search, frame, edge):
-    """Return True if an edge and both its end nodes are free."""
-    n = graph.adj_ptr.shape[0] - 1
-    if not item_free(graph, words, search, frame, n + edge):
-        return False
-    if not item_free(graph, words, search, frame, graph.edges[edge, 0]):
-        return False
-    return item_free(graph, words, search, frame, graph.edges[edge, 1])
+RECENT = 2  # frames in which its counts change little
+RECENT_TESTS = 450  # lists looked at before then
 
 
 @njit(cache=True, nogil=True)
@@ -146,23 +110,40 @@ def flood_step(graph, words, search, frame, run, head, tail, counted):
 
 
 @njit(cache=True, nogil=True)
-def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, run):
-    """Search from the start's free attachments to goal `only` (-1: any, with costs).
+def can_enter(goals, pool, words, search, frame, g):
+    """Return True if a motion into goal g is free, or may be by the close test."""
+    for a in range(goals.number[g]):
+        if way_in_free(goals, pool, words, search, frame, g, a):
+            return True
+        if goals.memo[g, a] == 4 * frame + MAYBE:
+            return True
+    return False
 
-    starts.memo and goals.memo hold the frame's verdict of each attachment: 4 * frame
-    + 1 is free; all others are left out. `run` is new for each search of a frame.
+
+@njit(cache=True, nogil=True)
+def a_star(state, points, starts, q, only, frame, run):
+    """Search from q by its start motions to goal `only` (-1: any, with costs).
+
+    starts.memo holds the frame's verdict of each start motion: free, or maybe, then
+    the close test is asked when the motion comes out first; others are left out. So it
+    is with the motions into a goal. `run` is new for each search of a frame.
     Returns the heap entry of the goal, or -1.
     """
+    graph, direct, cloud = graph_of(state), direct_of(state), cloud_of(state)
+    pool, goals, search = pool_of(state), goals_of(state), search_of(state)
+    past = past_of(state)
+    h = own_of(state).h_any if only < 0 else goals.h[only]
     n = graph.adj_ptr.shape[0] - 1
     words = cloud.words
     low = 0 if only < 0 else only
     high = goals.count[0] if only < 0 else only + 1
-    free = 4 * frame + 1
+    free, maybe = 4 * frame + FREE, 4 * frame + MAYBE
     capacity = search.e_node.shape[0]
     entries = 0
     size = 0
+    bound = math.inf  # no longer way is of interest
     for k in range(starts.count[0]):
-        if starts.memo[k] != free:
+        if starts.memo[k] != free and starts.memo[k] != maybe:
             continue
         v = starts.node[k]
         search.e_node[entries] = v
@@ -182,10 +163,9 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
             push(search, size, length, entries)
             entries += 1
             size += 1
-    many = MANY_TESTS if frame - direct.frame[0] > FRESH else FRESH_TESTS
+    many = MANY_TESTS if frame - direct.frame[0] > RECENT else RECENT_TESTS
     counted = search.stats[N_COUNTED] != 0
     popped = 0
-    bound = math.inf  # no longer way is of interest
     head = 0
     tail = -1  # -1: the flood has not begun, -2: it is over
     while size > 0:
@@ -204,8 +184,22 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
             search.done[v] = run
             continue
         ref = search.e_ref[entry]
-        if ref <= EDGE_BASE:
+        if v >= n:
+            g = v - n
+            a = -2 - ref
+            if search.e_from[entry] >= 0 and goals.memo[g, a] == maybe:
+                if not way_in_clear(state, points, frame, g, a):
+                    if can_enter(goals, pool, words, search, frame, g) or only < 0:
+                        continue
+                    break
+        elif ref <= EDGE_BASE:
             if not item_free(graph, words, search, frame, n + EDGE_BASE - ref):
+                continue
+        else:
+            k = -2 - ref
+            if starts.memo[k] == maybe:
+                start_clear(state, points, starts, q, frame, k)
+            if starts.memo[k] != free:
                 continue
         search.done[v] = run
         popped += 1
@@ -215,12 +209,23 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
                 remember_way(past, search, goals, entry, only)
             return entry
         if popped == LOOK_BACK and only >= 0:
-            bound = free_bound(past, graph, words, starts, goals, only, search, free)
+            bound = recent_bound(
+                past, graph, pool, words, starts, goals, only, search, frame
+            )
+        elif popped == LOOK_FARTHER and only >= 0 and bound == math.inf:
+            bound = free_bound(
+                past, graph, pool, words, starts, goals, only, search, frame
+            )
         g_v = search.e_g[entry]
         for g in range(low, high):
             a = goals.at[g, v]
-            if a >= 0 and goals.memo[g, a] == free and entries < capacity:
-                length = g_v + goals.length[g, a] + goals.cost[g]
+            if a < 0 or entries >= capacity:
+                continue
+            length = g_v + goals.length[g, a] + goals.cost[g]
+            if length > bound:
+                continue
+            open_ = way_in_free(goals, pool, words, search, frame, g, a)
+            if open_ or goals.memo[g, a] == maybe:
                 search.e_node[entries] = n + g
                 search.e_ref[entries] = -2 - a
                 search.e_from[entries] = entry
@@ -236,7 +241,8 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
                 continue
             if counted:
                 # an edge's count has its end nodes in it
-                if is_taken(graph, n + graph.adj_edge[k]):
+                item = n + graph.adj_edge[k]
+                if is_taken(graph, item) or graph.closed[item]:
                     continue
             elif search.memo[w] == 2 * frame + 1:
                 continue
@@ -246,6 +252,12 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
             length = g_v + graph.adj_length[k]
             if length + hw > bound:
                 continue
+            if counted:
+                # all that is left can be used: only a shorter way in is of interest
+                if search.near_run[w] == run and search.near_g[w] <= length:
+                    continue
+                search.near_run[w] = run
+                search.near_g[w] = length
             search.e_node[entries] = w
             search.e_ref[entries] = EDGE_BASE - graph.adj_edge[k]
             search.e_from[entries] = entry
@@ -260,7 +272,10 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
             for g in range(low, high):
                 for a in range(goals.number[g]):
                     w = goals.node[g, a]
-                    if goals.memo[g, a] != free or search.flood[w] == run:
+                    if search.flood[w] == run:
+                        continue
+                    open_ = way_in_free(goals, pool, words, search, frame, g, a)
+                    if not open_ and goals.memo[g, a] != maybe:
                         continue
                     if search.done[w] == run:
                         tail = -2
@@ -285,7 +300,8 @@ def a_star(graph, direct, cloud, starts, goals, only, h, search, past, frame, ru
             # the goal's side is exhausted: hopeless unless a start lies in it
             inside = False
             for k in range(starts.count[0]):
-                if starts.memo[k] == free and search.flood[starts.node[k]] == run:
+                can = starts.memo[k] == free or starts.memo[k] == maybe
+                if can and search.flood[starts.node[k]] == run:
                     inside = True
             for g in range(low, high):
                 if goals.direct_memo[g] == free:

@@ -37,12 +37,12 @@ WORK = CLOUD + 11
 GRAPH = WORK + 14
 POOL = GRAPH + 13
 GOALS = POOL + 6
-SEARCH = GOALS + 16
-DIRECT = SEARCH + 12
+SEARCH = GOALS + 17
+DIRECT = SEARCH + 14
 SHORT = DIRECT + 9
 FRESH = SHORT + 6
-ALONG = FRESH + 6
-WAY = ALONG + 6
+ALONG = FRESH + 7
+WAY = ALONG + 7
 SPARE = WAY + 4
 OWN = SPARE + 4
 PICK = OWN + 15
@@ -254,14 +254,15 @@ def goals_of(t):
         f8_2(t, at + 5),
         i8_2(t, at + 6),
         i8_2(t, at + 7),
-        i8_1(t, at + 8),
+        f8_2(t, at + 8),
         i8_1(t, at + 9),
         i8_1(t, at + 10),
-        f8_1(t, at + 11),
-        i8_1(t, at + 12),
+        i8_1(t, at + 11),
+        f8_1(t, at + 12),
         i8_1(t, at + 13),
-        f8_1(t, at + 14),
-        i8_1(t, at + 15),
+        i8_1(t, at + 14),
+        f8_1(t, at + 15),
+        i8_1(t, at + 16),
     )
 
 
@@ -274,14 +275,16 @@ def search_of(t):
         i8_1(t, at + 1),
         i8_1(t, at + 2),
         i8_1(t, at + 3),
-        i4_1(t, at + 4),
-        i4_1(t, at + 5),
+        i8_1(t, at + 4),
+        f8_1(t, at + 5),
         i4_1(t, at + 6),
-        f8_1(t, at + 7),
-        f8_1(t, at + 8),
-        i4_1(t, at + 9),
-        u8_1(t, at + 10),
-        i8_1(t, at + 11),
+        i4_1(t, at + 7),
+        i4_1(t, at + 8),
+        f8_1(t, at + 9),
+        f8_1(t, at + 10),
+        i4_1(t, at + 11),
+        u8_1(t, at + 12),
+        i8_1(t, at + 13),
     )
 
 
@@ -338,7 +341,8 @@ def starts_at(t, at):
         i8_1(t, at + 2),
         i8_1(t, at + 3),
         i8_1(t, at + 4),
-        i8_1(t, at + 5),
+        f8_1(t, at + 5),
+        i8_1(t, at + 6),
     )
 
 

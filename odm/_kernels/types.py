@@ -127,6 +127,7 @@ class Starts(NamedTuple):
     ref: np.ndarray  # (k,) >= 0 pool item, -1 none, -2 - e part of edge e
     static: np.ndarray  # (k,) 0 not tested, 1 free, 2 not free of what stands still
     memo: np.ndarray  # (k,) 4 * frame + verdict of the frame
+    stuck: np.ndarray  # (k,) share of the motion where it was blocked last, or -1
     count: np.ndarray  # (2,) number, next to be tested
 
 
@@ -141,6 +142,7 @@ class Goals(NamedTuple):
     length: np.ndarray  # (g, k)
     ref: np.ndarray  # (g, k) >= 0 pool item, -3 the node is the goal
     memo: np.ndarray  # (g, k)
+    stuck: np.ndarray  # (g, k) as in Starts
     number: np.ndarray  # (g,) attachments
     vertex: np.ndarray  # (g,) unique number of the goal as a vertex
     direct_ref: np.ndarray  # (g,) >= 0 pool item of start -> goal, -1 none, -4 no way
@@ -158,6 +160,8 @@ class Search(NamedTuple):
     done: np.ndarray  # (n + g,) run in which a vertex was closed
     flood: np.ndarray  # (n,) run in which the goal's side reached a node
     queue: np.ndarray  # (n,)
+    near_run: np.ndarray  # (n,) run in which a node was reached by what is free
+    near_g: np.ndarray  # (n,) length of the shortest way there in that run
     e_node: np.ndarray  # (entries,)
     e_ref: np.ndarray  # (entries,)
     e_from: np.ndarray  # (entries,) entry of the parent, -1 start
@@ -175,7 +179,7 @@ class Past(NamedTuple):
     node: np.ndarray  # (k, 64) nodes from the goal's side
     via: np.ndarray  # (k, 64) attachment of the goal, then edge to the node before
     length: np.ndarray  # (k, 64) length of that
-    count: np.ndarray  # (k + 1,) nodes of each, next to be replaced last
+    count: np.ndarray  # (k + 2,) nodes of each; next to be replaced; found last
 
 
 class Way(NamedTuple):

@@ -5,7 +5,7 @@ import math
 from numba import njit
 
 from odm._kernels.beside import locate_beside
-from odm._kernels.search import pool_free
+from odm._kernels.items import pool_free
 from odm._kernels.state import (
     N_TRACK,
     cloud_of,

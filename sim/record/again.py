@@ -6,7 +6,8 @@ from dataclasses import fields
 import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
-from odm.recipe import parse_recipe
+from odm.recipe import recipe_of_map
+from roadmap.carry import with_payload
 from roadmap.errors import BadInput
 from roadmap.robot import Robot
 from sim.loop import Loop, LoopSettings
@@ -114,8 +115,7 @@ def check_built(record: RunRecord, cell_map: CellMap, folder: object) -> None:
 
 def recipe_of(record: RunRecord) -> Recipe:
     """Return the recipe of the map of a recording."""
-    table = record.head["map"]
-    return parse_recipe(table["recipe"], table["name"])
+    return recipe_of_map(record.head["map"]["recipe"])
 
 
 def robot_of(record: RunRecord) -> Robot:
@@ -142,10 +142,13 @@ def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
     head = record.head
     asked = _known(PlannerSettings, head["planner"]["settings"])
     planner = ReactivePlanner(cell_map, head["planner"]["always_replan"], asked)
-    nobody = head["motion"]["name"] == NOBODY
+    nobody, robot = head["motion"]["name"] == NOBODY, planner.robot
+    if "payload" in record.arrays:
+        planner.attach(record.arrays["payload"])
+        robot = with_payload(robot, planner.attached)
     return Loop(
         planner,
-        planner.robot,
+        robot,
         record.arrays["places"],
         None if nobody else RecordedPerson(record),
         _known(LoopSettings, head["settings"]),

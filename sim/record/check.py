@@ -36,9 +36,20 @@ def check_arrays(path: str | Path, head: dict, arrays: dict[str, np.ndarray]) ->
     for name in ("capsules", "guess"):
         if name == "capsules" or name in arrays:
             _person(path, name, arrays, n)
+    if "payload" in arrays:
+        _payload(path, arrays["payload"])
     for name in ("places", "capsules", "guess"):
         if name in arrays and not np.isfinite(arrays[name]).all():
             raise BadRecord(f"{name} of {path} holds NaN or infinity; record again")
+
+
+def _payload(path: object, spheres: np.ndarray) -> None:
+    sound = spheres.ndim == 2 and spheres.shape[1] == 4 and len(spheres) > 0
+    if not sound or not np.isfinite(spheres).all() or spheres[:, 3].min() <= 0:
+        raise BadRecord(
+            f"the payload of {path} must be spheres (n, 4) with radii above 0, not "
+            f"{spheres.tolist()}; record again"
+        )
 
 
 def _shape(path: object, name: str, array: np.ndarray, n: int, shape: tuple) -> None:

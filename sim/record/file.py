@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.check import BadRecord, check_arrays
-from sim.record.run_record import FORMAT, INPUTS, RunRecord
+from sim.record.run_record import CARRYING, FORMAT, INPUTS, RunRecord
 from sim.terminal import write_whole
 
 HEAD = "recording.json"
@@ -127,13 +127,13 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version != FORMAT:
+    if version not in (FORMAT, CARRYING):
         remedy = "record the run again"
-        if isinstance(version, int) and version > FORMAT:
+        if isinstance(version, int) and version > CARRYING:
             remedy = "update odm-planner"
         raise BadRecord(
             f"{path} has the recording format {version}, but this program reads "
-            f"{FORMAT}; {remedy}"
+            f"{FORMAT} and {CARRYING}; {remedy}"
         )
     if written != _body_hash(head):
         raise BadRecord(

@@ -18,7 +18,7 @@ from sim.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from sim.loop import Frame, Loop
 from sim.record.columns import Column
 from sim.record.file import write_record
-from sim.record.run_record import FORMAT, NOBODY, OUTCOME, RunRecord
+from sim.record.run_record import CARRYING, FORMAT, NOBODY, OUTCOME, RunRecord
 from sim.run_result import STATUS, holds_of, kind_of, new_paths
 
 PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"
@@ -38,6 +38,7 @@ class Recorder:
         """Hold no frame yet."""
         self.loop, self.cell_map = loop, cell_map
         self.frames = 0
+        self._payload = getattr(loop.planner, "attached", None)
         self._columns = {name: Column(kind) for name, kind in OUTCOME.items()}
         self._capsules, self._guess = Column(np.float64), Column(np.float64)
         self._paces = list(PACES)
@@ -84,6 +85,8 @@ class Recorder:
             raise BadInput("no frame was run, so there is nothing to record")
         arrays = {"time_s": np.arange(n) / loop.settings.rate_hz}
         arrays["places"] = np.array(loop.places)
+        if self._payload is not None:
+            arrays["payload"] = np.array(self._payload, float)
         for name, column in (("capsules", self._capsules), ("guess", self._guess)):
             if column.blocks(n):
                 rows, offsets = column.shapes(n, 7)
@@ -102,7 +105,7 @@ class Recorder:
         motion, planner = loop.motion, loop.planner
         return {
             "kind": "odm run",
-            "format": FORMAT,
+            "format": FORMAT if self._payload is None else CARRYING,
             "frames": self.frames,
             "motion": {
                 "name": NOBODY if motion is None else motion.name,
@@ -117,7 +120,7 @@ class Recorder:
             "map": {
                 "name": cell_map.recipe.name,
                 "hash": cell_map.hash,
-                "recipe": cell_map.recipe.as_dict(),
+                "recipe": cell_map.recipe.for_map(),
             },
             "robot": cell_map.robot.meta(),
             "status_names": list(STATUS),

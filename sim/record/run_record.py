@@ -8,9 +8,9 @@ import numpy as np
 from sim.execution import RETREATING
 from sim.run_result import Hold, RunResult
 
-FORMAT = 2
+FORMAT, CARRYING = 2, 3  # format of a recording, and of one with a payload
 NOBODY = "none"  # name of the motion of a run without a person
-INPUTS = ("time_s", "places", "capsules", "capsules_at", "guess", "guess_at")
+INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told
     "status": np.uint8,
     "place": np.int32,
@@ -36,8 +36,9 @@ class RunRecord:
         arrays: By name, with F frames. "time_s" (F,) [s]; "places" (n, dof);
             "capsules" (F, k, 7) as the planner saw the person [m], or (sum, 7) with
             offsets "capsules_at" (F + 1,) where k changes; "guess", the same of
-            where the person is, for motions that tell the two apart; the names of
-            `OUTCOME`; and the robot's own, "robot.*".
+            where the person is, for motions that tell the two apart; "payload" (k, 4)
+            spheres in the robot's hand, tool frame [m]; the names of `OUTCOME`; and
+            the robot's own, "robot.*".
         altered: Names of arrays of the outcome that are not as they were written.
     """
 

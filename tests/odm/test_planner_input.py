@@ -28,6 +28,20 @@ def test_old_data_hold_with_their_age(planner):
     assert planner.step(NOBODY, q=HOME, stamp=np.nan, now=1.0).status == "holding"
 
 
+def test_frames_out_of_order_hold_and_a_clock_set_back_begins_anew(planner):
+    planner.set_goals([AWAY])
+    assert planner.step(NOBODY, q=HOME, stamp=5.00, now=5.01).status != "holding"
+    answer = planner.step(NOBODY, q=HOME, stamp=4.97, now=5.02)
+    assert answer.status == "holding"
+    assert "30 ms older than those of the frame before" in answer.reason
+    # it is the newest that counts, not the last
+    assert planner.step(NOBODY, q=HOME, stamp=4.99, now=5.03).status == "holding"
+    assert planner.step(NOBODY, q=HOME, stamp=5.00, now=5.04).status != "holding"
+    assert planner.step(NOBODY, q=HOME, stamp=1.00, now=1.01).status != "holding"
+    planner.reset()
+    assert planner.step(NOBODY, q=HOME, stamp=0.98, now=1.02).status != "holding"
+
+
 def test_how_old_data_may_be_is_the_users_choice(small_map):
     settings = odm.PlannerSettings(max_age_s=0.5)
     planner = odm.ReactivePlanner(small_map, settings=settings)

@@ -132,6 +132,9 @@ def test_one_s_own_srdf_and_locks_come_before_the_known_ones(tmp_path):
     robot = load_robot("rail_arm", locked={"slide": 0.1}, srdf=path, **COARSE)
     assert "slide" not in robot.joint_names
     assert ("rail", "column", "SRDF: why not") in robot.dropped_pairs
+    assert any("slide = 0.1" in note for note in robot.notes)
+    assert "held over the whole travel of left_finger" in robot.notes
+    robot = load_robot("rail_arm", travel=(), **COARSE)
     assert any("left_finger = 0.02" in note for note in robot.notes)
 
 

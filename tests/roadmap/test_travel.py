@@ -5,7 +5,7 @@ import pytest
 
 import odm
 from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import Recipe, RobotRecipe, Safety, parse_recipe
+from odm.recipe import Recipe, RobotRecipe, Safety, parse_recipe, recipe_of_map
 from roadmap import load_robot
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadRecipe, BadRobot
@@ -89,7 +89,7 @@ def test_hulls_and_cover_hold_the_fingers_wherever_they_are(urdf, robot, rng):
         for a, b in zip(robot.solid_ptr, robot.solid_ptr[1:], strict=False)
         if b > a
     ]
-    assert len(hulls) > 2 * 10
+    assert len(hulls) >= 2 + 2 * 2  # of an arc several
     for _ in range(12):
         value = rng.uniform([0.0, -0.9], [0.05, 0.4])
         points = solid_points(at(urdf, *value), rng)
@@ -160,7 +160,14 @@ def test_the_recipe_keeps_it_and_old_recipes_are_as_they_were():
     recipe = parse_recipe(table, "rail")
     assert recipe.robot.travel == ("left_finger",)
     assert parse_recipe(recipe.as_dict(), "rail") == recipe
-    assert "travel" not in parse_recipe({}, "plain").as_dict()["robot"]
+    auto = parse_recipe({}, "plain")
+    assert auto.robot.travel is None and auto.as_dict()["robot"]["travel"] == "auto"
+    for asked in (recipe, auto, parse_recipe({"robot": {"travel": []}}, "still")):
+        assert parse_recipe(asked.as_dict(), "x") == asked
+        assert recipe_of_map(asked.for_map()) == asked
+    # an old map says nothing of travel: its fingers stand still
+    old = recipe_of_map({"name": "old", "robot": {"source": "rail_arm"}})
+    assert old.robot.travel == () and "travel" not in old.for_map()["robot"]
     with pytest.raises(BadRecipe, match="robot.travel is 'left_finger'"):
         parse_recipe({"robot": {"travel": "left_finger"}}, "rail")
 

@@ -12,18 +12,28 @@ from roadmap.robot import BOX, CYLINDER, SPHERE, Robot
 from roadmap.spheres import robot_solids
 
 
-def test_the_panda_has_seven_joints_and_open_fingers(panda):
+def test_the_panda_has_seven_joints_and_fingers_that_travel(panda):
     assert panda.dof == 7 and panda.tip_name == "panda_grasptarget"
-    assert any("panda_finger_joint1 = 0.04" in note for note in panda.notes)
+    assert "held over the whole travel of panda_finger_joint1" in panda.notes
+    assert not any("locked" in note for note in panda.notes)
     assert any("panda_link8" in note for note in panda.notes)
     assert panda.link_body.tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 7, 7, 7]
+    # between the fingers nothing is left, outside they reach as far as opened
+    assert _gap(panda, 1) == pytest.approx(0.0, abs=0.005)
+    opened = load_robot("panda", travel=(), **COARSE)
+    assert any("panda_finger_joint1 = 0.04" in note for note in opened.notes)
+    assert _gap(opened, 1) == pytest.approx(0.08, abs=0.005)
+    assert _gap(panda, -1) == pytest.approx(_gap(opened, -1), abs=1e-6)
+
+
+def _gap(panda: Robot, side: int) -> float:
+    """Return how far apart the fingers are inside (1); minus that outside (-1)."""
     solids = robot_solids(panda)
     left = solids[panda.link_names.index("panda_leftfinger")]
     right = solids[panda.link_names.index("panda_rightfinger")]
-    y = np.array([[0.0, 1, 0], [0, -1, 0]])
-    T_hand = solids[panda.link_names.index("panda_hand")].T_body_solid[:3, :3]
-    gap = -support(left, -(T_hand @ y[0])[None]) - support(right, (T_hand @ y[0])[None])
-    assert gap[0] == pytest.approx(0.08, abs=0.005)
+    y = side * np.array([0.0, 1, 0])
+    out = solids[panda.link_names.index("panda_hand")].T_body_solid[:3, :3] @ y
+    return float((-support(left, -out[None]) - support(right, out[None]))[0])
 
 
 @pytest.mark.parametrize("name", ["kuka_iiwa", "xarm6"])

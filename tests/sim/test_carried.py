@@ -11,6 +11,9 @@ import odm as planner_package
 from odm.recipe import PayloadRecipe
 from roadmap.kinematics import tool_pose
 from sim.carried import ball_rows, take_ball
+from sim.record import read_record, write_record
+from sim.record.check import BadRecord
+from sim.record.run_record import RunRecord
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +40,27 @@ def test_a_run_with_a_ball_has_no_contact_while_moving(
     assert "with a ball of 7 cm" in out
 
 
+def test_a_recorded_run_has_the_ball_when_it_is_run_again(odm, map_dir, tmp_path):
+    file, again, bare = (tmp_path / f"{n}.npz" for n in ("run", "again", "bare"))
+    words = ("run", "--map", map_dir, "--seconds", 4)
+    code, _, err = odm(*words, "--carry", 0.07, "--record", file)
+    assert code == 0, err
+    record = read_record(file)
+    assert np.array_equal(record.arrays["payload"], [[0.0, 0.0, 0.05, 0.07]])
+    code, out, err = odm("replay", file, "--map", map_dir, "--record", again)
+    assert code == 0 and out.startswith("same"), err
+    assert again.read_bytes() == file.read_bytes()
+    # the ball is what makes the difference, to the path and to the distances
+    assert odm(*words, "--record", bare)[0] == 0
+    empty = read_record(bare)
+    assert "payload" not in empty.arrays and empty.head["format"] == 2
+    assert record.head["format"] == 3  # so that older programs refuse it
+    assert not np.array_equal(record.arrays["q"], empty.arrays["q"])
+    found = RunRecord(record.head, {**record.arrays, "payload": np.zeros((1, 3))})
+    with pytest.raises(BadRecord, match=r"must be spheres \(n, 4\) with radii above 0"):
+        read_record(write_record(found, tmp_path / "bad.npz"))
+
+
 def test_the_audited_robot_has_the_ball(map_dir):
     planner = planner_package.ReactivePlanner(planner_package.load_map(map_dir))
     bare = planner.robot
@@ -55,7 +79,6 @@ def test_the_audited_robot_has_the_ball(map_dir):
     [
         (["--carry", "0.09"], "a sphere of 0.08 m radius"),
         (["--carry", "-1"], "no radius"),
-        (["--carry", "0.05", "--record", "run.npz"], "--record keeps no payload"),
         (["--carry", "0.05", "--motion", "keyboard"], "does not go with --motion"),
     ],
 )

@@ -70,7 +70,7 @@ def test_a_recording_knows_what_the_run_told(cell_map, tmp_path):
     assert record.head["outcome"]["trajectory_sha256"] == result.fingerprint()
     assert LoopSettings(**record.head["settings"]) == loop.settings
     assert record.head["map"]["hash"] == cell_map.hash
-    assert record.head["map"]["recipe"] == cell_map.recipe.as_dict()
+    assert record.head["map"]["recipe"] == cell_map.recipe.for_map()
     assert record.head["versions"]["numpy"] == np.__version__
     again = run_again(record, cell_map)
     assert again.result().to_json(timing=False) == told

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from roadmap import load_robot
+from roadmap import load_robot, tool_pose
 from sim.camera import Camera
 from sim.cover_world import CoverWorld
 from sim.loop import exact_audit
@@ -60,6 +60,60 @@ def test_locked_joints_stand_where_they_are_locked(crane_urdf):
     with World(crane_urdf, robot) as world:  # at 0 the jib is elsewhere
         world.place([-0.1], low)
         assert abs(world.separation() - exact(np.array([-0.1]), low)) > 0.02
+
+
+def test_fingers_are_shown_within_their_travel(rng):
+    """Both pads stand where a known robot has them: the map's hulls hold them."""
+    pytest.importorskip("pybullet")
+    robot = load_robot("rail_arm", cover_excess=0.05)
+    assert "held over the whole travel of left_finger" in robot.notes
+    exact, nearer = exact_audit(robot), []
+    opened = exact_audit(load_robot("rail_arm", cover_excess=0.05, travel=()))
+    with World("rail_arm", robot) as world:
+        for _ in range(150):
+            q = rng.uniform(robot.lower, robot.upper)
+            tool = tool_pose(robot, q)[:3, 3] + rng.uniform(-0.1, 0.1, 3)
+            hand = np.r_[tool, tool + rng.uniform(-0.1, 0.1, 3), 0.02][None]
+            world.place(q, hand)
+            gap, truth = world.separation(), exact(q, hand)
+            # pybullet counts the base as well: stay above it
+            if truth > 0.005 and min(hand[0, 2], hand[0, 5]) > 0.3:
+                assert gap == pytest.approx(opened(q, hand), abs=4e-3)
+                nearer.append(gap - truth)
+    assert len(nearer) > 20 and min(nearer) > -4e-3 and max(nearer) > 0.01
+
+
+def test_followers_move_with_what_they_follow(tmp_path):
+    """A bar that is pushed down by one joint and turned up again by its follower."""
+    pytest.importorskip("pybullet")
+    path = tmp_path / "bars.urdf"
+    path.write_text(FOLLOWER)
+    robot = load_robot(path, tip="tool", cover_excess=0.1)
+    exact = exact_audit(robot)
+    hand = np.array([[0.5, 0.0, 0.3, 0.7, 0.0, 0.3, 0.03]])
+    with World(path, robot) as world:
+        for q in np.linspace(-0.8, 0.8, 7):
+            world.place([q], hand)
+            assert world.separation() == pytest.approx(exact([q], hand), abs=4e-3)
+
+
+FOLLOWER = """<robot name="bars">
+<link name="base"/>
+<link name="upper"><collision><origin xyz="0.15 0 0"/><geometry>
+<box size="0.3 0.04 0.04"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.15 0 0"/><geometry>
+<box size="0.3 0.04 0.04"/></geometry></collision></link>
+<link name="tool"/>
+<joint name="down" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+<joint name="up" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/>
+<mimic joint="down" multiplier="-1.5" offset="0.1"/></joint>
+<joint name="t" type="fixed"><parent link="fore"/><child link="tool"/>
+<origin xyz="0.3 0 0"/></joint>
+</robot>
+"""
 
 
 def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkeypatch):
