@@ -33,7 +33,8 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
 _LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
-_STAYS = 3  # frames at the same place
+_STAYS = 3  # frames at the same place,
+_LINGERS = 12  # and with a path that it could follow
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
@@ -216,11 +217,11 @@ class ReactivePlanner(Doors, Questions, Braking):
         self._stood = self._stood + 1 if same else 0
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
-        stays = self._stood >= _STAYS
+        stays = self._stood >= (_LINGERS if self._moving else _STAYS)
         look = same and (first or (attacher.quick and stays))
         if look and not attacher.is_fresh(q) and np.isfinite(q).all():
             # look around before it leaves, thoroughly where it stays for a while
-            attacher.attach_start(q, quick=not stays)
+            attacher.attach_start(q, quick=first or not stays)
         code = self._step(points, q)
         if code == step.NOT_ATTACHED:
             attacher.attach_start(q, quick=self._is_near(q, before))

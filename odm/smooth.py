@@ -4,7 +4,8 @@ A roadmap leads over its nodes, which lie where chance put them. A straight moti
 one point of the path to another may replace what lies between (Geraerts and Overmars
 2007, shortcut), or a corner is pulled towards the straight line past it. What is gained
 is counted in time: of the legs at the joints' speed, and of the corners, in which the
-joints must change their speeds. New legs keep their cells with them, so that later
+joints must change their speeds. Near points that move a robot is slowed, so that a
+change is made only where it stays clear of them by more than it must. New legs keep their cells with them, so that later
 frames judge them as they judge an edge.
 """
 
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from odm._kernels import close, smoothing, ways
-from odm._kernels.state import N_TRACK
 from odm._kernels.types import N_SEGMENT
 from odm.answer import HOLDING
-from roadmap.blend import STRAY, TURN_A, TURN_J, joint_sway
+from roadmap.blend import STRAY, TURN_A, TURN_J, blend_length, joint_sway
+from roadmap.graph import Roadmap
+from roadmap.kinematics import difference
+from roadmap.robot import Robot
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -24,7 +27,32 @@ if TYPE_CHECKING:
 _WORTH = 0.01  # a change must save this share of the whole rest
 _PACE = 0.5  # share of the joints' speed limits that is likely used
 _LEAD_S = 0.05  # what the robot reaches in this time at full speed stays [s]
+_GAIN_NODES = 128  # corners of the roadmap that are looked at
+_GAIN_STRAY, _GAIN_ROOM = 0.004, 10.0  # [m] allowed there, and of endless legs
+_MUCH = 0.3  # a change that comes nearer to points than is comfortable must save more
 _DRAWS = 40  # changes looked at for each one that is tested
+
+
+def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
+    """Return how much longer blends are than the sum over joints allows, as a rule.
+
+    The median over corners of the roadmap: what a corner costs is weighed thousands of
+    times between two frames, and its own bound would take longer than that.
+    """
+    gains = []
+    step = max(1, roadmap.n_nodes // _GAIN_NODES)
+    for node in range(0, roadmap.n_nodes, step):
+        near = roadmap.adj_node[roadmap.adj_ptr[node] : roadmap.adj_ptr[node + 1]]
+        if len(near) < 2:
+            continue
+        q = roadmap.nodes[node].copy()
+        legs = [difference(robot, q, roadmap.nodes[k]) for k in near[[0, -1]]]
+        u, w = (leg / np.linalg.norm(leg) for leg in legs)
+        far = STRAY * float(joint_sway(robot) @ np.abs(w + u))
+        if far > 0.0:
+            d, _ = blend_length(robot, q, -u, w, _GAIN_ROOM, _GAIN_STRAY)
+            gains.append(d * far / _GAIN_STRAY)
+    return float(np.median(gains)) if gains else 1.0
 
 
 class Change(NamedTuple):
@@ -64,7 +92,9 @@ class Smoother:
             ]
         )
         own, way = planner.memory.own, planner.memory.way
-        self._rounding = np.array([own.terms[N_TRACK], STRAY, TURN_A, TURN_J])
+        cell_map = planner.cell_map
+        stray = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
+        self._rounding = np.array([stray, STRAY, TURN_A, TURN_J])
         self._continuous = own.continuous
         self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
         self.reset()
@@ -144,18 +174,39 @@ class Smoother:
         planner = self.planner
         m = planner.memory
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
-        cloud, tolerance = planner.calm_cloud(), planner.cell_map.motion_tolerance
-        for q, leg in zip(begin, dq, strict=True):
-            if not close.motion_clear(
-                m.arm, planner.radii, q, leg, tolerance, cloud, False, m.work
-            ) or not planner.static.motion_free(q, leg):
-                return 0
+        legs = list(zip(begin, dq, strict=True))
+        wide = self._clear(legs, planner.settings.comfort)
+        if not wide and (self._saves(change) < _MUCH or not self._clear(legs, 0.0)):
+            return 0
+        if not all(planner.static.motion_free(q, leg) for q, leg in legs):
+            return 0
         planner.attacher.tidy()
         item = planner.attacher.sweep(begin, dq)
         if item < 0 or m.way.count[0] + 3 >= len(m.way.vertex):
             return 0
         self._make(change, item)
         return 1
+
+    def _clear(self, legs: list, more: float) -> bool:
+        """Whether motions (q, dq) keep so much more distance than they must [m]."""
+        planner = self.planner
+        m, cloud = planner.memory, planner.calm_cloud()
+        tolerance = planner.cell_map.motion_tolerance
+        radii = planner.radii + more
+        return all(
+            close.motion_clear(m.arm, radii, q, leg, tolerance, cloud, False, m.work)
+            for q, leg in legs
+        )
+
+    def _saves(self, change: Change) -> float:
+        """Return the share of the time for the rest of the way that a change saves."""
+        way, at = self.planner.memory.way, self._at
+        rest = way.q[at : int(way.count[0])].copy()
+        rest[0] += self._share * (rest[1] - rest[0])
+        i, j = change.i - at, change.j - at
+        left = rest[: i + (0 if change.from_vertex else 1)]
+        changed = np.vstack([left, change.corners, rest[j + 1 :]])
+        return 1.0 - self.time(changed) / self.time(rest)
 
     def _make(self, change: Change, item: int) -> None:
         """Lay the new legs, whose cells begin at pool item `item`, into the way."""

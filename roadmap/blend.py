@@ -5,7 +5,13 @@ A blend of half-length d replaces the corner between unit directions u and w by
     q'(x) = u + (w - u) (3 x^2 - 2 x^3),  x = s / (2 d) in [0, 1],
 
 which starts d before the corner and ends d behind it. Direction and curvature are
-continuous, and joint j is nowhere farther than 3/16 d |w_j - u_j| from the corner path.
+continuous, and the blend is beside the corner path along w - u alone, by 3/16 d |w - u|
+at most.
+
+How long may d be? Two bounds on the way of every sphere centre are proved, and the
+better one is taken: the joints' ways times the most that each joint can move any centre
+(`joint_sway`), whatever the configuration; and what they do at the corner's own
+configuration, where some of it cancels (`roadmap._kernels.stray`).
 """
 
 from dataclasses import dataclass, replace
@@ -13,9 +19,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from roadmap._kernels.stray import PEAK, longest_blend
 from roadmap.robot import Robot
 
-STRAY = 3.0 / 16.0  # farthest from the corner path, in d |w - u|
+STRAY = PEAK  # farthest from the corner path, in d |w - u|
 # Shares of the joints' limits in a blend: what following the curve takes at constant
 # speed, and what is left for speeding up and slowing down on it.
 TURN_A, ALONG_A = 0.6, 0.4  # of the acceleration
@@ -85,8 +92,8 @@ def joint_sway(robot: Robot) -> np.ndarray:
 
 
 def lay_way(
+    robot: Robot,
     path: np.ndarray,
-    sway: np.ndarray,
     blend: float,
     before: tuple[Piece, ...] = (),
     at: float = 0.0,
@@ -95,8 +102,8 @@ def lay_way(
     """Return the pieces of a corner path, and how far they stray from it [m].
 
     Args:
+        robot: Whose cover it is.
         path: (k, dof) corners; with `before`, the first one is where that ends.
-        sway: (dof,) from `joint_sway`.
         blend: No centre of the cover strays farther than this [m]; 0: no blends.
         before: A way that leads to the path; its last piece is blended with the
             first leg of the path where it is straight.
@@ -118,13 +125,43 @@ def lay_way(
             room = 0.5 * min(pieces[-1].length, lengths[k])
             if len(pieces) == len(before):
                 room = min(room_before, pieces[-1].length, 0.5 * lengths[k])
-            far = STRAY * float(sway @ np.abs(u - pieces[-1].u))
-            d = room if far * room <= blend else blend / far
-            if far > 0.0 and d > 10.0 * SHORTEST and u @ pieces[-1].u > -0.999:
+            d, off = blend_length(robot, path[k], pieces[-1].u, u, room, blend)
+            if off > 0.0 and d > 10.0 * SHORTEST and u @ pieces[-1].u > -0.999:
                 pieces[-1:], straight = _rounded(pieces[-1], straight, d)
-                stray = max(stray, far * d)
+                stray = max(stray, off)
         pieces.append(straight)
     return tuple(p for p in pieces if p.length > SHORTEST), stray
+
+
+def blend_length(
+    robot: Robot,
+    corner: np.ndarray,
+    u: np.ndarray,
+    w: np.ndarray,
+    room: float,
+    blend: float,
+) -> tuple[float, float]:
+    """Return the half-length of a corner's blend, and how far it strays at most [m].
+
+    Args:
+        robot: Whose cover it is.
+        corner: (dof,) configuration of the corner [rad or m].
+        u: (dof,) unit direction before it.
+        w: (dof,) unit direction behind it.
+        room: The most that the half-length may be [rad or m of joint space].
+        blend: No centre of the cover may stray farther than this [m].
+    """
+    far = STRAY * float(joint_sway(robot) @ np.abs(w - u))
+    d = room if far * room <= blend else blend / far
+    if far == 0.0:
+        return d, 0.0
+    longer, stray = longest_blend(
+        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
+        robot.sphere_reach, corner, u, w, float(room), float(blend),
+    )
+    if longer < d:
+        return d, far * d
+    return longer, min(stray, far * longer)
 
 
 def without_gaps(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
@@ -146,6 +183,21 @@ def _rounded(a: Piece, b: Piece, d: float) -> tuple[list[Piece], Piece]:
     blend = Piece(begin, a.end + d, origin, begin, a.u, b.u, d)
     rest = replace(b, begin=b.begin + d)
     return [replace(a, end=begin), blend], rest
+
+
+def slowing_limit(piece: Piece, robot: Robot, v: float) -> float:
+    """Return the acceleration with which a blend may be slowed down on, from speed v.
+
+    In `scalar_limits` the acceleration is what turning leaves at the highest speed. A
+    robot that only slows down has what turning leaves at its present one:
+    |q''| v^2 + |q'| |a| within the acceleration, 3 |q''| v |a| within its share of the
+    jerk.
+    """
+    steepest = np.maximum(np.maximum(np.abs(piece.u), np.abs(piece.w)), SHORTEST)
+    bend = np.maximum(np.abs(piece.w - piece.u), SHORTEST) * (0.75 / piece.d)
+    left = (robot.max_acceleration - v * v * bend) / steepest
+    mixed = MIXED_J / (3.0 * max(v, SHORTEST)) * robot.max_jerk / bend
+    return float(min(left.min(), mixed.min()))
 
 
 def scalar_limits(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.blend import joint_sway, lay_way
+from roadmap.blend import lay_way
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -394,7 +394,7 @@ def time_path(
     if not 0.0 <= blend < math.inf:
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
     path = unwound(robot, path)
-    pieces, stray = lay_way(path, joint_sway(robot), blend)
+    pieces, stray = lay_way(robot, path, blend)
     way = Way.of(robot, pieces, stray, frozen(path[0], np.float64))
     return Motion._timed(way, State(0.0, 0.0, 0.0), speed_scale)
 

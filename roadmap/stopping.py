@@ -71,24 +71,24 @@ def _stop_over(way: Way, profiles: Profiles, k: int, end: float) -> bool:
 def _stop_within(way: Way, profiles: Profiles, k: int, last: int, end: float) -> bool:
     """Stop by what all of the pieces k..last allow, if that is on them."""
     begun, state, n = profiles.t, profiles.state, len(profiles.phases)
-    if k == last:
-        profiles.to_rest(way.a[k], way.j[k])
-    else:
-        profiles.to_rest(min(way.a[k : last + 1]), min(way.j[k : last + 1]))
+    j = way.j[k] if k == last else min(way.j[k : last + 1])
+    fastest = state.v + max(state.a, 0.0) ** 2 / (2.0 * j)
+    slowing = [way.slowing(piece, fastest) for piece in range(k, last + 1)]
+    profiles.to_rest(min(slowing), j)
     end = min(way.pieces[last].end, end) + NEAR
-    if profiles.state.s <= end and _enters(way, profiles.phases[n:], k, last):
+    if profiles.state.s <= end and _enters(way, profiles.phases[n:], k, slowing):
         return True
     profiles.t, profiles.state = begun, state
     del profiles.phases[n:]
     return False
 
 
-def _enters(way: Way, phases: list[Phase], k: int, last: int) -> bool:
-    """Whether phases come into the pieces k + 1..last within their limits."""
-    for piece in range(k + 1, last + 1):
+def _enters(way: Way, phases: list[Phase], k: int, slowing: list[float]) -> bool:
+    """Whether phases come into the pieces behind k within their limits."""
+    for piece, most in enumerate(slowing[1:], k + 1):
         v, a = passing(phases, way.pieces[piece].begin)
         fastest = min(way.swift[piece], way.turning[piece])
-        if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * way.a[piece]:
+        if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * most:
             return False
     return True
 

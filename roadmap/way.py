@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roadmap.blend import Piece, joint_sway, lay_way, scalar_limits, without_gaps
+from roadmap.blend import Piece, lay_way, scalar_limits, slowing_limit, without_gaps
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -141,6 +141,17 @@ class Way:
         pieces += tuple(replace(p.cut(begin, s), end=s) for p in kept[-1:])
         return Way.of(self.robot, pieces, self.stray, self.home)
 
+    def slowing(self, k: int, v: float) -> float:
+        """Return the acceleration for slowing down on piece k from speed v or less.
+
+        It counts on piece k being entered within its own speeds.
+        """
+        piece = self.pieces[k]
+        if piece.d == 0.0:
+            return self.a[k]
+        v = min(v, self.swift[k], self.turning[k])
+        return max(self.a[k], slowing_limit(piece, self.robot, v))
+
     @cached_property
     def corners(self) -> np.ndarray:
         """Which ends of the pieces (n + 1,) must be passed at rest."""
@@ -159,8 +170,7 @@ class Way:
             blend: No centre of the cover strays farther from the corners [m].
             room: What rounding the first one may take of this way; 0: it stays sharp.
         """
-        sway = joint_sway(self.robot)
-        pieces, stray = lay_way(path, sway, blend, self.pieces, s, room)
+        pieces, stray = lay_way(self.robot, path, blend, self.pieces, s, room)
         return Way.of(self.robot, pieces, max(stray, self.stray), path[0])
 
     def part(self, begin: float, end: float) -> "Way":

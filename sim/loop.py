@@ -17,7 +17,7 @@ from sim.kinematic import KinematicMover
 from sim.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.threat import Watcher
 
-FRESH, MORE = 5, 3  # frames of a new path, in which so many times more is tested
+FRESH, MORE = 6, 3  # frames of a new path, in which so many times more is tested
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
 
@@ -43,8 +43,8 @@ class LoopSettings:
             apart an arm can touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         polish: Motions the planner may test between two frames to shorten its path;
-            the first frames of a new path, whose beginning is soon behind the robot,
-            three times as many.
+            the first frames behind a new path, whose beginning is soon behind the
+            robot, three times as many.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -248,7 +248,8 @@ class Loop:
         begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.polish:
             ahead = self.executor.ahead()
-            most = self.settings.polish * (MORE if self._fresh > 0 else 1)
+            # the frame that found a new path has taken its time already
+            most = self.settings.polish * (MORE if 0 < self._fresh < FRESH else 1)
             _optional(self.planner, "polish", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy
 

@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from odm._kernels.beside import locate_beside
 from odm._kernels.items import pool_free
 from odm._kernels.state import (
     N_TRACK,
@@ -28,8 +29,8 @@ def locate_on_way(state, way, first, q, out):
     """Find q on a way, from segment `first` on, within the tracking share.
 
     A point of the robot differs by at most sum_j |dq_j| sway_j between q and the
-    nearest point of the segment. Writes the share of the segment to out[0]; returns
-    the segment, or -1.
+    nearest point of the segment; where that is too much, the spheres are asked. Writes
+    the share of the segment to out[0]; returns the segment, or -1.
     """
     own = own_of(state)
     best = -1
@@ -53,6 +54,8 @@ def locate_on_way(state, way, first, q, out):
             best_off = min(off, best_off)
             best = k
             out[0] = t
+    if best < 0:
+        return locate_beside(state, way, first, q, out)
     return best
 
 

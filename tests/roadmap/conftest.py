@@ -123,6 +123,26 @@ def gantry(urdf, link, joint):
 
 
 @pytest.fixture
+def crane(urdf, link, joint):
+    """Return a robot whose slides come before, between and behind turning joints."""
+    slow = '<limit lower="-3" upper="3" velocity="0.7" effort="1"/>'
+    rail = '<limit lower="0" upper="1.2" velocity="0.5" effort="1"/>'
+    rod = '<limit lower="-0.1" upper="0.5" velocity="0.3" effort="1"/>'
+    box = '<box size="0.6 0.08 0.08"/>'
+    body = link("base", '<box size="0.2 0.2 0.2"/>') + link("cart", box)
+    body += link("boom", box, "0.3 0 0") + link("mast", box, "0 0.2 0")
+    body += link("rod", '<cylinder radius="0.04" length="0.5"/>', "0 0 -0.25")
+    body += link("hook", '<sphere radius="0.07"/>', "0.1 0 0") + link("tool")
+    body += joint("rail", "prismatic", "base", "cart", "0 0 0.5", "0 1 0", rail)
+    body += joint("slew", "continuous", "cart", "boom", "0 0 0.1")
+    body += joint("luff", "revolute", "boom", "mast", "0.6 0 0", "0 0.6 0.8", slow)
+    body += joint("lift", "prismatic", "mast", "rod", "0 0.4 0", "0 0 1", rod)
+    body += joint("spin", "continuous", "rod", "hook", "0 0 -0.5", "0.6 0 0.8")
+    body += joint("mount", "fixed", "hook", "tool", "0.2 0 0")
+    return load_robot(urdf(body, "crane.urdf"), cover_excess=0.05)
+
+
+@pytest.fixture
 def rng():
     """Return a generator with a fixed seed."""
     return np.random.default_rng(7)

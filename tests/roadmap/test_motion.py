@@ -14,6 +14,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import sphere_centers
 from roadmap.motion import Motion
 
+
 def sampled(motion):
     return motion.sample(np.arange(0.0, motion.duration + 2 * DT, DT))
 

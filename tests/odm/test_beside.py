@@ -1,0 +1,123 @@
+"""A robot that rounds the corners of its way is on its way; one farther off is not."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, draw_arm, draw_valid
+
+import odm
+from odm._kernels import beside, ways
+from odm._kernels.state import N_TRACK
+from roadmap import time_path
+from roadmap.kinematics import sphere_centers
+
+
+def on_its_way(small_map, seed):
+    """A planner with a path of at least two legs among some obstacles, and those."""
+    rng = np.random.default_rng(seed)
+    for _ in range(200):
+        planner = odm.ReactivePlanner(small_map)
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.set_goals([AWAY if rng.random() < 0.5 else draw_valid(planner, rng)])
+        answer = planner.step(points, q=HOME)
+        if len(answer.path) > 3:
+            return planner, points, answer
+    raise AssertionError("every path was straight")
+
+
+def sum_off(planner, path, q):
+    """How far q is off a path by the sum over joints [m]."""
+    sway, best = planner.memory.own.sway, np.inf
+    for a, b in zip(path, path[1:], strict=False):
+        t = np.clip((q - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        best = min(best, np.abs(a + t * (b - a) - q) @ sway)
+    return best
+
+
+def on_blends(planner, path, places=7):
+    """Return the configurations on the blends of a path, as they are executed."""
+    blend = planner.cell_map.safety.blending
+    motion = time_path(planner.robot, path, blend=blend)
+    assert motion.deviation <= blend * (1 + 1e-12)
+    blends = [p for p in motion._way.pieces if p.d > 0.0]
+    shares = np.linspace(0.0, 1.0, places)
+    return [p.at(p.begin + x * p.length)[0] for p in blends for x in shares]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_on_a_blend_goes_on_without_being_attached(small_map, seed):
+    planner, points, answer = on_its_way(small_map, seed)
+    planner.step(points, q=HOME)
+    attached = []
+    planner.attacher.attach_start = lambda *args, **kw: attached.append(args)
+    for q in on_blends(planner, answer.path):
+        assert planner.step(points, q=q).status == "following"
+    assert not attached
+
+
+def test_the_sum_over_joints_alone_would_not_know_it(small_map):
+    """Else this file tests nothing."""
+    beyond = 0
+    for seed in range(4):
+        planner, _, answer = on_its_way(small_map, seed)
+        most = planner.memory.own.terms[N_TRACK]
+        places = on_blends(planner, answer.path)
+        beyond += sum(sum_off(planner, answer.path, q) > most for q in places)
+    assert beyond > 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
+    planner, _, _ = on_its_way(small_map, seed)
+    robot, m = small_map.robot, planner.memory
+    rng, most = np.random.default_rng(seed), planner.memory.own.terms[N_TRACK]
+    located = told = 0
+    for _ in range(300):
+        k = rng.integers(m.way.count[0] - 1)
+        on = m.way.q[k] + rng.random() * (m.way.q[k + 1] - m.way.q[k])
+        off = rng.normal(size=robot.dof)
+        q = on + rng.uniform(0.0, 0.05) * off / np.linalg.norm(off)
+        told += ways.locate_on_way(m.table, m.way, 0, q, m.own.out) >= 0
+        at = int(beside.locate_beside(m.table, m.way, 0, q, m.own.out))
+        if at < 0:
+            continue
+        located += 1
+        a, b = m.way.q[at], m.way.q[at + 1]
+        foot = a + m.own.out[0] * (b - a)
+        for end in (a, b):
+            for t in np.linspace(0.0, 1.0, 15):
+                here = sphere_centers(robot, q + t * (end - q))
+                there = sphere_centers(robot, foot + t * (end - foot))
+                moved = np.linalg.norm(here - there, axis=1).max()
+                assert moved <= most + 1e-9
+    assert 20 < located < 280 and told >= located
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_robot_farther_off_is_not_on_its_way(small_map, seed):
+    planner, _, answer = on_its_way(small_map, seed)
+    robot, m = small_map.robot, planner.memory
+    rng, most = np.random.default_rng(seed), planner.memory.own.terms[N_TRACK]
+    legs = zip(answer.path, answer.path[1:], strict=False)
+    on = np.vstack([np.linspace(a, b, 200) for a, b in legs])
+    centers = np.array([sphere_centers(robot, q) for q in on])
+    refused = 0
+    for _ in range(60):
+        off = rng.normal(size=robot.dof)
+        q = on[rng.integers(len(on))] + 0.05 * off / np.linalg.norm(off)
+        moved = np.linalg.norm(centers - sphere_centers(robot, q), axis=2).max(axis=1)
+        if moved.min() > most:
+            assert ways.locate_on_way(m.table, m.way, 0, q, m.own.out) < 0
+            refused += 1
+    assert refused > 20
+
+
+def test_a_way_that_turns_back_or_stands_is_no_trouble(small_map):
+    planner, points, answer = on_its_way(small_map, 0)
+    way, m = planner.memory.way, planner.memory
+    n = int(way.count[0])
+    way.q[n], way.q[n + 1] = way.q[n - 2], way.q[n - 2]  # back, and on the spot
+    way.count[0] = n + 2
+    q = way.q[n - 1] + [0.0, 0.0, 0.002]
+    for first in range(n + 1):
+        at = int(beside.locate_beside(m.table, way, first, q, m.own.out))
+        assert -1 <= at <= n and np.isfinite(m.own.out[0])

@@ -1,0 +1,213 @@
+"""How far blends stray is proved: for every robot, corner and place on them."""
+
+import numpy as np
+import pytest
+from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
+
+from roadmap._kernels import stray as kernels
+from roadmap.blend import STRAY, blend_length, joint_sway, lay_way
+from roadmap.kinematics import body_frames, motion_bounds, sphere_centers
+
+
+@pytest.fixture(params=ROBOTS)
+def robot(request):
+    """Return one robot after the other."""
+    return request.getfixturevalue(request.param)
+
+
+def beside(x, d):
+    """How far a blend is from the corner path, in w - u."""
+    y = np.minimum(x, 1.0 - x)
+    return 2.0 * d * y**3 * (1.0 - 0.5 * y)
+
+
+def farthest(robot, piece, x):
+    """Return how far the centres at a place x of a blend are off the corner path."""
+    s = piece.begin + 2.0 * piece.d * x
+    q = piece.at(s)[0]
+    along = 2.0 * piece.d * x - piece.d
+    on = piece.corner() + along * (piece.u if along < 0.0 else piece.w)
+    off = q - on - beside(x, piece.d) * (piece.w - piece.u)
+    assert np.abs(off).max() < 1e-9  # it is off along w - u alone, by what is said
+    moved = sphere_centers(robot, q) - sphere_centers(robot, on)
+    return np.linalg.norm(moved, axis=1).max()
+
+
+@pytest.mark.parametrize("blend", [0.001, 0.01, 0.15])
+@pytest.mark.parametrize("kind", ["sharp", "shallow", "tricky"])
+def test_no_centre_strays_farther_than_is_said(robot, rng, blend, kind):
+    for _ in range(60):
+        if kind == "tricky":
+            q, u, w = draw_tricky(robot, rng)
+        else:
+            q, u, w = draw_corner(robot, rng, kind == "sharp")
+        size = rng.choice([0.02, 0.3, 3.0])
+        pieces, stray = lay_way(robot, legs_at(q, u, w, size), blend)
+        assert stray <= blend * (1.0 + 1e-12)
+        blends = [p for p in pieces if p.d > 0.0]
+        for piece in blends:
+            xs = np.linspace(0.0, 1.0, 61)
+            far = max(farthest(robot, piece, x) for x in xs)
+            assert far <= stray + 1e-9
+        assert blends or u @ w < -0.99 or np.array_equal(u, w)
+
+
+def test_the_bound_is_near_the_truth(robot, rng):
+    shares = []
+    for _ in range(60):
+        q, u, w = draw_corner(robot, rng, True)
+        pieces, stray = lay_way(robot, legs_at(q, u, w), 0.004)
+        blends = [p for p in pieces if p.d > 0.0]
+        shares += [farthest(robot, p, 0.5) / stray for p in blends]
+    assert np.median(shares) > 0.9
+
+
+def test_a_blend_is_never_shorter_than_the_sum_over_joints_allows(robot, rng):
+    gains = []
+    for _ in range(200):
+        q, u, w = draw_corner(robot, rng, True)
+        far = STRAY * float(joint_sway(robot) @ np.abs(w - u))
+        d, stray = blend_length(robot, q, u, w, 5.0, 0.004)
+        if far > 0.0:
+            assert d >= 0.004 / far * (1 - 1e-12) and stray <= far * d * (1 + 1e-12)
+            gains.append(d * far / 0.004)
+    assert np.median(gains) > (2.0 if robot.dof > 3 else 1.1)
+
+
+# --- the kernel's twin, in plain numpy -------------------------------------------
+
+
+def velocities(robot, q, dq):
+    """Return |J dq| of every centre, body by body up to the base."""
+    poses = body_frames(robot, q)
+    centers = sphere_centers(robot, q)
+    result = np.zeros((len(centers), 3))
+    for i, body in enumerate(robot.sphere_body):
+        while body > 0:
+            parent, joint, kind = robot.tree_i[body]
+            if kind:
+                axis = poses[body, :3, :3] @ robot.tree_f[body, 12:15]
+                rate = robot.tree_f[body, 15] * dq[joint]
+                lever = centers[i] - poses[body, :3, 3]
+                result[i] += rate * (np.cross(axis, lever) if kind == 1 else axis)
+            body = parent
+    return np.linalg.norm(result, axis=1)
+
+
+def mixed(robot, a, b):
+    """Bound |p''[a, b]| of every centre: pairs of joints, none of them skipped."""
+    tree = robot.tree_i
+    rate_a, rate_b = (
+        np.array(
+            [abs(f[15] * d[j]) if k else 0 for (_, j, k), f in
+             zip(tree, robot.tree_f, strict=True)]
+        )
+        for d in (a, b)
+    )
+    total = np.zeros(len(robot.spheres))
+    for k in range(len(tree)):
+        before, j = set(), tree[k, 0]
+        while j > 0:
+            before |= {j} if tree[j, 2] == 1 else set()
+            j = tree[j, 0]
+        pairs = sum(rate_a[j] * rate_b[k] + rate_b[j] * rate_a[k] for j in before)
+        pairs += rate_a[k] * rate_b[k] if tree[k, 2] == 1 else 0.0
+        total += pairs * robot.sphere_reach[:, k]
+    return total
+
+
+def bound_of(robot, q, u, w, d):
+    """The bound of the docstring of `longest_blend`."""
+    turn, e = w - u, STRAY * d
+    v = velocities(robot, q, turn)
+    along = np.maximum(mixed(robot, u, turn), mixed(robot, w, turn))
+    first = e * np.maximum(v, 0.375 * along * d)
+    return (first + 0.5 * mixed(robot, turn, turn) * e * e).max()
+
+
+def longest(robot, q, u, w, room, most):
+    return kernels.longest_blend(
+        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
+        robot.sphere_reach, q, u, w, room, most,
+    )
+
+
+def test_the_kernel_agrees_with_its_twin_and_leaves_nothing(robot, rng):
+    for most in (0.002, 0.05):
+        for _ in range(40):
+            q, u, w = draw_corner(robot, rng, rng.random() < 0.5)
+            room = float(rng.choice([0.01, 50.0]))
+            d, stray = longest(robot, q, u, w, room, most)
+            assert np.isclose(stray, bound_of(robot, q, u, w, d), rtol=1e-9)
+            assert stray <= most
+            longer = bound_of(robot, q, u, w, 1.001 * d)
+            assert d == room or longer > most
+
+
+def test_mixed_bends_of_one_direction_are_the_bends_of_a_motion(robot, rng):
+    dq = rng.normal(size=robot.dof)
+    assert np.allclose(mixed(robot, dq, dq), motion_bounds(robot, dq)[1])
+
+
+def test_the_blend_is_off_most_in_the_corner_even_with_the_way_to_it():
+    x = np.linspace(0.0, 1.0, 100001)
+    weighed = beside(x, 1.0) * (1.0 + 8.0 / 3.0 * np.abs(1.0 - 2.0 * x))
+    assert weighed.max() <= STRAY + 1e-12 and np.isclose(weighed[50000], STRAY)
+
+
+# --- motions from beside a leg -----------------------------------------------
+
+
+def legs_stray(robot, q, leg, share, off):
+    n, bodies = len(robot.spheres), len(robot.tree_i)
+    return kernels.legs_stray(
+        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
+        robot.sphere_reach, q, leg, share, off, np.empty((bodies, 12)),
+        np.empty((bodies, 12)), *np.empty((3, bodies)), np.empty(n),
+    )
+
+
+@pytest.mark.parametrize("size", [0.003, 0.05])
+def test_motions_from_beside_a_leg_stay_as_near_as_is_said(robot, rng, size):
+    shares = []
+    for _ in range(60):
+        q, leg, off = draw_corner(robot, rng, True)
+        leg, off = rng.uniform(0.05, 2.0) * leg, size * off
+        share = rng.random()
+        said = legs_stray(robot, q, leg, share, off)
+        assert said <= np.abs(off) @ joint_sway(robot) + 1e-12
+        far = 0.0
+        for end in ((1.0 - share) * leg, -share * leg):
+            for t in np.linspace(0.0, 1.0, 25):
+                on = q + t * end
+                moved = sphere_centers(robot, on + (1.0 - t) * off)
+                moved = np.linalg.norm(moved - sphere_centers(robot, on), axis=1).max()
+                far = max(far, moved)
+        assert far <= said + 1e-9
+        shares.append(far / said)
+    assert np.median(shares) > 0.6
+
+
+def test_joints_that_cancel_beside_a_leg_need_not_cancel_along_it(robot, rng):
+    grown = 0
+    for _ in range(40):
+        q, leg, _ = draw_corner(robot, rng, True)
+        off = 0.003 * cancelling(robot, q)
+        said = legs_stray(robot, q, 2.5 * leg, 0.0, off)
+        far = []
+        for t in np.linspace(0.0, 1.0, 25):
+            on = q + 2.5 * t * leg
+            moved = sphere_centers(robot, on + (1.0 - t) * off)
+            moved = np.linalg.norm(moved - sphere_centers(robot, on), axis=1)
+            far.append(moved.max())
+        assert max(far) <= said + 1e-9
+        grown += max(far) > 1.1 * far[0]
+    assert grown > 3 or robot.dof < 7
+
+
+def test_the_highest_place_of_the_bound_is_found(rng):
+    t = np.linspace(0.0, 1.0, 20001)
+    for begin, slope, most in rng.uniform(0.0, 3.0, (300, 3)):
+        seen = ((1.0 - t) * np.minimum(most, begin + t * slope)).max()
+        assert np.isclose(kernels.highest(begin, slope, most), seen, atol=1e-3)
+        assert kernels.highest(begin, slope, most) >= seen - 1e-12

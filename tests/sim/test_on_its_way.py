@@ -1,0 +1,61 @@
+"""Timed following of a crooked path past what stands still: never off its way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, draw_arm
+
+import odm
+from sim.execution import Executor
+
+
+def follow(small_map, seed, frames=2000):
+    """Follow a path past some obstacles, smoothing it on the way.
+
+    Returns the statuses, how often the robot was off its way, and how many set-points
+    were on blends.
+    """
+    rng = np.random.default_rng(seed)
+    robot = small_map.robot
+    for _ in range(200):
+        planner = odm.ReactivePlanner(small_map)
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.set_goals([AWAY])
+        if len(planner.step(points, q=HOME).path) > 3:
+            break
+    else:
+        raise AssertionError("every path was straight")
+    executor = Executor(robot, planner, HOME, 0.01)
+    attached, statuses, on_blends = [], [], 0
+    attach = planner.attacher.attach_start
+    planner.attacher.attach_start = lambda *a, **k: attached.append(attach(*a, **k))
+    for _ in range(frames):
+        commit = executor.commit()
+        answer = planner.step(points, q=commit.q)
+        statuses.append(answer.status)
+        executor.heed(answer, commit, None)
+        planner.polish(4, executor.ahead())
+        executor.advance()
+        way, s = executor.motion._way, executor.motion.place(executor.t)
+        on_blends += bool(way.pieces and way.pieces[way.index(s)].d > 0.0)
+        if executor.at_rest:
+            break
+    assert np.abs(executor.set_point.q - AWAY).max() < 1e-6
+    return statuses, len(attached), on_blends
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_robot_that_follows_its_path_is_never_off_its_way(small_map, seed):
+    statuses, attached, on_blends = follow(small_map, seed)
+    assert set(statuses[1:]) == {"following"}
+    assert attached <= 1  # where it started from
+    assert on_blends > 3
+
+
+def test_a_map_s_blending_share_bounds_what_is_rounded(small_map):
+    safety = replace(small_map.safety, blending=0.001, user=0.003)
+    recipe = replace(small_map.recipe, safety=safety)
+    planner = odm.ReactivePlanner(replace(small_map, recipe=recipe))
+    executor = Executor(small_map.robot, planner, HOME, 0.01)
+    assert executor._blend == 0.001
