@@ -11,7 +11,8 @@ from handover._kernels.reach_ik import solve_poses
 from handover.chain import Chain
 from handover.reach_grid import reachable_box
 from handover.reach_map import ReachMap
-from handover.reach_work import touch_of, work_of
+from handover.reach_touch import touch_of
+from handover.reach_work import work_of
 from roadmap.errors import BadInput
 
 Progress = Callable[[str, int, int], None]

@@ -62,7 +62,7 @@ def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
             from_lattice(chain, work.code, work.q)
             if not descend(chain, poses[i], scale, work, trial):
                 continue
-            if touches_itself(touch, work.q):
+            if touches_itself(touch, work.q, work.frames):
                 continue
             used[i] = k + 1
             found[i] = work.q

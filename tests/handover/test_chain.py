@@ -10,7 +10,8 @@ from handover import chain_of
 from handover._kernels import chain as kernels
 from handover._kernels.touch import touches_itself
 from handover.reach_grid import reachable_box
-from handover.reach_work import touch_of, work_of
+from handover.reach_touch import touch_of
+from handover.reach_work import work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.kinematics import jacobian, tool_pose

@@ -16,7 +16,8 @@ from handover.reach_build import MAX_BYTES
 from handover.reach_grid import reach_grid
 from handover.reach_map import ReachMap
 from handover.reach_recall import center_rate, measure_recall, random_poses
-from handover.reach_work import best_dexterity, touch_of, work_of
+from handover.reach_touch import touch_of
+from handover.reach_work import best_dexterity, work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.self_collision import configuration_free
