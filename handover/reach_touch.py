@@ -8,6 +8,7 @@ from handover._kernels.chain import forward
 from handover._kernels.touch import LANES, MARGIN, TABLE, Touch, fill_tables
 from handover.chain import Chain
 from roadmap._kernels.kinematics import body_frames
+from roadmap._kernels.self_collision import pair_clearance
 from roadmap.arrays import frozen
 from roadmap.self_collision import self_collision
 
@@ -108,9 +109,7 @@ def _touch(chain: Chain, tree: tuple | None = None, **known: np.ndarray) -> Touc
 
 
 def _moving_or_near(model: tuple, rows: list[int], whole: np.ndarray) -> list[int]:
-    """Return the pairs that some joint of the chain moves, or that touch as they are."""
-    from roadmap._kernels.self_collision import pair_clearance
-
+    """Return the pairs that a joint of the chain moves, or that touch as they are."""
     tree_i, tree_f, pair_i, reach, balls, points = model
     frames = np.zeros((len(tree_i), 12))
     body_frames(tree_i, tree_f, whole, frames)
@@ -145,11 +144,11 @@ def _carriers(chain: Chain, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray 
     the bodies themselves and None.
     """
     robot, rng = chain.robot, np.random.default_rng(0)
-    rows = np.empty((_LOOKS, len(chain.kind) + 1, 4, 4))
-    links = np.empty((_LOOKS, len(robot.tree_i), 4, 4))
+    n_rows, n_links = len(chain.kind) + 1, len(robot.tree_i)
+    rows, links = np.empty((_LOOKS, n_rows, 4, 4)), np.empty((_LOOKS, n_links, 4, 4))
     for k in range(_LOOKS):
         q = rng.uniform(*chain.limits.T)
-        ours, theirs = np.zeros((len(chain.kind) + 1, 12)), np.zeros((len(links[k]), 12))
+        ours, theirs = np.zeros((n_rows, 12)), np.zeros((n_links, 12))
         forward(chain.arrays, q, ours)
         body_frames(robot.tree_i, robot.tree_f, chain.full(q), theirs)
         rows[k], links[k] = _square(ours), _square(theirs)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels import BARE
+from handover._kernels import BARE, WITHIN
 from handover._kernels.six import outer, root_of_determinant, solution
 
 LEVELS = 65535  # steps of a joint's lattice between its limits
@@ -112,7 +112,7 @@ def forward(chain, q, frames):
         frames[b, 9], frames[b, 10], frames[b, 11] = px, py, pz
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def jacobian(chain, frames, jac):
     """Write the (6, dof) Jacobian of the tool: linear [unit], angular."""
     kind, scales = chain.kind, chain.scale
@@ -138,7 +138,7 @@ def jacobian(chain, frames, jac):
             jac[2, j] += z
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def limit_weight(chain, q, j):
     """Return 1 / (1 + |dh/dq|) of joint j, h as in [Chan1995]; 0 at a limit."""
     if chain.endless[j] > 0.5:
@@ -153,7 +153,7 @@ def limit_weight(chain, q, j):
     return square / (square + 4.0 * abs(t))
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def dexterity(chain, q, jac, weighted, gram):
     """Return Yoshikawa's measure of the Jacobian with columns weighted by limits.
 
@@ -189,7 +189,7 @@ def dexterity(chain, q, jac, weighted, gram):
     return volume
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def pose_error(tool, target, scale, error):
     """Write the way from `tool` to `target`, rows divided by scale; return its square.
 
@@ -224,7 +224,7 @@ def pose_error(tool, target, scale, error):
     return total
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def damped_step(scaled, error, damping, gram, dq):
     """Write dq = W A^T (A W A^T + damping I)^-1 error.
 
@@ -239,14 +239,15 @@ def damped_step(scaled, error, damping, gram, dq):
         dq[j] = scaled[j, 6] * total
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def limited_step(chain, q, scale, damping, work):
     """Move q by a damped step; joints that stand at a limit and would leave it rest.
 
     work: jac and error are read; weighted, gram and dq are work space.
     """
     dof = q.shape[0]
-    jac, error, dq, scaled, gram = work.jac, work.error, work.dq, work.weighted, work.gram
+    jac, error, dq = work.jac, work.error, work.dq
+    scaled, gram = work.weighted, work.gram
     for j in range(dof):
         for i in range(3):
             scaled[j, i] = jac[i, j] / scale[0]
@@ -272,7 +273,7 @@ def limited_step(chain, q, scale, damping, work):
         q[j] = min(max(value, low), high)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def to_lattice(chain, q, code):
     """Write the nearest lattice point of q to `code` (dof,) uint16."""
     for j in range(q.shape[0]):
@@ -281,7 +282,7 @@ def to_lattice(chain, q, code):
         code[j] = np.uint16(min(max(t, 0.0), 1.0) * LEVELS + 0.5)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def from_lattice(chain, code, q):
     """Write the configuration of a lattice point to q."""
     for j in range(q.shape[0]):
@@ -290,7 +291,7 @@ def from_lattice(chain, code, q):
         q[j] = min(low + (high - low) * (float(code[j]) / LEVELS), high)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def draw_code(seed, index, code):
     """Write sample `index` of a stream to `code` (dof,): every tenth value a limit.
 
@@ -307,7 +308,7 @@ def draw_code(seed, index, code):
             code[j] = np.uint16(LEVELS) if end == np.uint64(1) else np.uint16(0)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _mix(z):
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels import BARE
+from handover._kernels import BARE, FULL, WITHIN
 from handover._kernels.chain import (
     dexterity,
     draw_code,
@@ -88,7 +88,7 @@ class Work(NamedTuple):
     target: np.ndarray
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def position_of(grid, T):
     """Return the position cell of a pose, -1 outside of the grid."""
     flat = 0
@@ -100,7 +100,7 @@ def position_of(grid, T):
     return flat
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def cell_of(grid, T):
     """Return the cell of a pose, -1 outside of the grid."""
     p = position_of(grid, T)
@@ -111,7 +111,7 @@ def cell_of(grid, T):
     )
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def center_of(grid, cell, T):
     """Write the pose of a cell's centre to T (12,)."""
     p, r = cell // grid.size[3], cell % grid.size[3]
@@ -124,7 +124,7 @@ def center_of(grid, cell, T):
     T[11] = grid.place[2] + (z + 0.5) * grid.place[3]
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def position_neighbor(grid, p, axis):
     """Return the position beside `p` along axis 0 to 5 (-x, +x, -y..), -1 outside."""
     z, rest = p % grid.size[2], p // grid.size[2]
@@ -140,7 +140,7 @@ def position_neighbor(grid, p, axis):
     return (x * grid.size[1] + y) * grid.size[2] + z if inside else -1
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def origin_cell(grid, cell, way):
     """Return the cell that a way leads from, -1 for none."""
     p, r = cell // grid.size[3], cell % grid.size[3]
@@ -154,7 +154,7 @@ def origin_cell(grid, cell, way):
     return beside * grid.size[3] + r if beside >= 0 else -1
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def quality_byte(measure, reference):
     """Return 1 to 255 for a dexterity relative to the reference."""
     return np.uint8(1 + int(254.0 * min(measure / reference, 1.0)))
@@ -202,7 +202,7 @@ def keep_best(part, parts, n_rotations, start, where, quality, cells):
             cells.source[c] = start + i
 
 
-@njit(**BARE)
+@njit(**WITHIN)
 def push(chain, grid, parent, origin, cell, work):
     """Move the witness of cell `origin` into the neighbouring `cell` by damped steps.
 
@@ -245,7 +245,7 @@ def push(chain, grid, parent, origin, cell, work):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def replay(chain, grid, ways, root, cell, work):
     """Push a root's witness along `ways`, the last of which leads into `cell`.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels import BARE
+from handover._kernels import BARE, WITHIN
 from handover._kernels.chain import dexterity, draw_code, jacobian
 from handover._kernels.reach import (
     MAX_DEPTH,
@@ -113,7 +113,7 @@ def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, c
                 top = max(top, key)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _enter(head, entries, used, key, r):
     entries[0, used] = r
     entries[1, used] = head[key]
@@ -121,7 +121,7 @@ def _enter(head, entries, used, key, r):
     return used + 1
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def hope(neighbors, beside, cells, first, r):
     """Return the best quality a cell may hope for, 0 for none, and the best way.
 
@@ -157,7 +157,7 @@ def hope(neighbors, beside, cells, first, r):
     return max(own, top), way
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _ones(bits):
     n = 0
     while bits:
@@ -166,7 +166,7 @@ def _ones(bits):
     return n
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
     """Try the way from `parent`, then the sample; keep whichever gives a witness."""
     least = rules[2] * cells.sample[cell]
@@ -196,7 +196,7 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
         cells.source[cell] |= np.uint32(1) << np.uint32(way)
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _keep(cells, cell, value, way, depth, code, counts):
     cells.quality[cell] = value
     cells.way[cell] = way

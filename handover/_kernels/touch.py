@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._kernels import BARE
+from handover._kernels import BARE, FULL, WITHIN
 from roadmap._kernels.gjk import separation
 from roadmap._kernels.kinematics import body_frames
 from roadmap._kernels.self_collision import pair_clearance
@@ -80,10 +80,15 @@ def touches_itself(touch, q, frames):
         return False
     if touch.tree_i.shape[0] == 0:
         return _touches(touch, q, frames)
+    _place_bodies(touch, q)
+    return _touches(touch, q, touch.frames)
+
+
+@njit(**FULL)
+def _place_bodies(touch, q):
     for j in range(q.shape[0]):
         touch.whole[touch.rows[j]] = q[j]
     body_frames(touch.tree_i, touch.tree_f, touch.whole, touch.frames)
-    return _touches(touch, q, touch.frames)
 
 
 @njit(**BARE)
@@ -122,7 +127,7 @@ def _touches(touch, q, frames):
     return False
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _carry(frames, row, balls, s, places):
     """Write the centre of ball s, carried by a row, to places."""
     x, y, z = balls[s, 0], balls[s, 1], balls[s, 2]
@@ -138,7 +143,7 @@ def _carry(frames, row, balls, s, places):
         )
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _least(frames, shell, s, lanes, x, y, z):
     """Return the least of v . p over the points p of shell s, v = (x, y, z)."""
     row, offset = shell[s, 0], 0.0
@@ -162,7 +167,7 @@ def _least(frames, shell, s, lanes, x, y, z):
     return offset + min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
 
 
-@njit(**BARE)
+@njit(**FULL)
 def _near(touch, frames, p):
     """Say if a pair is not proved apart, by GJK from the direction in `way`."""
     shell, a, b = touch.shell, touch.pair[p, 0], touch.pair[p, 1]
@@ -182,7 +187,7 @@ def _near(touch, frames, p):
     return lower < MARGIN
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _to_world(frames, row, axes, p, way):
     """Write the direction axes[p] of a row's frame, as seen from the base, to way."""
     x, y, z = axes[p, 0], axes[p, 1], axes[p, 2]
@@ -196,7 +201,7 @@ def _to_world(frames, row, axes, p, way):
     way[0], way[1], way[2] = x, y, z
 
 
-@njit(**BARE, forceinline=True)
+@njit(**WITHIN)
 def _to_row(frames, row, way, axes, p):
     """Write the direction `way` of the base's frame, as seen from a row, to axes[p]."""
     x, y, z = way[0], way[1], way[2]
@@ -210,7 +215,7 @@ def _to_row(frames, row, way, axes, p):
     axes[p, 0], axes[p, 1], axes[p, 2] = x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def fill_tables(model, tabled, joints, spans, whole, clear):
     """Fill the tables of pairs of links.
 
