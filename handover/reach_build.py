@@ -22,7 +22,7 @@ from roadmap.errors import BadInput, BuildRefused
 
 Progress = Callable[[str, int, int], None]
 _CHUNK = 1 << 17  # samples drawn at a time
-_POSITIONS = 32  # positions settled at a time
+_POSITIONS = 16  # positions settled at a time
 _BYTES = 9  # of a cell, without its witness
 MAX_BYTES = 6e9  # of a build
 

@@ -60,14 +60,12 @@ def sine_cosine(x):
         -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * p)
     )
     c = 1.0 - 0.5 * z + z * z * p
-    turn = int(quarters) & 3
-    if turn == 0:
-        return s, c
-    if turn == 1:
-        return c, -s
-    if turn == 2:
-        return -s, -c
-    return -c, s
+    # quarter turns by choices instead of jumps, which nobody could foresee
+    turn = int(quarters)
+    odd = turn & 1 != 0
+    first, second = c if odd else s, s if odd else c
+    first = -first if turn & 2 != 0 else first
+    return first, -second if (turn + 1) & 2 != 0 else second
 
 
 @njit(**BARE)
@@ -248,10 +246,11 @@ def limited_step(chain, q, scale, damping, work):
     dof = q.shape[0]
     jac, error, dq = work.jac, work.error, work.dq
     scaled, gram = work.weighted, work.gram
+    over_length, over_angle = 1.0 / scale[0], 1.0 / scale[1]
     for j in range(dof):
         for i in range(3):
-            scaled[j, i] = jac[i, j] / scale[0]
-            scaled[j, 3 + i] = jac[3 + i, j] / scale[1]
+            scaled[j, i] = over_length * jac[i, j]
+            scaled[j, 3 + i] = over_angle * jac[3 + i, j]
         scaled[j, 6] = 1.0
     damped_step(scaled, error, damping, gram, dq)
     stuck = False

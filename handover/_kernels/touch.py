@@ -95,7 +95,7 @@ def _place_bodies(touch, q):
 def _touches(touch, q, frames):
     pair, apart, shell, balls = touch.pair, touch.apart, touch.shell, touch.balls
     places, axes, lanes, clear = touch.places, touch.axes, touch.lanes, touch.clear
-    spans = touch.spans
+    spans, way = touch.spans, touch.way
     for s in range(shell.shape[0]):
         _carry(frames, shell[s, 0], balls, s, places)
     for p in range(pair.shape[0]):
@@ -113,15 +113,15 @@ def _touches(touch, q, frames):
                 v = int((q[j] - spans[j, 0]) * spans[j, 1])
             if clear[t, min(max(u, 0), TABLE - 1), min(max(v, 0), TABLE - 1)]:
                 continue
-        if axes[p, 0] == 0.0 and axes[p, 1] == 0.0 and axes[p, 2] == 0.0:
-            touch.way[0], touch.way[1], touch.way[2] = dx, dy, dz
-        else:
-            _to_world(frames, shell[a, 0], axes, p, touch.way)
-            x, y, z = touch.way[0], touch.way[1], touch.way[2]
-            gap = _least(frames, shell, a, lanes, x, y, z)
-            gap += _least(frames, shell, b, lanes, -x, -y, -z)
-            if gap > 0.0 and gap * gap >= MARGIN * MARGIN * (x * x + y * y + z * z):
+        # the direction of last time, then that of the balls; GJK where neither will do
+        if axes[p, 0] != 0.0 or axes[p, 1] != 0.0 or axes[p, 2] != 0.0:
+            _to_world(frames, shell[a, 0], axes, p, way)
+            if _parted(frames, shell, a, b, lanes, way):
                 continue
+        way[0], way[1], way[2] = dx, dy, dz
+        if _parted(frames, shell, a, b, lanes, way):
+            _to_row(frames, shell[a, 0], way, axes, p)
+            continue
         if _near(touch, frames, p):
             return True
     return False
@@ -165,6 +165,15 @@ def _least(frames, shell, s, lanes, x, y, z):
         g = min(g, x * lanes[0, i + 6] + y * lanes[1, i + 6] + z * lanes[2, i + 6])
         h = min(h, x * lanes[0, i + 7] + y * lanes[1, i + 7] + z * lanes[2, i + 7])
     return offset + min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
+
+
+@njit(**WITHIN)
+def _parted(frames, shell, a, b, lanes, way):
+    """Say if a direction from shell b to shell a proves them apart."""
+    x, y, z = way[0], way[1], way[2]
+    gap = _least(frames, shell, a, lanes, x, y, z)
+    gap += _least(frames, shell, b, lanes, -x, -y, -z)
+    return gap > 0.0 and gap * gap >= MARGIN * MARGIN * (x * x + y * y + z * z)
 
 
 @njit(**FULL)
