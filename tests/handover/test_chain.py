@@ -153,8 +153,10 @@ def test_a_link_that_follows_no_joint_of_the_tool_is_placed_by_itself(tmp_path, 
     assert 0 < free < 800
 
 
-def test_links_carried_along_stand_where_the_robot_s_do(rng):
-    robot = load_robot("panda", cover_excess=0.2)
+@pytest.mark.parametrize(("name", "tip"), [("panda", None), ("rail_arm", "upper_arm")])
+def test_links_carried_along_stand_where_the_robot_s_do(name, tip, rng):
+    # beyond the upper arm nothing moves, but all of it is carried along
+    robot = load_robot(name, tip=tip, cover_excess=0.2)
     chain = chain_of(robot)
     touch, work = touch_of(chain), work_of(chain)
     for _ in range(20):
