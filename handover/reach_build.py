@@ -10,18 +10,19 @@ import numpy as np
 
 from handover._kernels import reach as kernels
 from handover._kernels.reach import Cells
-from handover._kernels.settle import settle_positions
+from handover._kernels.settle import queue_of, settle_positions
 from handover.chain import Chain
 from handover.reach_grid import ReachGrid, reach_grid
 from handover.reach_map import ReachMap
 from handover.reach_pack import compressed
-from handover.reach_work import best_dexterity, touch_of, work_of
+from handover.reach_touch import touch_of
+from handover.reach_work import best_dexterity, work_of
 from handover.rotations import rotation_grid
 from roadmap.errors import BadInput, BuildRefused
 
 Progress = Callable[[str, int, int], None]
 _CHUNK = 1 << 17  # samples drawn at a time
-_POSITIONS = 128  # positions settled at a time
+_POSITIONS = 16  # positions settled at a time
 _BYTES = 9  # of a cell, without its witness
 MAX_BYTES = 6e9  # of a build
 
@@ -154,10 +155,13 @@ class _Crew:
         self.pool, self.chain, self.grid = pool, chain, grid
         self.size, self.begun = threads, time.perf_counter()
         self.seconds = np.inf if seconds is None else seconds
-        self._idle = [(work_of(chain), touch_of(chain)) for _ in range(threads)]
+        n = grid.rotations.n_cells
+        self._idle = [
+            (work_of(chain), touch_of(chain), queue_of(n)) for _ in range(threads)
+        ]
 
     def run(self, job: Callable, items: list) -> Iterator:
-        """Yield job(item, work, touch) for all items, in order."""
+        """Yield job(item, work, touch, queue) for all items, in order."""
 
         def one(item: object) -> object:
             own = self._idle.pop()
@@ -202,7 +206,7 @@ def _draw(
     total, done = settings.samples, 0
     n_rotations = crew.grid.rotations.n_cells
 
-    def draw(span: tuple[int, int], work: object, touch: object) -> tuple:
+    def draw(span: tuple[int, int], work: object, touch: object, _: object) -> tuple:
         where = np.empty(span[1] - span[0], np.int32)
         value = np.empty(len(where), np.uint8)
         kernels.draw_samples(
@@ -238,11 +242,12 @@ def _sweep(
     counts, gains = np.zeros(4, np.int64), []
     changed = cells.sample.reshape(-1, n).any(axis=1)
 
-    def settle(positions: np.ndarray, work: object, touch: object) -> np.ndarray:
+    def settle(positions: np.ndarray, *own_room: object) -> np.ndarray:
+        work, touch, queue = own_room
         own = np.zeros(4, np.int64)
         settle_positions(
-            crew.chain.arrays, crew.grid.arrays, cells, touch, work, positions, rules,
-            own,
+            crew.chain.arrays, crew.grid.arrays, cells, touch, work, queue, positions,
+            rules, own,
         )  # fmt: skip
         return own
 

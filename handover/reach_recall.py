@@ -11,8 +11,10 @@ from handover._kernels.reach_ik import solve_poses
 from handover.chain import Chain
 from handover.reach_grid import reachable_box
 from handover.reach_map import ReachMap
-from handover.reach_work import touch_of, work_of
-from roadmap.errors import BadInput
+from handover.reach_touch import touch_of
+from handover.reach_work import work_of
+from roadmap.errors import BadInput, BadMap
+from roadmap.self_collision import configuration_free
 
 Progress = Callable[[str, int, int], None]
 _CHUNK = 50
@@ -110,16 +112,63 @@ def measure_recall(
 
 
 def center_rate(
-    reach: ReachMap, chain: Chain | None = None, cells: int = 500, seed: int = 0
+    reach: ReachMap,
+    chain: Chain | None = None,
+    cells: int = 500,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> float:
     """Return the share of marked cells whose exact centre can be reached."""
     chain = chain or reach.chain
-    marked = reach.marked_cells()
-    some = np.random.default_rng(seed).choice(marked, min(cells, len(marked)), False)
+    some = _some_cells(reach, cells, seed)
     poses, grid = np.empty((len(some), 12)), reach.grid.arrays
     for pose, cell in zip(poses, some, strict=True):
         kernels.center_of(grid, cell, pose)
-    return float((solved(reach, chain, poses, 24, seed + _SEED_OFFSET) > 0).mean())
+    seed += _SEED_OFFSET
+    used = solved(reach, chain, poses, 24, seed, progress, "centres of cells")
+    return float((used > 0).mean())
+
+
+def witness_precision(
+    reach: ReachMap,
+    chain: Chain | None = None,
+    cells: int = 2000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> float:
+    """Return the share of marked cells whose witness proves them reached.
+
+    The witness is made again and judged apart from what made it: its joints are within
+    their limits, its tool is in the cell by numpy's arithmetic, and its links are
+    apart by the planner's own test where the chain has its robot.
+    """
+    tell = progress or (lambda stage, done, total: None)
+    chain = chain or reach.chain
+    some = _some_cells(reach, cells, seed)
+    good = 0
+    for k, cell in enumerate(some.tolist()):
+        good += _proves(reach, chain, cell)
+        if k % _CHUNK == _CHUNK - 1 or k == len(some) - 1:
+            tell("witnesses", k + 1, len(some))
+    return good / len(some)
+
+
+def _proves(reach: ReachMap, chain: Chain, cell: int) -> bool:
+    try:
+        whole = reach.witness_of(cell)
+    except BadMap:
+        return False
+    q = whole[list(chain.rows)] if chain.rows else whole
+    if (q < chain.limits[:, 0]).any() or (q > chain.limits[:, 1]).any():
+        return False
+    if reach.grid.cells_of(chain.tool_pose(q)[None])[0] != cell:
+        return False
+    return chain.robot is None or configuration_free(chain.robot, whole)[0]
+
+
+def _some_cells(reach: ReachMap, n: int, seed: int) -> np.ndarray:
+    marked = reach.marked_cells()
+    return np.random.default_rng(seed).choice(marked, min(n, len(marked)), False)
 
 
 def solved(
@@ -129,6 +178,7 @@ def solved(
     attempts: int,
     seed: int,
     progress: Progress | None = None,
+    stage: str = "random poses",
 ) -> np.ndarray:
     """Return how many starts each pose (n, 12) took, 0 where none led to a solution."""
     tell = progress or (lambda stage, done, total: None)
@@ -140,7 +190,7 @@ def solved(
             chain.arrays, poses[part], reach.grid.arrays.scale, touch, work,
             seed + k, attempts, found[part], used[part],
         )  # fmt: skip
-        tell("random poses", min(k + _CHUNK, len(poses)), len(poses))
+        tell(stage, min(k + _CHUNK, len(poses)), len(poses))
     return used
 
 

@@ -66,7 +66,7 @@ def build(
             help="Whether configurations in self-collision count out.",
         ),
     ] = True,
-    recall: Poses = 600,
+    recall: Poses = 2000,
     plot: Plot = None,
     json: Json = None,
 ) -> None:
@@ -103,7 +103,7 @@ def info(
 ) -> None:
     """Tell what a reach map holds, after comparing every byte with its SHA-256.
 
-    A recall measured here does not look at self-collision: the map holds no solids.
+    What is measured here does not look at self-collision: the map holds no solids.
     """
     from handover import load_reach_map
 
@@ -163,8 +163,8 @@ def check_target(target: Path) -> None:
 def reach_facts(
     reach: "ReachMap", folder: Path, chain: "Chain", poses: int, tell: Bars
 ) -> dict:
-    """Return what a reach map holds, as plain data; measures the recall on `poses`."""
-    from handover.reach_recall import measure_recall
+    """Return what a reach map holds and is worth, as plain data; see `measured`."""
+    from sim.reach_figures import measured
 
     marked, grid, packed = reach.n_marked, reach.grid, reach.packed
     facts = {
@@ -184,8 +184,9 @@ def reach_facts(
         "built": reach.built,
         "hash": reach.hash,
     }
-    if poses:
-        facts["recall"] = measure_recall(reach, chain, poses, progress=tell).as_dict()
+    facts["figures"], recall = measured(reach, folder, chain, poses, tell)
+    if recall is not None:
+        facts["recall"] = recall.as_dict()
     return facts
 
 
@@ -204,6 +205,8 @@ def _report(
 
 
 def _show(facts: dict) -> None:
+    from sim.reach_figures import print_figures
+
     cells, places, built = facts["cells"], facts["positions"], facts["built"]
     unit = facts["unit"] if facts["unit"] == "m" else f"{facts['unit']}s"
     print(
@@ -216,26 +219,13 @@ def _show(facts: dict) -> None:
         f"{facts['mean_quality']:.3f}; {facts['stored_witnesses']:,} witnesses stored"
     )
     collision = "left out" if facts["self_collision"] else "not looked at"
-    print(
-        f"built in {built['seconds']:.1f} s ({built['cpu_seconds']:.1f} s of "
-        f"processor), self-collision {collision}"
-        + ("; stopped early" if built["stopped_early"] else "")
-    )
-    _show_recall(facts.get("recall"))
+    early = "; stopped early" if built["stopped_early"] else ""
+    print(f"self-collision {collision}{early}")
+    if (facts.get("recall") or {"recall": 1.0})["recall"] is None:
+        print(
+            f"recall: none of {facts['recall']['poses']} random poses could be solved "
+            "(an arm of fewer than 6 joints reaches none)"
+        )
+    print_figures(facts["name"], facts["figures"])
     size = bytes_text(facts["folder_bytes"])
     print(f"reach map {facts['hash'][:12]}, {size}, in {facts['map']}")
-
-
-def _show_recall(found: dict | None) -> None:
-    if found is None:
-        return
-    if found["recall"] is None:
-        print(
-            f"recall: none of {found['poses']} random poses could be solved (an arm of "
-            "fewer than 6 joints reaches none)"
-        )
-        return
-    print(
-        f"recall {found['recall']:.1%} +- {found['margin']:.1%}: {found['marked']} of "
-        f"{found['solvable']} poses that could be solved, of {found['poses']} drawn"
-    )

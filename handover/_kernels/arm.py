@@ -13,12 +13,14 @@ import math
 
 from numba import njit
 
+from handover._kernels import BARE
+
 LENGTHS, LOWER, UPPER = 0, 3, 10
 SIN_LOWER, COS_LOWER, SIN_UPPER, COS_UPPER = 17, 24, 31, 38
 ARM_SIZE = 45
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def arm_axes(q):
     """Return the arm's directions at `q`, 21 numbers: e, u, elbow, v, d, w, h.
 
@@ -58,7 +60,7 @@ def arm_axes(q):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def arm_pose(arm, q, pose):
     """Write T_shoulder_hand to `pose` (12,): rotation (9, by rows), origin (3).
 
@@ -75,14 +77,14 @@ def arm_pose(arm, q, pose):
         pose[9 + i] = arm[0] * u[i] + arm[1] * v[i] + arm[2] * h[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def arm_poses(arm, joints, poses):
     """Write `arm_pose` of every row of joints (n, 7) to poses (n, 12)."""
     for i in range(joints.shape[0]):
         arm_pose(arm, joints[i], poses[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def arm_jacobian(arm, q, jacobian):
     """Write the Jacobian (6, 7) at the grip: its velocity (3), then the hand's spin."""
     u, elbow, v, d, w, h, (cf, sf) = arm_axes(q)

@@ -17,6 +17,7 @@ import math
 
 from numba import njit
 
+from handover._kernels import BARE
 from handover._kernels.arm import (
     COS_LOWER,
     COS_UPPER,
@@ -34,7 +35,7 @@ SIN_A, COS_F, SIN_F, COS_R, SIN_R, SIN_D, COS_W, SIN_W, COS_P, SIN_P = range(10)
 ELBOW, AXES = 10, 11
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def swivel_circle(arm, pose, work):
     """Fill the rows CIRCLE for a hand at `pose` (12,); False if it is out of reach.
 
@@ -100,12 +101,12 @@ def swivel_circle(arm, pose, work):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _form(work, row, k, p, q):
     work[row, 0], work[row, 1], work[row, 2] = k, p, q
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def swivel_spans(arm, work):
     """Write the intervals of phi in which all joints keep their ranges to rows SPANS.
 
@@ -138,7 +139,7 @@ def swivel_spans(arm, work):
     return n_spans
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _forbid_wrist(arm, work):
     """Start the list of arcs with those of forearm and wrist; -1 if nothing is left."""
     n = _forbid_sine(arm, work, 0, 5, SIN_D, 1.0)
@@ -147,7 +148,7 @@ def _forbid_wrist(arm, work):
     return _forbid_hinge(arm, work, n, 6, COS_W, SIN_W, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _forbid_sine(arm, work, n, joint, row, side):
     """Forbid where the joint, within 90 deg of 0, is below (1) or above its range."""
     if n < 0:
@@ -158,7 +159,7 @@ def _forbid_sine(arm, work, n, joint, row, side):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _forbid_hinge(arm, work, n, joint, row_c, row_s, sign):
     """Forbid where the angle of sign * (cos, sin) is outside the joint's range.
 
@@ -197,7 +198,7 @@ def _forbid_hinge(arm, work, n, joint, row_c, row_s, sign):
     return _overlap(work, n)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _forbid(work, n, k, p, q):
     """Add the arc where k + p cos phi + q sin phi < 0.
 
@@ -215,7 +216,7 @@ def _forbid(work, n, k, p, q):
     return n + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _overlap(work, n):
     """Replace the two arcs from row n on by what both cover: none, one or two arcs."""
     a, b = work[ARCS + n, 0], work[ARCS + n, 1]
@@ -233,7 +234,7 @@ def _overlap(work, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _quarters(c, s):
     """Return a number in [0, 4) that grows with the angle of (c, s), without trig."""
     t = s / (abs(c) + abs(s))
@@ -242,7 +243,7 @@ def _quarters(c, s):
     return t if t >= 0.0 else min(4.0 + t, 4.0 - 1e-15)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _angle(t):
     """Return the angle (-pi, pi] of a number of quarters in [0, 8)."""
     if t >= 4.0:
@@ -254,7 +255,7 @@ def _angle(t):
     return math.atan2(t - 4.0, t - 3.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _allowed(work, n, n_spans, branch):
     """Append what the first n arcs leave of the circle to the rows SPANS.
 
@@ -295,7 +296,7 @@ def _allowed(work, n, n_spans, branch):
     return n_spans
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _span(work, i, first, last, branch):
     row = SPANS + i
     work[row, 0], work[row, 1], work[row, 2] = first, last, branch

@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from handover._kernels import BARE
 from handover._kernels.arm import LOWER, UPPER
 from handover._kernels.arm_ik import (
     AXES,
@@ -29,7 +30,7 @@ from handover._kernels.arm_ik import (
 _NEAR_LATERAL, _LATERAL = 0.01, 1e-21
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def swivel_joints(arm, work, phi, branch, q):
     """Write the joints q (7,) at the swivel angle phi of `branch`, inside the ranges.
 
@@ -57,12 +58,12 @@ def swivel_joints(arm, work, phi, branch, q):
     return square >= _NEAR_LATERAL or _settle_lateral(arm, work, c, s, square, q)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _at(work, row, c, s):
     return work[row, 0] + c * work[row, 1] + s * work[row, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _inside(arm, joint, angle):
     """Return the angle, plus whole turns, nearest to the joint's range, inside it."""
     lower, upper = arm[LOWER + joint], arm[UPPER + joint]
@@ -75,7 +76,7 @@ def _inside(arm, joint, angle):
     return min(max(angle, lower), upper)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _settle_lateral(arm, work, c, s, square, q):
     """Solve flexion and rotation together where the upper arm points to the side.
 
@@ -103,26 +104,26 @@ def _settle_lateral(arm, work, c, s, square, q):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _agree(corner, q):
     """Return whether flexion and rotation fit together to 5e-11 rad."""
     off = abs(_rotation(corner, q[0]) - q[2])
     return min(off, 2.0 * math.pi - off) < 5e-11
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _rotation(row, f):
     cf, sf = math.cos(f), math.sin(f)
     return math.atan2(-(cf * row[1] + sf * row[3]), cf * row[0] + sf * row[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _flexion(row, r):
     cr, sr = math.cos(r), math.sin(r)
     return math.atan2(row[2] * cr - row[3] * sr, row[0] * cr - row[1] * sr)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _corners(work, c, s):
     """Return R00, R01, R20, R21 of the shoulder's rotation R at cos and sin of phi."""
     ux, uz = work[ELBOW, 1], work[ELBOW, 2]
@@ -135,7 +136,7 @@ def _corners(work, c, s):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def solve_arm(arm, pose, step, work, q, swivels):
     """Write representatives of all solutions of `pose` to q (m, 7).
 
@@ -165,7 +166,7 @@ def solve_arm(arm, pose, step, work, q, swivels):
     return count, n_spans
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def is_solvable(arm, pose, work, q):
     """Return whether the arm can put its hand at `pose`, and write a solution to q."""
     if not swivel_circle(arm, pose, work):
@@ -177,14 +178,14 @@ def is_solvable(arm, pose, work, q):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def solvable_poses(arm, poses, work, q, answer):
     """Write `is_solvable` of every row of poses (n, 12) to answer (n,)."""
     for i in range(poses.shape[0]):
         answer[i] = is_solvable(arm, poses[i], work, q)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def solve_poses(arm, poses, step, work, q, swivels, counts):
     """Solve every row of poses (n, 12); counts (n, 2) as `solve_arm` returns them."""
     for i in range(poses.shape[0]):

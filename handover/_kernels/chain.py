@@ -11,6 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, WITHIN
+from handover._kernels.six import outer, root_of_determinant, solution
+
 LEVELS = 65535  # steps of a joint's lattice between its limits
 
 
@@ -35,7 +38,7 @@ class ChainArrays(NamedTuple):
     length: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def sine_cosine(x):
     """Return sin(x) and cos(x) for |x| < 1e5, within 2e-16, by additions and products.
 
@@ -57,19 +60,17 @@ def sine_cosine(x):
         -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * p)
     )
     c = 1.0 - 0.5 * z + z * z * p
-    turn = int(quarters) & 3
-    if turn == 0:
-        return s, c
-    if turn == 1:
-        return c, -s
-    if turn == 2:
-        return -s, -c
-    return -c, s
+    # quarter turns by choices instead of jumps, which nobody could foresee
+    turn = int(quarters)
+    odd = turn & 1 != 0
+    first, second = c if odd else s, s if odd else c
+    first = -first if turn & 2 != 0 else first
+    return first, -second if (turn + 1) & 2 != 0 else second
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def forward(chain, q, frames):
-    """Write z axis and origin of each row to `frames` (n + 1, 12), all of the tool."""
+    """Write the pose of each row to `frames` (n + 1, 12), the tool's to the last."""
     # no views of rows in here: each would cost as much as a row's arithmetic
     fixed, kind, scale = chain.fixed, chain.kind, chain.scale
     n = kind.shape[0]
@@ -103,15 +104,13 @@ def forward(chain, q, frames):
                 r20, r21 = c * r20 + s * r21, c * r21 - s * r20
             else:
                 px, py, pz = px + value * r02, py + value * r12, pz + value * r22
-        else:  # only the tool's whole rotation is ever asked for
-            frames[b, 0], frames[b, 1] = r00, r01
-            frames[b, 3], frames[b, 4] = r10, r11
-            frames[b, 6], frames[b, 7] = r20, r21
-        frames[b, 2], frames[b, 5], frames[b, 8] = r02, r12, r22
+        frames[b, 0], frames[b, 1], frames[b, 2] = r00, r01, r02
+        frames[b, 3], frames[b, 4], frames[b, 5] = r10, r11, r12
+        frames[b, 6], frames[b, 7], frames[b, 8] = r20, r21, r22
         frames[b, 9], frames[b, 10], frames[b, 11] = px, py, pz
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def jacobian(chain, frames, jac):
     """Write the (6, dof) Jacobian of the tool: linear [unit], angular."""
     kind, scales = chain.kind, chain.scale
@@ -137,9 +136,9 @@ def jacobian(chain, frames, jac):
             jac[2, j] += z
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def limit_weight(chain, q, j):
-    """Return 1 / sqrt(1 + |dh/dq|) of joint j, h as in [Chan1995]; 0 at a limit."""
+    """Return 1 / (1 + |dh/dq|) of joint j, h as in [Chan1995]; 0 at a limit."""
     if chain.endless[j] > 0.5:
         return 1.0
     low, high = chain.limits[j, 0], chain.limits[j, 1]
@@ -148,56 +147,34 @@ def limit_weight(chain, q, j):
     room = 1.0 - t * t
     if room <= 1e-9:
         return 0.0
-    return 1.0 / math.sqrt(1.0 + 4.0 * abs(t) / (span * room * room))
+    square = span * room * room
+    return square / (square + 4.0 * abs(t))
 
 
-@njit(cache=True, nogil=True)
-def _outer(columns, diagonal, gram):
-    """Write columns^T columns + diagonal I to gram; columns is (dof, 6)."""
-    n = columns.shape[0]
-    for i in range(6):
-        # sums side by side, not one after the other: the processor does them at once
-        a = b = c = d = e = f = 0.0
-        for j in range(n):
-            v = columns[j, i]
-            a += v * columns[j, 0]
-            b += v * columns[j, 1]
-            c += v * columns[j, 2]
-            d += v * columns[j, 3]
-            e += v * columns[j, 4]
-            f += v * columns[j, 5]
-        gram[i, 0], gram[i, 1], gram[i, 2] = a, b, c
-        gram[i, 3], gram[i, 4], gram[i, 5] = d, e, f
-        gram[i, i] += diagonal
-
-
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def dexterity(chain, q, jac, weighted, gram):
     """Return Yoshikawa's measure of the Jacobian with columns weighted by limits.
 
-    sqrt(det(J J^T)), or sqrt(det(J^T J)) where there are fewer than 6 joints. Work
-    space: weighted (dof, 6), gram (7, 6).
+    sqrt(det(J W J^T)) with the squares W of the weights, or sqrt(det(W J^T J)) where
+    there are fewer than 6 joints. Work space: weighted (dof, 7), gram (6, 6).
     """
     dof = jac.shape[1]
     over = 1.0 / chain.length[0]
     for j in range(dof):
-        w = limit_weight(chain, q, j)
+        weighted[j, 6] = limit_weight(chain, q, j)
         for i in range(3):
-            weighted[j, i] = w * over * jac[i, j]
-            weighted[j, 3 + i] = w * jac[3 + i, j]
-    n = min(6, dof)
+            weighted[j, i] = over * jac[i, j]
+            weighted[j, 3 + i] = jac[3 + i, j]
     if dof >= 6:
-        _outer(weighted, 0.0, gram)
-    else:
-        for i in range(n):
-            for k in range(i + 1):
-                gram[i, k] = 0.0
-                for m in range(6):
-                    gram[i, k] += weighted[i, m] * weighted[k, m]
+        outer(weighted, 0.0, gram)
+        return root_of_determinant(gram, 1e-24)
     volume = 1.0
-    for i in range(n):
+    for i in range(dof):
         for k in range(i + 1):
-            total = gram[i, k]
+            total = 0.0
+            for m in range(6):
+                total += weighted[i, m] * weighted[k, m]
+            total *= math.sqrt(weighted[i, 6] * weighted[k, 6])
             for m in range(k):
                 total -= gram[i, m] * gram[k, m]
             if i == k:
@@ -210,7 +187,7 @@ def dexterity(chain, q, jac, weighted, gram):
     return volume
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def pose_error(tool, target, scale, error):
     """Write the way from `tool` to `target`, rows divided by scale; return its square.
 
@@ -245,51 +222,37 @@ def pose_error(tool, target, scale, error):
     return total
 
 
-@njit(cache=True, nogil=True)
-def damped_step(jac, scale, error, damping, active, scaled, gram, dq):
-    """Write dq = A^T (A A^T + damping I)^-1 error, A the scaled active columns."""
-    dof = dq.shape[0]
-    for i in range(6):
-        over = 1.0 / scale[i // 3]
-        for j in range(dof):
-            scaled[j, i] = active[j] * over * jac[i, j]
-    _outer(scaled, damping, gram)
-    for i in range(6):
-        for k in range(i + 1):
-            total = gram[i, k]
-            for m in range(k):
-                total -= gram[i, m] * gram[k, m]
-            if i == k:  # the inverse of the diagonal is kept
-                gram[i, i] = 1.0 / math.sqrt(max(total, 1e-18))
-            else:
-                gram[i, k] = total * gram[k, k]
-        total = error[i]
-        for m in range(i):
-            total -= gram[i, m] * gram[6, m]
-        gram[6, i] = total * gram[i, i]
-    for i in range(5, -1, -1):
-        total = gram[6, i]
-        for m in range(i + 1, 6):
-            total -= gram[m, i] * gram[6, m]
-        gram[6, i] = total * gram[i, i]
-    for j in range(dof):
-        total = 0.0
-        for i in range(6):
-            total += scaled[j, i] * gram[6, i]
-        dq[j] = total
+@njit(**WITHIN)
+def damped_step(scaled, error, damping, gram, dq):
+    """Write dq = W A^T (A W A^T + damping I)^-1 error.
+
+    scaled: (dof, 7) columns of the Jacobian A, rows divided by the scale, and W: 1 for
+    a joint that may move, 0 for one that rests.
+    """
+    outer(scaled, damping, gram)
+    x0, x1, x2, x3, x4, x5 = solution(gram, error)
+    for j in range(dq.shape[0]):
+        total = scaled[j, 0] * x0 + scaled[j, 1] * x1 + scaled[j, 2] * x2
+        total += scaled[j, 3] * x3 + scaled[j, 4] * x4 + scaled[j, 5] * x5
+        dq[j] = scaled[j, 6] * total
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def limited_step(chain, q, scale, damping, work):
     """Move q by a damped step; joints that stand at a limit and would leave it rest.
 
-    work: jac and error are read; active, weighted, gram and dq are work space.
+    work: jac and error are read; weighted, gram and dq are work space.
     """
     dof = q.shape[0]
-    jac, error, active, dq = work.jac, work.error, work.active, work.dq
+    jac, error, dq = work.jac, work.error, work.dq
     scaled, gram = work.weighted, work.gram
-    active[:] = 1.0
-    damped_step(jac, scale, error, damping, active, scaled, gram, dq)
+    over_length, over_angle = 1.0 / scale[0], 1.0 / scale[1]
+    for j in range(dof):
+        for i in range(3):
+            scaled[j, i] = over_length * jac[i, j]
+            scaled[j, 3 + i] = over_angle * jac[3 + i, j]
+        scaled[j, 6] = 1.0
+    damped_step(scaled, error, damping, gram, dq)
     stuck = False
     for j in range(dof):
         if chain.endless[j] > 0.5:
@@ -297,10 +260,10 @@ def limited_step(chain, q, scale, damping, work):
         below = q[j] <= chain.limits[j, 0] and dq[j] < 0.0
         above = q[j] >= chain.limits[j, 1] and dq[j] > 0.0
         if below or above:
-            active[j] = 0.0
+            scaled[j, 6] = 0.0
             stuck = True
     if stuck:
-        damped_step(jac, scale, error, damping, active, scaled, gram, dq)
+        damped_step(scaled, error, damping, gram, dq)
     for j in range(dof):
         value = q[j] + dq[j]
         low, high = chain.limits[j, 0], chain.limits[j, 1]
@@ -309,7 +272,7 @@ def limited_step(chain, q, scale, damping, work):
         q[j] = min(max(value, low), high)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def to_lattice(chain, q, code):
     """Write the nearest lattice point of q to `code` (dof,) uint16."""
     for j in range(q.shape[0]):
@@ -318,7 +281,7 @@ def to_lattice(chain, q, code):
         code[j] = np.uint16(min(max(t, 0.0), 1.0) * LEVELS + 0.5)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def from_lattice(chain, code, q):
     """Write the configuration of a lattice point to q."""
     for j in range(q.shape[0]):
@@ -327,7 +290,7 @@ def from_lattice(chain, code, q):
         q[j] = min(low + (high - low) * (float(code[j]) / LEVELS), high)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def draw_code(seed, index, code):
     """Write sample `index` of a stream to `code` (dof,): every tenth value a limit.
 
@@ -344,7 +307,7 @@ def draw_code(seed, index, code):
             code[j] = np.uint16(LEVELS) if end == np.uint64(1) else np.uint16(0)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def _mix(z):
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

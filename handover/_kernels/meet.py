@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, FULL, WITHIN
 from handover._kernels.meet_pose import (
     UNREACHED,
     least_effort,
@@ -108,7 +109,7 @@ class Room(NamedTuple):
     counts: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands):
     """Fill the tables of hands for a person who has turned.
 
@@ -162,7 +163,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         hands.far[i] = np.sqrt(hands.far[i]) + TINY_M
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def position_of(box, x, y, z):
     """Return the position cell of a grip in the person's reach map, -1 outside."""
     i = int(np.floor((x - box[0]) * box[7]))
@@ -174,7 +175,7 @@ def position_of(box, x, y, z):
     return (i * ny + j) * nz + k
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def dexterity_at(person, hands, r, g, x, y, z):
     """Return the dexterity of a hand in rotation r of grasp g at x, y, z."""
     at = position_of(person.box, x, y, z)
@@ -183,7 +184,7 @@ def dexterity_at(person, hands, r, g, x, y, z):
     return person.dexterity[at, hands.cell[r, g]] / 255.0
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def hand_value(person, hands, r, g, x, y, z, floor, room):
     """Return q_total, to the GRAIN, of grasp g with the tool at x, y, z, rotation r.
 
@@ -226,7 +227,7 @@ def hand_value(person, hands, r, g, x, y, z, floor, room):
     return math.floor(found / GRAIN + 0.5) * GRAIN if found >= 0.0 else found
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def full_grid(person, hands, cells, room, value, grasp):
     """Write the quality of every entry to value (n,), the grasp it has to grasp (n,).
 
@@ -256,7 +257,7 @@ def full_grid(person, hands, cells, room, value, grasp):
                     value[e], grasp[e] = found, g
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def describe(person, hands, cells, entries, grasps, room, joints, parts, numbers):
     """Solve entries once more and write what a user wants to know of them.
 
@@ -277,7 +278,8 @@ def describe(person, hands, cells, entries, grasps, room, joints, parts, numbers
         r = cells.rotation[e]
         x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
         numbers[i, 0] = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
-        joints[i] = room.best
+        for j in range(7):
+            joints[i, j] = room.best[j]
         state, rods, settings = person.state, person.rods, person.settings
         numbers[i, 1] = quality_of(state, rods, settings, room.best, parts[i])
         px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, WITHIN
 from handover._kernels.arm import LOWER, UPPER, arm_axes
 from handover._kernels.meet import dexterity_at, position_of
 from handover._kernels.meet_pose import (
@@ -73,7 +74,7 @@ class Bounds(NamedTuple):
     lack: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def position_bounds(person, hands, cells, bounds):
     """Write bounds.online and bounds.whole.
 
@@ -95,7 +96,7 @@ def position_bounds(person, hands, cells, bounds):
         whole[p] = online[p] + (1.0 - share) * most_dexterity(person, x, y, z)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def fill_places(person, online, whole):
     """Write bounds of q_online and q_total for a grip in each cell of the person's map.
 
@@ -122,7 +123,7 @@ def fill_places(person, online, whole):
                 whole[at] = online[at] + (1.0 - share) * person.ceiling[at] / 255.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def open_bound(state, settings, x, y, z, step):
     """Return a bound of the weighted qualities of a grip within `step` of a place."""
     total = settings[OMEGA + JOINT] + settings[OMEGA + EFFORT]
@@ -143,7 +144,7 @@ def open_bound(state, settings, x, y, z, step):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def most_dexterity(person, x, y, z):
     """Return the largest dexterity of any grip that the tool at x, y, z can offer."""
     box, most = person.box, person.most
@@ -158,7 +159,7 @@ def most_dexterity(person, x, y, z):
     return most[i, j, k] / 255.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def now_turn(person, now):
     """Write the present wrist's direction, hand's rotation and inner angle to now.
 
@@ -183,7 +184,7 @@ def now_turn(person, now):
     now[12] = math.atan2(fore * math.sin(q[3]), upper + fore * math.cos(q[3]))
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def fill_spins(person, pose, bounds):
     """Write bounds.spin and bounds.lack for hands of `pose` (r, g, 12).
 
@@ -208,7 +209,7 @@ def fill_spins(person, pose, bounds):
             lack[r, g] = scale * math.tanh(settings[BETA + JOINT] * cost)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _shares(person):
     """Return the sum of the weights in use."""
     settings, total = person.settings, 0.0
@@ -218,7 +219,7 @@ def _shares(person):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def least_joint_cost(person, now, spin, wx, wy, wz, square):
     """Return what joint travel costs at least, eq. (1), for a hand and its wrist.
 
@@ -252,7 +253,7 @@ def least_joint_cost(person, now, spin, wx, wy, wz, square):
     return cost + first * first / a + rest * rest / b
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _give(settings, first, last):
     """Return the sum of 1 / alpha; 0 where a joint is free of cost."""
     total = 0.0
@@ -263,7 +264,7 @@ def _give(settings, first, last):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def grip_bound(person, hands, bounds, r, g, x, y, z, floor, parts):
     """Return a bound of `hand_value`, UNREACHED where forearm and hand cannot fit.
 
@@ -300,7 +301,7 @@ def grip_bound(person, hands, bounds, r, g, x, y, z, floor, parts):
     return share * (online_sum(settings, parts) / shares) + rest
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def byte_passes(person, hands, bounds, p, r, g, x, y, z, floor):
     """Return whether the bounds by place and by byte reach `floor`."""
     px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]

@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from handover._kernels import WITHIN
 from handover._kernels.arm import (
     COS_LOWER,
     COS_UPPER,
@@ -47,7 +48,7 @@ ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by
 _LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def open_parts(state, settings, x, y, z, parts):
     """Write the qualities of a grip's way and visibility; return the weights' sum."""
     parts[SPATIAL] = 1.0 - math.tanh(
@@ -63,7 +64,7 @@ def open_parts(state, settings, x, y, z, parts):
     return shares + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def safety_part(rods, settings, x, y, z):
     """Return the quality of safety of a grip, without the forearm."""
     concern = settings[CONCERN]
@@ -75,7 +76,7 @@ def safety_part(rods, settings, x, y, z):
     return 1.0 - math.tanh(settings[BETA + SAFETY] * (concern / nearest - 1.0))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def off_rods(rods, most, x, y, z):
     """Return the distance of a point from the nearest capsule, at most `most`.
 
@@ -98,7 +99,7 @@ def off_rods(rods, most, x, y, z):
     return nearest
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def wrist_allows(arm, hand_y, hand_z, square):
     """Return False only where forearm and hand cannot fit together at any swivel.
 
@@ -132,7 +133,7 @@ def wrist_allows(arm, hand_y, hand_z, square):
     return cosine * z + spread >= least
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def online_sum(settings, parts):
     """Return the weighted sum of five qualities."""
     total = settings[OMEGA] * parts[0]
@@ -141,7 +142,7 @@ def online_sum(settings, parts):
     return total
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def pose_value(
     state,
     rods,
@@ -233,7 +234,7 @@ def pose_value(
     return best
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def line_cut(rods, ax, ay, az, bx, by, bz):
     """Return whether the line from a to b enters a capsule."""
     for i in range(rods.shape[0]):
@@ -242,7 +243,7 @@ def line_cut(rods, ax, ay, az, bx, by, bz):
     return False
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def elbow_at(arm, work, phi):
     """Return the place of the elbow at a swivel angle."""
     c, s = math.cos(phi), math.sin(phi)
@@ -252,7 +253,7 @@ def elbow_at(arm, work, phi):
     return arm[0] * x, -arm[0] * y, -arm[0] * z
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def swivel_effort(state, work, phi, pose, q):
     """Return `effort_cost` at a swivel angle of a pose, whose joints are q.
 
@@ -295,7 +296,7 @@ def swivel_effort(state, work, phi, pose, q):
     return total + abs(ux * tx + uy * ty + uz * tz)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@njit(**WITHIN)
 def least_effort(state, hx, hy, hz, wx, wy, wz, square):
     """Return what the effort of a hand pose costs at least, whatever the swivel.
 

@@ -3,11 +3,12 @@
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE
 from handover._kernels.meet import hand_value
 from handover._kernels.meet_pose import UNREACHED
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def best_grasps(person, hands, cells, entries, room, value, grasp):
     """Write the best quality and grasp of entries (n,); UNREACHED and -1: none."""
     for i in range(entries.shape[0]):

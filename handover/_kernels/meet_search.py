@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, FULL
 from handover._kernels.meet import hand_value
 from handover._kernels.meet_bounds import (
     LOOSE_BYTE,
@@ -48,7 +49,7 @@ class Top(NamedTuple):
     grasp: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def put(top, key, e, g, value, n):
     """Insert an entry into the best n so far, ordered by value, then by key."""
     k = top.value.shape[0]
@@ -68,7 +69,7 @@ def put(top, key, e, g, value, n):
     return min(n + 1, k)
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def search(who, entries, bounds, warm, top, room):
     """Fill `top` with the best entries that are not removed.
 
@@ -117,7 +118,7 @@ def search(who, entries, bounds, warm, top, room):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _open(who, entries, bounds, p, top, n, room):
     """Look at the entries of a position whose bound by the byte passes."""
     person, hands, cells = who
@@ -168,7 +169,7 @@ def _open(who, entries, bounds, p, top, n, room):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _look(who, entries, bounds, p, e, first, top, n, room):
     """Bound the grasps of an entry from `first` on, solve those that may count."""
     person, hands, cells = who

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from handover._kernels import FULL
 from handover._kernels.arm_solve import solve_arm
 from handover._kernels.chain import dexterity, forward, jacobian
 from handover._kernels.quality import EFFORT, quality_of
@@ -11,7 +12,7 @@ from handover._kernels.quality import EFFORT, quality_of
 DEXTERITY, COMBINED, ONLINE, TOTAL, COLUMNS = 5, 6, 7, 8, 9
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def best_at_places(
     state, obstacles, settings, shares, turns, points, chain, room, solved, out, found
 ):

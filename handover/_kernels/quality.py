@@ -15,6 +15,7 @@ import math
 
 from numba import njit
 
+from handover._kernels import BARE
 from handover._kernels.arm import ARM_SIZE, arm_axes
 
 Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
@@ -24,7 +25,7 @@ ALPHA, BETA, OMEGA, CONCERN, FOREARM, SETTINGS_SIZE = 0, 7, 12, 17, 18, 19
 JOINT, SPATIAL, VISIBILITY, SAFETY, EFFORT = range(5)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def quality_of(state, obstacles, settings, q, parts):
     """Return q_online of the joints q (7,) and write its five qualities to parts (5,).
 
@@ -54,14 +55,14 @@ def quality_of(state, obstacles, settings, q, parts):
     return total / shares
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def qualities_of(state, obstacles, settings, joints, parts, online):
     """Write `quality_of` of every row of joints (n, 7) to parts (n, 5), online (n,)."""
     for i in range(joints.shape[0]):
         online[i] = quality_of(state, obstacles, settings, joints[i], parts[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def joint_cost(state, settings, q):
     """Return the sum of alpha (q_now - q)^2 [rad^2], eq. (1)."""
     cost = 0.0
@@ -71,14 +72,14 @@ def joint_cost(state, settings, q):
     return cost
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def spatial_cost(state, x, y, z):
     """Return how far the grip has to travel [m], eq. (2)."""
     dx, dy, dz = x - state[P_NOW], y - state[P_NOW + 1], z - state[P_NOW + 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def visibility_cost(state, x, y, z):
     """Return the angle between the gaze and the line from the eye to the grip [rad]."""
     dx, dy, dz = x - state[EYE], y - state[EYE + 1], z - state[EYE + 2]
@@ -88,7 +89,7 @@ def visibility_cost(state, x, y, z):
     return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), along)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def safety_cost(obstacles, settings, ex, ey, ez, v, fore, x, y, z):
     """Return concern / distance - 1 of the grip, 0 beyond the distance of no concern.
 
@@ -113,7 +114,7 @@ def safety_cost(obstacles, settings, ex, ey, ez, v, fore, x, y, z):
     return concern / nearest - 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _off_capsule(rods, i, x, y, z):
     """Return the distance of a point from capsule i; negative inside."""
     dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
@@ -127,7 +128,7 @@ def _off_capsule(rods, i, x, y, z):
     return math.sqrt(px * px + py * py + pz * pz) - rods[i, 6]
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _cut(rods, i, ax, ay, az, bx, by, bz):
     """Return whether the line from a to b enters capsule i."""
     rx, ry = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1]
@@ -146,7 +147,7 @@ def _cut(rods, i, ax, ay, az, bx, by, bz):
     return square <= rods[i, 6] * rods[i, 6]
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss):
     """Return the squared distance of two segments: rod i (r) and one from a (s).
 
@@ -171,7 +172,7 @@ def _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def effort_cost(state, axes):
     """Return the sum of the seven gravity torques, each without its sign.
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, FULL, WITHIN
 from handover._kernels.chain import (
     dexterity,
     draw_code,
@@ -82,13 +83,12 @@ class Work(NamedTuple):
     gram: np.ndarray
     q: np.ndarray
     dq: np.ndarray
-    active: np.ndarray
     error: np.ndarray
     code: np.ndarray
     target: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def position_of(grid, T):
     """Return the position cell of a pose, -1 outside of the grid."""
     flat = 0
@@ -100,7 +100,7 @@ def position_of(grid, T):
     return flat
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def cell_of(grid, T):
     """Return the cell of a pose, -1 outside of the grid."""
     p = position_of(grid, T)
@@ -111,7 +111,7 @@ def cell_of(grid, T):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def center_of(grid, cell, T):
     """Write the pose of a cell's centre to T (12,)."""
     p, r = cell // grid.size[3], cell % grid.size[3]
@@ -124,7 +124,7 @@ def center_of(grid, cell, T):
     T[11] = grid.place[2] + (z + 0.5) * grid.place[3]
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def position_neighbor(grid, p, axis):
     """Return the position beside `p` along axis 0 to 5 (-x, +x, -y..), -1 outside."""
     z, rest = p % grid.size[2], p // grid.size[2]
@@ -140,7 +140,7 @@ def position_neighbor(grid, p, axis):
     return (x * grid.size[1] + y) * grid.size[2] + z if inside else -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def origin_cell(grid, cell, way):
     """Return the cell that a way leads from, -1 for none."""
     p, r = cell // grid.size[3], cell % grid.size[3]
@@ -154,13 +154,13 @@ def origin_cell(grid, cell, way):
     return beside * grid.size[3] + r if beside >= 0 else -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def quality_byte(measure, reference):
     """Return 1 to 255 for a dexterity relative to the reference."""
     return np.uint8(1 + int(254.0 * min(measure / reference, 1.0)))
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def draw_samples(
     chain, grid, cells, touch, work, seed, start, reference, where, quality
 ):
@@ -180,11 +180,13 @@ def draw_samples(
             jacobian(chain, work.frames, work.jac)
             w = dexterity(chain, work.q, work.jac, work.weighted, work.gram)
             quality[i] = quality_byte(w, reference)
-            if quality[i] <= cells.sample[cell] or touches_itself(touch, work.q):
+            if quality[i] <= cells.sample[cell] or touches_itself(
+                touch, work.q, work.frames
+            ):
                 where[i] = -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def keep_best(part, parts, n_rotations, start, where, quality, cells):
     """Enter the samples of every `parts`-th position; the best of each cell stays.
 
@@ -200,7 +202,7 @@ def keep_best(part, parts, n_rotations, start, where, quality, cells):
             cells.source[c] = start + i
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def push(chain, grid, parent, origin, cell, work):
     """Move the witness of cell `origin` into the neighbouring `cell` by damped steps.
 
@@ -231,7 +233,10 @@ def push(chain, grid, parent, origin, cell, work):
         to_lattice(chain, work.q, work.code)
         from_lattice(chain, work.code, work.q)
         forward(chain, work.q, work.frames)
-        if cell_of(grid, tool) == cell:
+        if position_of(grid, tool) == cell // n and (
+            rotation_cell(tool, grid.sides[0], grid.sides[1], grid.pixel_frames)
+            == cell % n
+        ):
             return True
         after = pose_error(tool, target, grid.scale, work.error)
         if after > 0.8 * before:
@@ -240,7 +245,7 @@ def push(chain, grid, parent, origin, cell, work):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def replay(chain, grid, ways, root, cell, work):
     """Push a root's witness along `ways`, the last of which leads into `cell`.
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, FULL, WITHIN
 from handover._kernels.chain import (
     draw_code,
     forward,
@@ -19,7 +20,7 @@ _STEPS = 60
 _PRECISE = 1e-5  # of the scaled error: about 1e-6 m and 1e-6 rad
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def descend(chain, target, scale, work, trial):
     """Move work.q to the pose `target`, Levenberg-Marquardt; True if it arrives."""
     q, tool = work.q, work.frames[-1]
@@ -32,7 +33,7 @@ def descend(chain, target, scale, work, trial):
         if damping > 1e8:
             return False
         jacobian(chain, work.frames, work.jac)
-        trial[:] = q
+        _copy(q, trial)
         limited_step(chain, q, scale, damping, work)
         forward(chain, q, work.frames)
         new = pose_error(tool, target, scale, work.error)
@@ -40,14 +41,20 @@ def descend(chain, target, scale, work, trial):
             cost = new
             damping = max(0.2 * damping, 1e-9)
         else:
-            q[:] = trial
+            _copy(trial, q)
             forward(chain, q, work.frames)
             pose_error(tool, target, scale, work.error)
             damping *= 5.0
     return cost < _PRECISE * _PRECISE
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
+def _copy(one, other):
+    for j in range(one.shape[0]):
+        other[j] = one[j]
+
+
+@njit(**FULL)
 def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
     """Write a solution free of self-collision for each pose to `found` (n, dof).
 
@@ -62,14 +69,14 @@ def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
             from_lattice(chain, work.code, work.q)
             if not descend(chain, poses[i], scale, work, trial):
                 continue
-            if touches_itself(touch, work.q):
+            if touches_itself(touch, work.q, work.frames):
                 continue
             used[i] = k + 1
             found[i] = work.q
             break
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def stretch(chain, direction, work):
     """Move work.q to where the tool is furthest along `direction`, joint by joint.
 
@@ -88,12 +95,12 @@ def stretch(chain, direction, work):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def _along(direction, tool):
     return direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def _best_value(chain, direction, work, j):
     q, low, high = work.q, chain.limits[j, 0], chain.limits[j, 1]
     start, best, keep = q[j], -1e300, q[j]

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE
 from handover._kernels.reach import ROOT, cell_of, origin_cell
 
 
@@ -34,7 +35,7 @@ class Packed(NamedTuple):
     roots: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def ones(word):
     """Return the number of set bits of a uint64."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
@@ -44,7 +45,7 @@ def ones(word):
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def entry_of(packed, n_rotations, cell):
     """Return the entry of a cell, -1 where it is not reached or cell is -1."""
     if cell < 0:
@@ -63,7 +64,7 @@ def entry_of(packed, n_rotations, cell):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def qualities_of_cells(packed, n_rotations, cells, out):
     """Write the quality byte of each cell to `out` (n,); 0 where not reached."""
     for i in range(cells.shape[0]):
@@ -71,7 +72,7 @@ def qualities_of_cells(packed, n_rotations, cells, out):
         out[i] = packed.quality[at] if at >= 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def qualities_of_poses(packed, grid, poses, out):
     """Write the quality byte at each pose (n, 12) to `out` (n,); 0: not reached."""
     for i in range(poses.shape[0]):
@@ -79,7 +80,7 @@ def qualities_of_poses(packed, grid, poses, out):
         out[i] = packed.quality[at] if at >= 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def ways_to_root(packed, grid, cell, ways):
     """Write the ways from a reached cell back to its root.
 
@@ -105,7 +106,7 @@ def ways_to_root(packed, grid, cell, ways):
         cell = origin_cell(grid, cell, ways[n - 1])
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def unpack(packed, n_rotations, positions, out):
     """Write the quality bytes of whole positions to `out` (n, n_rotations)."""
     for i in range(positions.shape[0]):
@@ -120,7 +121,7 @@ def unpack(packed, n_rotations, positions, out):
                 at += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def pack_bits(rows, bits):
     """Write to `bits` (n_rows, words) which entries of `rows` (n_rows, n) are not 0."""
     for i in range(rows.shape[0]):

@@ -7,11 +7,13 @@ import math
 
 from numba import njit
 
+from handover._kernels import BARE, WITHIN
+
 _HALF_PI = 0.5 * math.pi
 _TURN = 2.0 * math.pi
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def pixel_of(x, y, z, n_side):
     """Return the HEALPix pixel (ring order) of a unit vector [Gorski2005, 5.2]."""
     t = math.atan2(y, x) / _HALF_PI
@@ -39,7 +41,7 @@ def pixel_of(x, y, z, n_side):
     return 12 * n_side * n_side - 2 * ring * (ring + 1) + k
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def rotation_cell(T, n_side, n_roll, pixel_frames):
     """Return the cell of the rotation of pose `T`.
 
@@ -64,7 +66,7 @@ def rotation_cell(T, n_side, n_roll, pixel_frames):
     return pixel * n_roll + min(bin_, n_roll - 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(**BARE)
 def rotation_cells(poses, n_side, n_roll, pixel_frames, out):
     """Write the cell of each row of `poses` (n, >= 9) to `out` (n,)."""
     for i in range(poses.shape[0]):

@@ -1,8 +1,11 @@
 """Settle the cells of one position: which witness each keeps, and how it is stored."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+from handover._kernels import BARE, WITHIN
 from handover._kernels.chain import dexterity, draw_code, jacobian
 from handover._kernels.reach import (
     MAX_DEPTH,
@@ -18,8 +21,31 @@ _TRIES = 5  # pushes to such a cell before it is given up
 _QUEUE = 24  # entries per cell of a position
 
 
-@njit(cache=True, nogil=True)
-def settle_positions(chain, grid, cells, touch, work, positions, rules, counts):
+class Queue(NamedTuple):
+    """The cells of one position that wait, by what they may hope for; work space.
+
+    Attributes:
+        head: (256,) first entry of each quality, -1 for none.
+        entries: (2, m) rotation, and the next entry.
+        beside: (6,) first cell of the positions beside, -1 outside of the grid.
+    """
+
+    head: np.ndarray
+    entries: np.ndarray
+    beside: np.ndarray
+
+
+def queue_of(n_rotations: int) -> Queue:
+    """Return an empty queue."""
+    return Queue(
+        np.full(256, -1, np.int32),
+        np.zeros((2, n_rotations * _QUEUE), np.int32),
+        np.zeros(6, np.int64),
+    )
+
+
+@njit(**BARE)
+def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, counts):
     """Settle what can be settled at positions no two of which are neighbours.
 
     Best first: a cell's turn comes with the quality of its sample or of the best
@@ -32,9 +58,7 @@ def settle_positions(chain, grid, cells, touch, work, positions, rules, counts):
     pushes, witnesses refused for self-collision.
     """
     n = grid.size[3]
-    head = np.full(256, -1, np.int32)
-    entries = np.empty((2, n * _QUEUE), np.int32)  # rotation, next entry
-    beside = np.empty(6, np.int64)
+    head, entries, beside = queue.head, queue.entries, queue.beside
     for i in range(positions.shape[0]):
         first = positions[i] * n
         for axis in range(6):
@@ -89,7 +113,7 @@ def settle_positions(chain, grid, cells, touch, work, positions, rules, counts):
                 top = max(top, key)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def _enter(head, entries, used, key, r):
     entries[0, used] = r
     entries[1, used] = head[key]
@@ -97,7 +121,7 @@ def _enter(head, entries, used, key, r):
     return used + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def hope(neighbors, beside, cells, first, r):
     """Return the best quality a cell may hope for, 0 for none, and the best way.
 
@@ -133,7 +157,7 @@ def hope(neighbors, beside, cells, first, r):
     return max(own, top), way
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def _ones(bits):
     n = 0
     while bits:
@@ -142,7 +166,7 @@ def _ones(bits):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
     """Try the way from `parent`, then the sample; keep whichever gives a witness."""
     least = rules[2] * cells.sample[cell]
@@ -157,7 +181,7 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
                 dexterity(chain, work.q, work.jac, work.weighted, work.gram), rules[0]
             )
             if value >= least:
-                if not touches_itself(touch, work.q):
+                if not touches_itself(touch, work.q, work.frames):
                     depth = cells.depth[parent] + 1
                     if depth > MAX_DEPTH:
                         depth, way = 0, ROOT
@@ -172,7 +196,7 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
         cells.source[cell] |= np.uint32(1) << np.uint32(way)
 
 
-@njit(cache=True, nogil=True)
+@njit(**WITHIN)
 def _keep(cells, cell, value, way, depth, code, counts):
     cells.quality[cell] = value
     cells.way[cell] = way

@@ -12,7 +12,8 @@ _VALUES = (0, 1, 2, 6)  # columns of a table without times
 def print_bench(result: dict, console: Console | None = None) -> None:
     """Print the table of a bench and the lines about its setting."""
     console = console or Console()
-    table = Table(title=f"odm bench {result['bench']}", title_justify="left")
+    title = result.get("title") or f"odm bench {result['bench']}"
+    table = Table(title=title, title_justify="left")
     head, *rows = _lines(result)
     for k, name in enumerate(head):
         table.add_column(name, justify="left" if k < 2 else "right")

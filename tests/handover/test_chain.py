@@ -10,11 +10,39 @@ from handover import chain_of
 from handover._kernels import chain as kernels
 from handover._kernels.touch import touches_itself
 from handover.reach_grid import reachable_box
-from handover.reach_work import touch_of, work_of
+from handover.reach_touch import touch_of
+from handover.reach_work import work_of
 from roadmap import load_robot
+from roadmap._kernels.kinematics import body_frames
 from roadmap.errors import BadInput
 from roadmap.kinematics import jacobian, tool_pose
 from roadmap.self_collision import configuration_free
+
+FLAP = """<robot name="flap">
+<link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+</link>
+<link name="upper"><collision><origin xyz="0.15 0 0"/><geometry>
+<box size="0.28 0.04 0.04"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.15 0 0"/><geometry>
+<box size="0.28 0.04 0.04"/></geometry></collision></link>
+<link name="hand"><collision><origin xyz="0.05 0 0"/><geometry>
+<box size="0.08 0.04 0.04"/></geometry></collision></link>
+<link name="flap"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.38 0.04 0.04"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/>
+<origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="b" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.9" upper="2.9" velocity="1" effort="1"/></joint>
+<joint name="c" type="revolute"><parent link="fore"/><child link="hand"/>
+<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+<joint name="d" type="revolute"><parent link="base"/><child link="flap"/>
+<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/><mimic joint="b" multiplier="0.5"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+</robot>
+"""
 
 
 def draw(chain, rng):
@@ -91,19 +119,67 @@ def test_the_reachable_box_holds_every_tool_and_is_touched(arm, robot, rng):
         assert room.max() < 0.15 * np.ptp(box, axis=0).max()
 
 
-@pytest.mark.parametrize("name", ["kawasaki_fs003n", "armar3"])
+@pytest.mark.parametrize("name", ["kawasaki_fs003n", "armar3", "panda"])
 def test_tables_never_change_an_answer_about_self_collision(name, rng):
     robot = load_robot(name, cover_excess=0.2)
     chain = chain_of(robot)
     touch = touch_of(chain)
-    assert (touch.joints[:, 0] >= 0).any() and touch.clear.any()
-    free = 0
-    for _ in range(1500):
-        q = draw(chain, rng)
-        slow = configuration_free(robot, chain.full(q))[0]
-        assert touches_itself(touch, q) == (not slow)
-        free += slow
+    assert (touch.pair[:, 2] >= 0).any() and touch.clear.any()
+    assert not len(touch.tree_i)
+    free = agreed(robot, chain, touch, [draw(chain, rng) for _ in range(1500)])
     assert 0 < free < 1500
+
+
+def agreed(robot, chain, touch, configurations) -> int:
+    """Compare with the planner's own test; returns how many are free."""
+    work, free = work_of(chain), 0
+    for q in configurations:
+        slow = configuration_free(robot, chain.full(q))[0]
+        kernels.forward(chain.arrays, q, work.frames)
+        assert touches_itself(touch, q, work.frames) == (not slow)
+        free += slow
+    return free
+
+
+def test_a_link_that_follows_no_joint_of_the_tool_is_placed_by_itself(tmp_path, rng):
+    # the flap mimics the elbow, but is no part of the way to the hand
+    urdf = tmp_path / "flap.urdf"
+    urdf.write_text(FLAP, encoding="utf-8")
+    robot = load_robot(str(urdf), tip="hand", cover_excess=0.2)
+    chain = chain_of(robot)
+    touch = touch_of(chain)
+    assert len(touch.tree_i) and len(touch.pair)
+    free = agreed(robot, chain, touch, [draw(chain, rng) for _ in range(800)])
+    assert 0 < free < 800
+
+
+@pytest.mark.parametrize(("name", "tip"), [("panda", None), ("rail_arm", "upper_arm")])
+def test_links_carried_along_stand_where_the_robot_s_do(name, tip, rng):
+    # beyond the upper arm nothing moves, but all of it is carried along
+    robot = load_robot(name, tip=tip, cover_excess=0.2)
+    chain = chain_of(robot)
+    touch, work = touch_of(chain), work_of(chain)
+    for _ in range(20):
+        q = draw(chain, rng)
+        kernels.forward(chain.arrays, q, work.frames)
+        bodies = np.zeros((len(robot.tree_i), 12))
+        body_frames(robot.tree_i, robot.tree_f, chain.full(q), bodies)
+        for s, (row, first, end, lane, last) in enumerate(touch.shell.tolist()):
+            ours = work.frames[row] if row >= 0 else touch.still
+            theirs = bodies[robot.link_body[robot.shell_link[s]]]
+            points = robot.shell_points[robot.shell_ptr[s] : robot.shell_ptr[s + 1]]
+            expected = placed(theirs, points)
+            np.testing.assert_allclose(
+                placed(ours, touch.points[first:end]), expected, atol=1e-9
+            )
+            lanes = placed(ours, touch.lanes[:, lane:last].T)
+            np.testing.assert_allclose(lanes[: len(points)], expected, atol=1e-9)
+            filled = lanes[len(points) :] - expected[-1]
+            assert np.abs(filled).max(initial=0.0) < 1e-9
+
+
+def placed(pose, points):
+    return points @ pose[:9].reshape(3, 3).T + pose[9:]
 
 
 def test_the_fingerprint_tells_chains_apart(arm, robot):

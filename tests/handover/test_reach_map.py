@@ -15,8 +15,14 @@ from handover._kernels.chain import dexterity, forward, from_lattice, jacobian
 from handover.reach_build import MAX_BYTES
 from handover.reach_grid import reach_grid
 from handover.reach_map import ReachMap
-from handover.reach_recall import center_rate, measure_recall, random_poses
-from handover.reach_work import best_dexterity, touch_of, work_of
+from handover.reach_recall import (
+    center_rate,
+    measure_recall,
+    random_poses,
+    witness_precision,
+)
+from handover.reach_touch import touch_of
+from handover.reach_work import best_dexterity, work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.self_collision import configuration_free
@@ -191,6 +197,21 @@ def test_some_centres_are_out_of_reach_though_their_cells_are_not(arm_map):
     assert 0.05 < center_rate(arm_map, cells=200) < 1.0
 
 
+def test_the_precision_sees_witnesses_that_prove_nothing(arm_map, robot, robot_map):
+    assert witness_precision(arm_map, cells=300) == 1.0
+    assert witness_precision(robot_map, chain_of(robot), cells=300) == 1.0
+    roots = np.array(arm_map.packed.roots)
+    roots[::2] = roots[0]
+    packed = arm_map.packed._replace(roots=roots)
+    wrong = ReachMap(arm_map.chain, arm_map.grid, packed, 1.0)
+    assert 0.2 < witness_precision(wrong, cells=300) < 0.8
+    # of a map that was built without looking at self-collision
+    settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
+    loose = build_reach_map(chain_of(robot, self_collisions=False), settings, threads=1)
+    assert witness_precision(loose, cells=300) == 1.0
+    assert witness_precision(loose, chain_of(robot), cells=300) < 1.0
+
+
 def test_a_rail_an_endless_joint_and_fewer_than_six_joints_have_a_map_too():
     robot = load_robot("rail_arm", cover_excess=0.2)
     chain = chain_of(robot)
@@ -307,4 +328,4 @@ def test_the_yardstick_and_the_work_are_those_of_the_chain(arm):
             <= 1.0001 * best
         )
     assert best_dexterity(arm, 2) == pytest.approx(best, rel=0.05)
-    assert touch_of(arm).joints.shape == (0, 2)
+    assert len(touch_of(arm).pair) == 0

@@ -35,6 +35,42 @@ def test_a_build_stores_a_map_under_its_name_and_says_what_it_is(built):
     assert facts["hash"] == reach.hash and facts["recall"]["recall"] is None
     assert f"{reach.n_marked:,} of" in out and "fewer than 6 joints" in out
     assert (folder / "cut.png").stat().st_size > 10_000
+    rows = {row["name"]: row for row in facts["figures"]}
+    assert rows["precision in the cell"]["value"] == 100
+    size = sum(f.stat().st_size for f in place.iterdir())
+    assert rows["size of the files"]["value"] == pytest.approx(1e-6 * size, abs=0.006)
+    assert 0 < rows["load"]["value"] < 1000
+    assert rows["built in, wall clock"]["value"] == facts["built"]["seconds"]
+    assert "recall" not in rows and "centres reached" not in rows
+    # limits are asked of one grid only, and this is another
+    assert not any(row["asked"] for row in facts["figures"])
+    assert all(name in out for name in rows)
+
+
+def test_what_is_asked_is_told_for_the_grid_it_is_asked_of(monkeypatch, tmp_path):
+    from handover import ReachSettings, build_reach_map, chain_of
+    from roadmap import load_robot
+    from sim import reach_figures
+
+    monkeypatch.setattr(reach_figures, "CELL_M", 0.15)
+    monkeypatch.setattr(reach_figures, "ROTATIONS", 72)
+    chain = chain_of(load_robot("kawasaki_fs003n", cover_excess=0.2))
+    settings = ReachSettings(cell=0.15, rotations=72, samples=20_000)
+    reach = build_reach_map(chain, settings, threads=2)
+    place = reach.save(tmp_path / "reach")
+    stages = set()
+    rows, recall = reach_figures.measured(
+        reach, place, chain, 200, lambda stage, done, n: stages.add(stage)
+    )
+    found = {row["name"]: row for row in rows}
+    assert found["recall"]["value"] == pytest.approx(100 * recall.recall, abs=0.01)
+    assert found["recall"]["asked"] == {"least": 97.0}
+    assert found["precision in the cell"]["asked"] == {"least": 99.0}
+    assert found["built in, wall clock"]["asked"] == {"most": 30.0}
+    assert 0 < found["centres reached"]["value"] <= 100
+    share = reach.built["cpu_seconds"] / 2
+    assert found["processor time by thread"]["value"] == pytest.approx(share, abs=0.01)
+    assert {"random poses", "witnesses", "centres of cells"} <= stages
 
 
 def test_the_same_seed_builds_the_same_map(built, odm, tmp_path):
@@ -42,7 +78,9 @@ def test_the_same_seed_builds_the_same_map(built, odm, tmp_path):
     code, out, _ = odm("workspace", "build", ARM, *QUICK, *options, "--json=-")
     assert code == 0
     assert json.loads(out)["hash"] == built[2]["hash"]
-    assert "recall" not in json.loads(out)
+    facts = json.loads(out)
+    assert "recall" not in facts
+    assert "centres reached" not in [row["name"] for row in facts["figures"]]
 
 
 def test_info_tells_the_same_and_sees_an_altered_byte(built, odm, tmp_path):
