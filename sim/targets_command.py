@@ -37,7 +37,9 @@ AUDIT_S = 1.0  # from audit to audit [s]
 # Fewer motions to a goal than usual: a frame pays for them when the target changes.
 # One look is enough to go to a better target: the margin of quality keeps it calm. No
 # memory of where the person was: with it the planner stays with a worse, calm target.
-PLANNER = PlannerSettings(attachments=4, start_attachments=4, looks=1, memory_s=0.0)
+PLANNER = PlannerSettings(
+    attachments=4, start_attachments=4, looks=1, memory_s=0.0, kept_goals=32
+)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, ball_at, small_recipe
+from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 
 import odm
 from roadmap.kinematics import tool_pose
@@ -31,6 +31,36 @@ def test_a_better_goal_that_gets_free_is_taken_from_a_straight_way(planner):
     q = answer.path[-1] + 0.5 * (answer.path[-2] - answer.path[-1])
     goals = [planner.step(NOBODY, q=q).goal for _ in range(60)]
     assert goals[-1] == 0
+
+
+def straight_goal(planner, points):
+    """Draw a second goal that a planner goes straight to, BETTER being blocked."""
+    rng = np.random.default_rng(0)
+    while True:
+        worse = draw_valid(planner, rng)
+        planner.reset()
+        planner.set_goals([BETTER, worse])
+        answers = [planner.step(points, q=HOME) for _ in range(6)]
+        far = np.abs(worse - HOME).max() > 0.8
+        if far and answers[-1].goal == 1 and len(answers[-1].path) == 2:
+            return worse
+
+
+def test_a_better_goal_is_seen_under_way_on_a_straight_motion(planner):
+    """Its ends are no nodes: nothing but the robot itself leads to the other goal."""
+    ball = ball_at(tool_pose(planner.robot, BETTER)[:3, 3], 0.05)
+    worse = straight_goal(planner, ball)
+    q, goals = HOME, []
+    for _ in range(70):
+        answer = planner.step(NOBODY if goals else ball, q=q)
+        goals.append(answer.goal)
+        if answer.goal == 0:
+            break
+        assert len(answer.path) == 2
+        way = answer.path[1] - q
+        q = q + way * min(1.0, 0.01 / np.abs(way).max())
+    assert goals[-1] == 0 and goals[0] == 1
+    assert np.abs(q - worse).max() > 0.05  # before it arrives
 
 
 def test_a_goal_that_is_kept_keeps_its_straight_motions(planner):
