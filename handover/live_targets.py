@@ -75,6 +75,8 @@ class Pursuit:
         goals: Goals the planner has.
         set_goals: Whether they changed in this frame.
         missing_m: Where there is no target: how much nearer the person must come [m].
+        touched: Whether the person is within the robot's clearance: whatever its goals
+            are, it stands or gets out of the way.
     """
 
     state: str
@@ -86,6 +88,7 @@ class Pursuit:
     goals: int
     set_goals: bool
     missing_m: float = 0.0
+    touched: bool = False
 
 
 class LiveTargets:
@@ -232,6 +235,7 @@ class LiveTargets:
             len(self.goals),
             self._changed,
             missing,
+            self._touched,
         )
 
     # --- inside ----------------------------------------------------------------
