@@ -183,11 +183,13 @@ class LiveTargets:
         )
         self._worth |= {t.key: t.quality for t in targets}
         goals = offers.goals(decision.keys)
-        offers.work(pursued)
-        self.counts["attached"] = offers.attached
         self._changed = [g.q.tobytes() for g in goals] != [
             g.q.tobytes() for g in self.goals
         ] or not self.counts["set_goals"]
+        wanted = [g.q for g in goals] or [self.rest]
+        if not self._changed or all(map(self.planner.is_prepared, wanted)):
+            offers.work(pursued)  # else this frame has to join one of them
+            self.counts["attached"] = offers.attached
         if self._changed:
             self.counts["set_goals"] += 1
             goals = self._set(goals)

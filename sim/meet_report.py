@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from handover.live_targets import BLOCKED
+from handover.live_targets import BLOCKED, NOBODY
 from sim.meet_loop import MeetLoop
 from sim.run_result import RunResult, percentiles
 
@@ -18,6 +18,7 @@ def target_figures(loop: MeetLoop, result: RunResult) -> dict:
     busy = result.wall_s, result.cpu_s
     counts = loop.live.counts
     touched = sum(p.touched and p.state == BLOCKED for p in pursuits)
+    missing = min((p.missing_m for p in pursuits if p.state == NOBODY), default=0.0)
     lost = [p.best - p.quality for p in pursuits if p.key is not None]
     return {
         "share_of_time": {k: round(v / n, 4) for k, v in sorted(states.items())},
@@ -32,6 +33,7 @@ def target_figures(loop: MeetLoop, result: RunResult) -> dict:
         "loop_wall_s": percentiles(busy[0]),
         "loop_cpu_s": percentiles(busy[1]),
         "contacts": result.contacts,
+        "missing_m": round(float(missing), 4) if np.isfinite(missing) else None,
     }
 
 
@@ -50,6 +52,9 @@ def print_targets(told: dict) -> None:
         if state == BLOCKED:
             close = _percent(told["blocked_within_clearance"])
             rows.add_row("  of it, with the person within the clearance", close)
+    if told["missing_m"]:
+        near = f"{100 * told['missing_m']:.0f} cm"
+        rows.add_row("  of no target: the person would have to come nearer by", near)
     audit = told["audit"]
     if audit["judged"]:
         rows.add_row("frames audited", str(audit["judged"]))

@@ -177,7 +177,8 @@ def run_meet(
         The figures as plain data: "run", "targets", "setting", "map_hash".
     """
     person, side = person_of(motion, seed, recorded, options)
-    seconds = seconds or getattr(recorded, "duration_s", DEMO.duration_s)
+    if seconds is None:
+        seconds = getattr(recorded, "duration_s", DEMO.duration_s)
     settings = replace(
         DEMO, duration_s=seconds, seed=seed, rate_hz=rate, execution=execution
     )

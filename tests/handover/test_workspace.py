@@ -209,6 +209,19 @@ def test_an_update_is_as_good_as_a_new_workspace(meet_of, rng):
         assert [t.key for t in meet.best(10)] == [t.key for t in new.best(10)]
 
 
+def _missing(meet):
+    """Look at every wrist of every cell."""
+    T = BASE @ meet.grid.centers(meet.keys) @ meet.obj.T_tool_object
+    arm = meet.human.arm("right")
+    shoulder = meet.human.T_world_shoulder("right")[:3, 3]
+    gaps = []
+    for grasp in meet.grasps:
+        hands = T @ grasp
+        wrist = hands[:, :3, 3] - arm.lengths[2] * hands[:, :3, 2]
+        gaps.append(np.linalg.norm(wrist - shoulder, axis=1).min())
+    return max(0.0, min(gaps) - arm.lengths[:2].sum())
+
+
 def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
     human = Human(1.75).placed(4.0, 0.0, np.pi)
     meet = meet_of(human, grasps=1)
@@ -225,6 +238,9 @@ def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
     T_pelvis[:3, 3] += (gap + 1e-4) * near / np.linalg.norm(near)
     meet.update(human.moved(T_pelvis))
     assert meet.missing_m == 0.0
+    for far in (1.4, 2.2, 3.1):  # the nearest cell is found without looking at all
+        meet = meet_of(Human(1.75).placed(far, 0.2, np.pi), grasps=4)
+        assert meet.missing_m == pytest.approx(_missing(meet), abs=1e-5)
     nobody = meet_of(human, constraints=[Above(50.0)])
     assert len(nobody) == 0 and nobody.best() == [] and nobody.missing_m == np.inf
 
