@@ -238,11 +238,19 @@ def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
     T_pelvis[:3, 3] += (gap + 1e-4) * near / np.linalg.norm(near)
     meet.update(human.moved(T_pelvis))
     assert meet.missing_m == 0.0
-    for far in (1.4, 2.2, 3.1):  # the nearest cell is found without looking at all
-        meet = meet_of(Human(1.75).placed(far, 0.2, np.pi), grasps=4)
-        assert meet.missing_m == pytest.approx(_missing(meet), abs=1e-5)
     nobody = meet_of(human, constraints=[Above(50.0)])
     assert len(nobody) == 0 and nobody.best() == [] and nobody.missing_m == np.inf
+
+
+def test_how_far_is_found_without_looking_at_all_cells(meet_of, rng):
+    meet = meet_of(Human(1.75), grasps=4)
+    missing = []
+    for _ in range(40):
+        x, y, yaw = rng.uniform([-2.5, -2.5, -np.pi], [2.5, 2.5, np.pi])
+        meet.update(Human(1.75).placed(x, y, yaw))
+        missing.append(meet.missing_m)
+        assert missing[-1] == pytest.approx(_missing(meet), abs=2e-6)
+    assert min(missing) == 0.0 and max(missing) > 1.0
 
 
 def test_constraints_are_those_of_the_object(meet_of, rng):
