@@ -246,9 +246,8 @@ class Few:
     """Allows a few poses, here and there."""
 
     def allows(self, T_world_object, obj):
-        return np.random.default_rng(len(T_world_object)).random(
-            len(T_world_object)
-        ) < 0.02
+        n = len(T_world_object)
+        return np.random.default_rng(n).random(n) < 0.02
 
 
 def test_how_far_is_found_without_looking_at_all_cells(meet_of, rng):

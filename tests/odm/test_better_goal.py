@@ -63,6 +63,30 @@ def test_a_better_goal_is_seen_under_way_on_a_straight_motion(planner):
     assert np.abs(q - worse).max() > 0.05  # before it arrives
 
 
+def test_a_better_goal_beside_a_hand_is_taken_though_it_is_never_calm(planner):
+    """It keeps clear of the frame's points, not of those grown by `calm`."""
+    tool = tool_pose(planner.robot, BETTER)[:3, 3]
+    blocked = ball_at(tool, 0.05)
+    worse = straight_goal(planner, blocked)
+    away = np.array([0.0, 0.0, 1.0])
+    for far in np.arange(0.0, 0.5, 0.005):
+        beside = ball_at(tool + far * away, 0.05)
+        planner.step(beside, q=HOME)
+        if planner.stands_clear(BETTER):
+            break
+    # the planner knows the ball there, and grown it does not let it pass
+    assert planner.settings.calm > 0 and planner.settings.memory_s > 0
+    planner.step(planner.calm.recent.around().copy(), q=HOME)
+    assert not planner.stands_clear(BETTER)
+    planner.reset()
+    planner.set_goals([BETTER, worse])
+    goals = [planner.step(blocked, q=HOME).goal for _ in range(10)]
+    assert goals[-1] == 1
+    goals = [planner.step(beside, q=HOME).goal for _ in range(80)]
+    assert goals[-1] == 0
+    assert 1 in goals[:10]  # not at the first look: it might be a tremble
+
+
 def test_a_goal_that_is_kept_keeps_its_straight_motions(planner):
     planner.set_goals([AWAY])
     for _ in range(5):  # it stays: the start is attached in full
