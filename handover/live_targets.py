@@ -171,6 +171,23 @@ class LiveTargets:
         if self._touched:
             return  # whatever the goals are, it cannot leave
         pursued = None if self._pursued is None else self._pursued.key
+        goals = self._choose(targets, known, pursued)
+        self._changed = [g.q.tobytes() for g in goals] != [
+            g.q.tobytes() for g in self.goals
+        ] or not self.counts["set_goals"]
+        wanted = [g.q for g in goals] or [self.rest]
+        if not self._changed or all(map(self.planner.is_prepared, wanted)):
+            self.offers.work(pursued)  # else this frame has to join one of them
+            self.counts["attached"] = self.offers.attached
+        if self._changed:
+            self.counts["set_goals"] += 1
+            goals = self._set(goals)
+        self.goals = goals
+
+    def _choose(
+        self, targets: list[Target], known: list[Target], pursued: int | None
+    ) -> tuple[Goal, ...]:
+        """Return the goals of this frame, of the targets it has and those on offer."""
         offers = self.offers
         offers.begin(self._targets | {t.key: t for t in known})
         offers.renew(tuple(self._worth))
@@ -182,18 +199,7 @@ class LiveTargets:
             lambda key: offers.ready(key) is not None,
         )
         self._worth |= {t.key: t.quality for t in targets}
-        goals = offers.goals(decision.keys)
-        self._changed = [g.q.tobytes() for g in goals] != [
-            g.q.tobytes() for g in self.goals
-        ] or not self.counts["set_goals"]
-        wanted = [g.q for g in goals] or [self.rest]
-        if not self._changed or all(map(self.planner.is_prepared, wanted)):
-            offers.work(pursued)  # else this frame has to join one of them
-            self.counts["attached"] = offers.attached
-        if self._changed:
-            self.counts["set_goals"] += 1
-            goals = self._set(goals)
-        self.goals = goals
+        return offers.goals(decision.keys)
 
     def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
         """Set the planner's goals; leave out those that no longer can be."""

@@ -247,6 +247,8 @@ class ReactivePlanner(Doors, Questions, Braking):
         Then it is worth to join the robot to the roadmap anew: the ends of a straight
         way are no nodes, and from them no way to another goal is ever found.
         """
+        if self.costs is not None:  # then no goal is better than another by its rank
+            return False
         rank = int(self.memory.way.count[1])
         return any(self.stands_clear(self.goals[g]) for g in range(rank))
 

@@ -63,6 +63,14 @@ def test_a_better_goal_is_seen_under_way_on_a_straight_motion(planner):
     assert np.abs(q - worse).max() > 0.05  # before it arrives
 
 
+def test_where_goals_have_costs_their_order_is_no_rank(planner):
+    worse = straight_goal(planner, ball_at(tool_pose(planner.robot, BETTER)[:3, 3]))
+    planner.reset()
+    planner.set_goals([BETTER, worse], costs=[50.0, 0.0])
+    goals = [planner.step(NOBODY, q=HOME).goal for _ in range(60)]
+    assert set(goals) == {1}
+
+
 def test_a_better_goal_beside_a_hand_is_taken_though_it_is_never_calm(planner):
     """It keeps clear of the frame's points, not of those grown by `calm`."""
     tool = tool_pose(planner.robot, BETTER)[:3, 3]
