@@ -161,15 +161,24 @@ class Motion:
             rest = State(halt._end, 0.0, 0.0)
             return halt._then(self._timed(self._way, rest, speed_scale), self._way)
 
-    def commit(self, t: float, ahead: float = 0.0, least: float = 0.0) -> Commit:
+    def commit(
+        self,
+        t: float,
+        ahead: float = 0.0,
+        least: float = 0.0,
+        *,
+        through_blends: bool = False,
+    ) -> Commit:
         """Return the earliest place at which another path may begin.
 
         It is where the robot stands if it begins to stop `ahead` seconds after `t`,
-        but not before arc length `least`.
+        but not before arc length `least`. `through_blends` goes on to behind a blend:
+        a path that begins on one leads off at an angle, and the robot must stop there.
         """
         begin = min(t + ahead, self.duration)
-        s = max(self.stop(begin)._end, self._state(t).s, least)
-        s = min(s, self._end)
+        s = min(max(self.stop(begin)._end, self._state(t).s, least), self._end)
+        if through_blends:
+            s = self._way.behind_blend(s, self._end)
         return Commit(self._way.at(s)[0].copy(), s, begin)
 
     def join(
@@ -209,21 +218,21 @@ class Motion:
         state = self._state(t)
         scale = self.speed_scale if speed_scale is None else speed_scale
         check_scale(scale)
+        kept, corner_s = self._way.along(commit.s, path)
+        if kept and kept + 1 == len(path) and corner_s == self._way.turns[-1].s:
+            return self.rescaled(t, scale)
         # a little of what is behind stays: the state must lie on a piece of its own
-        before = self._way.part(state.s - 10.0 * NEAR, commit.s)
-        sway = joint_sway(robot)
-        for rounded in (True, False):
-            head = before.pieces
-            if not rounded or not head:
-                tail, stray = lay_way(path, sway, blend, at=commit.s)
-                pieces = head + tail
-            else:
-                room = commit.s - settled(self._way, state)
-                pieces, stray = lay_way(path, sway, blend, head, room_before=room)
-            stray = max(stray, before.stray)
-            way = Way.of(robot, pieces, stray, commit.q)
+        behind = state.s - 10.0 * NEAR
+        if kept:
+            before, path = self._way.to_corner(behind, corner_s), path[kept:]
+            same = before.pieces[-1].begin
+        else:
+            before, same = self._way.part(behind, commit.s), commit.s
+        room = corner_s - settled(self._way, state) if before.pieces else 0.0
+        for share in (1.0, 0.0):
+            way = before.joined(path, corner_s, blend, share * room)
             try:
-                return self._go_on(t, way, scale, commit.s)
+                return self._go_on(t, way, scale, same)
             except NoProfile:
                 continue
         # no way on without a stop: at the commit point or before, then on from rest
@@ -231,9 +240,7 @@ class Motion:
         if halt._end > commit.s + 1e-6:
             halt = self.stop(t)
         rest = State(min(halt._end, commit.s), 0.0, 0.0)
-        tail, stray = lay_way(path, sway, blend, at=commit.s)
-        stray = max(stray, before.stray)
-        way = Way.of(robot, before.pieces + tail, stray, commit.q)
+        way = before.joined(path, corner_s, blend, corner_s - rest.s)
         return halt._then(self._timed(way, rest, scale), way)
 
     # --- inside ----------------------------------------------------------------

@@ -1,12 +1,13 @@
 """The way of a motion: pieces with the limits of the arc length on them."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from roadmap.blend import Piece, scalar_limits, without_gaps
+from roadmap.blend import Piece, joint_sway, lay_way, scalar_limits, without_gaps
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
@@ -14,6 +15,14 @@ from roadmap.timing import State
 
 SAME = 1e-9
 NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
+
+
+class Turn(NamedTuple):
+    """A corner of a way: its arc length, where its blend begins, and its (dof,) q."""
+
+    s: float
+    begin: float
+    q: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +79,68 @@ class Way:
             return self.home, none, none
         return self.pieces[self.index(s)].at(s)
 
+    def behind_blend(self, s: float, end: float) -> float:
+        """Return the first arc length from `s` on at which another path may well begin.
+
+        Not on a blend, where it would lead off at an angle, but far enough behind one
+        for a corner there to be rounded; at most `end`.
+        """
+        for k in range(self.index(s), len(self.pieces)):
+            piece = self.pieces[k]
+            if piece.d == 0.0:
+                lead = self.pieces[k - 1].d if k else 0.0
+                return min(max(s, piece.begin + min(lead, piece.length)), end)
+        return min(s, end)
+
+    @cached_property
+    def turns(self) -> "list[Turn]":
+        """The corners of the way, the end as the last one."""
+        turns = []
+        for k, p in enumerate(self.pieces):
+            if p.d > 0.0:
+                turns.append(Turn(p.anchor + p.d, p.anchor, p.corner()))
+            elif k and self.pieces[k - 1].d == 0.0:
+                turns.append(Turn(p.begin, p.begin, p.at(p.begin)[0]))
+        if self.pieces:
+            end = self.pieces[-1].end
+            turns.append(Turn(end, end, self.at(end)[0]))
+        return turns
+
+    def along(self, s: float, path: np.ndarray) -> "tuple[int, float]":
+        """Return how far a path keeps to this way.
+
+        Args:
+            s: Arc length of its first corner.
+            path: (k, dof) corners [rad or m].
+
+        Returns:
+            Index of the last corner to which the way leads over the same corners and
+            where a blend, if any, begins behind `s`; and its arc length. (0, s): none.
+        """
+        ahead = [turn for turn in self.turns if turn.s > s + NEAR]
+        first = 1
+        while first < len(path) and np.abs(path[first] - path[0]).max() <= NEAR:
+            first += 1
+        rounded = bool(ahead) and ahead[0].begin < s - NEAR  # its blend has begun
+        for skip in (0, 1) if rounded else (0,):  # the path may leave that corner out
+            kept = _common(ahead[skip:], path[first:])
+            if kept > (rounded and not skip):
+                return first + kept - 1, ahead[skip + kept - 1].s
+        return 0, s
+
+    def to_corner(self, begin: float, s: float) -> "Way":
+        """Return the part from `begin` to the corner at arc length `s`, not rounded."""
+        kept = [p for p in self.pieces if p.end > begin + SAME and p.begin < s - SAME]
+        if kept and kept[-1].d > 0.0 and kept[-1].anchor + kept[-1].d > s - NEAR:
+            kept.pop()
+        if kept and kept[-1].d > 0.0:  # no straight piece is between two blends
+            last = kept[-1]
+            at = last.at(last.end)[0]
+            kept.append(Piece(last.end, s, at, last.end, last.w, last.w, 0.0))
+        pieces = tuple(p.cut(begin, s) for p in kept[:-1])
+        pieces += tuple(replace(p.cut(begin, s), end=s) for p in kept[-1:])
+        return Way.of(self.robot, pieces, self.stray, self.home)
+
     @cached_property
     def corners(self) -> np.ndarray:
         """Which ends of the pieces (n + 1,) must be passed at rest."""
@@ -78,6 +149,19 @@ class Way:
             for a, b in zip(self.pieces, self.pieces[1:], strict=False)
         ]
         return np.array([False, *corners, True])
+
+    def joined(self, path: np.ndarray, s: float, blend: float, room: float) -> "Way":
+        """Return this way followed by a corner path.
+
+        Args:
+            path: (k, dof) corners; the first one is the end of this way.
+            s: Arc length of the first one.
+            blend: No centre of the cover strays farther from the corners [m].
+            room: What rounding the first one may take of this way; 0: it stays sharp.
+        """
+        sway = joint_sway(self.robot)
+        pieces, stray = lay_way(path, sway, blend, self.pieces, s, room)
+        return Way.of(self.robot, pieces, max(stray, self.stray), path[0])
 
     def part(self, begin: float, end: float) -> "Way":
         """Return the part between two arc lengths; its limits stay."""
@@ -89,6 +173,16 @@ class Way:
         pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
         limits = (array[kept] for array in (self.swift, self.turning, self.a, self.j))
         return Way(self.robot, pieces, *limits, self.stray, self.at(end)[0])
+
+
+def _common(turns: list[Turn], path: np.ndarray) -> int:
+    """Return how many of the first corners are the same."""
+    kept = 0
+    for turn, corner in zip(turns, path, strict=False):
+        if np.abs(turn.q - corner).max() > NEAR:
+            break
+        kept += 1
+    return kept
 
 
 def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:

@@ -129,15 +129,19 @@ class Executor:
         if known is not None and known[0] is self.motion:
             if known[1:3] == (self.t, least):
                 return known[3]
-        return self.motion.commit(self.t, self.settings.ahead, least)
+        return self._commit_at(self.t, least)
 
     def ahead(self) -> np.ndarray:
         """Return (dof,) where the next frame's path will begin, if nothing changes."""
         t = self.t + self.period
         least = self._least(t)
-        commit = self.motion.commit(t, self.settings.ahead, least)
+        commit = self._commit_at(t, least)
         self._next = (self.motion, t, least, commit)
         return commit.q
+
+    def _commit_at(self, t: float, least: float) -> Commit:
+        ahead = self.settings.ahead
+        return self.motion.commit(t, ahead, least, through_blends=True)
 
     def _least(self, t: float) -> float:
         """Return the arc length before which no new path begins."""

@@ -1,0 +1,115 @@
+"""A path that goes on over the same corners is joined behind them, without a stop."""
+
+import numpy as np
+import pytest
+from moving import DT, check_limits, draw_path
+
+import roadmap
+
+BLEND = 0.01
+
+
+def drawn(panda, rng, corners=6):
+    path = draw_path(panda, rng, corners, size=0.5)
+    return path, roadmap.time_path(panda, path, blend=BLEND)
+
+
+def corners_ahead(motion, commit, path):
+    """The corners of the path that are still ahead of a commit point."""
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    return path[np.r_[0.0, lengths.cumsum()] > commit.s + 1e-9]
+
+
+def sampled(motion, t=0.0, end=np.inf):
+    return motion.sample(np.arange(t, min(motion.duration, end) + 2 * DT, DT))
+
+
+def test_the_same_path_changes_nothing(panda, rng):
+    for _ in range(8):
+        path, motion = drawn(panda, rng)
+        t = rng.uniform(0.0, 0.7) * motion.duration
+        commit = motion.commit(t, 0.05)
+        rest = np.vstack([commit.q[None], corners_ahead(motion, commit, path)])
+        joined = motion.join(t, commit, rest, blend=BLEND)
+        # it is timed anew from an acceleration, which takes it out first
+        assert joined.duration == pytest.approx(motion.duration - t, abs=0.05)
+        assert joined._way is motion._way
+
+
+def test_a_change_far_ahead_slows_nothing_before_it(panda, rng):
+    compared = 0
+    for _ in range(8):
+        path, motion = drawn(panda, rng)
+        t = rng.uniform(0.0, 0.2) * motion.duration
+        commit = motion.commit(t, 0.05)
+        ahead = corners_ahead(motion, commit, path)
+        other = 0.5 * (ahead[-1] + draw_path(panda, rng, 1)[0])
+        changed = np.vstack([commit.q[None], ahead[:-1], other[None]])
+        joined = motion.join(t, commit, changed, blend=BLEND)
+        check_limits(panda, sampled(joined))
+        assert np.allclose(joined.q_end, other)
+        # up to the leg that leads to the last common corner it is as quick as before
+        s = np.linalg.norm(np.diff(path[:-2], axis=0), axis=1).sum() - 0.1
+        if s > commit.s:
+            took = [reached(joined, 0.0, s), reached(motion, t, s)]
+            assert took[0] == pytest.approx(took[1], abs=0.05)
+            compared += 1
+    assert compared >= 4
+
+
+def reached(motion, t, s):
+    """The time after t at which a motion is at arc length s."""
+    times = np.arange(t, motion.duration, DT)
+    return next(k - t for k in times if motion.place(k) >= s)
+
+
+def test_a_commit_point_is_never_on_a_blend(panda, rng):
+    rounded = 0
+    for _ in range(20):
+        _, motion = drawn(panda, rng)
+        t = rng.uniform(0.0, 0.8) * motion.duration
+        plain = motion.commit(t, 0.05)
+        commit = motion.commit(t, 0.05, through_blends=True)
+        assert commit.s >= plain.s
+        piece = motion._way.pieces[motion._way.index(commit.s - 1e-9)]
+        assert piece.d == 0.0 or commit.s == motion.length
+        if commit.s == motion.length:
+            continue
+        # a corner of sixty degrees there is passed, not stopped at
+        turn = rng.standard_normal(panda.dof)
+        turn -= (turn @ piece.u) * piece.u
+        w = 0.5 * piece.u + np.sqrt(0.75) * turn / np.linalg.norm(turn)
+        joined = motion.join(
+            t, commit, np.vstack([commit.q, commit.q + 0.3 * w]), blend=BLEND
+        )
+        check_limits(panda, sampled(joined))
+        times = np.arange(0.0, joined.duration, DT)
+        near = [k for k in times if abs(joined.place(k) - commit.s) < 0.01]
+        rounded += min(joined.speed(k) for k in near) > 0.01
+    assert rounded >= 8
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_limits_hold_through_joins_over_common_corners_and_stops(panda, seed):
+    rng = np.random.default_rng(seed)
+    path, motion = drawn(panda, rng, 7)
+    for _ in range(12):
+        t = rng.uniform(0.0, 0.15) * max(motion.duration, 0.1)
+        if rng.random() < 0.3:
+            motion, t = motion.stop(t), 0.01
+        begin = motion.at(t)
+        through = bool(rng.random() < 0.7)
+        commit = motion.commit(t, 0.05, through_blends=through)
+        turns = [turn.q for turn in motion._way.turns if turn.s > commit.s + 1e-7]
+        keep = turns[: rng.integers(0, len(turns) + 1)]
+        new = draw_path(panda, rng, int(rng.integers(0, 3)), size=0.5)
+        rest = np.vstack([commit.q[None], *[q[None] for q in keep], new])
+        motion = motion.join(
+            t, commit, rest, blend=BLEND, speed_scale=rng.uniform(0.2, 1.0)
+        )
+        points = sampled(motion)
+        check_limits(panda, points)
+        assert np.abs(points.q[0] - begin.q).max() < 1e-6
+        assert np.abs(points.dq[0] - begin.dq).max() < 1e-5
+        assert np.allclose(motion.q_end, rest[-1], atol=1e-6)
+        assert motion.deviation <= BLEND + 1e-12
