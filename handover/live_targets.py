@@ -13,7 +13,8 @@ import numpy as np
 from handover.human import Human
 from handover.node_index import NodeIndex
 from handover.target_choice import ChoiceSettings, TargetChoice
-from handover.target_goals import EXACT, Goal, TargetGoals
+from handover.target_goals import Goal, TargetGoals
+from handover.target_offers import TargetOffers
 from handover.workspace import InteractionWorkspace, Target
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics import difference
@@ -36,16 +37,15 @@ class LiveSettings:
         near_m, near_rad: A roadmap node that holds the tool this near to a target
             serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
             degrees: half a cell of 15 cm and 60 degrees.
-        attach_every: Frames between two goals that must be attached to the roadmap,
-            some milliseconds each; a third of it while the robot has no good one to go
-            to.
+        attach_every: Frames from one goal that must be attached to the roadmap to the
+            next; some milliseconds each.
         choice: Margin and patience, see `ChoiceSettings`.
     """
 
     ranked: int = 10
     near_m: float = 0.075
     near_rad: float = 0.52
-    attach_every: int = 50
+    attach_every: int = 10
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
 
     def __post_init__(self) -> None:
@@ -75,6 +75,8 @@ class Pursuit:
         goals: Goals the planner has.
         set_goals: Whether they changed in this frame.
         missing_m: Where there is no target: how much nearer the person must come [m].
+        touched: Whether the person is within the robot's clearance: whatever its goals
+            are, it stands or gets out of the way.
     """
 
     state: str
@@ -86,6 +88,7 @@ class Pursuit:
     goals: int
     set_goals: bool
     missing_m: float = 0.0
+    touched: bool = False
 
 
 class LiveTargets:
@@ -127,8 +130,7 @@ class LiveTargets:
         self.goals: tuple[Goal, ...] = ()
         self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
-        self._offers: dict[int, list[Goal]] = {}
-        self._attached_at = -s.attach_every
+        self.offers = TargetOffers(planner, self.finder, s.attach_every)
         self._pursued: Goal | None = None
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
@@ -163,36 +165,48 @@ class LiveTargets:
         targets = self.meet.best(self._depth())
         self._best = targets[0].quality if targets else 0.0
         self._targets = {t.key: t for t in targets}
-        self._worth = {t.key: t.quality for t in self._known()}
+        known = self._known()
+        self._worth = {t.key: t.quality for t in known}
         self._changed = False
         if self._touched:
             return  # whatever the goals are, it cannot leave
         pursued = None if self._pursued is None else self._pursued.key
-        decision = self.choice.decide(
-            [(t.key, t.quality) for t in targets],
-            self._worth,
-            pursued,
-            self._may_offer,
-            lambda key: self._node(key) is not None,
-        )
-        self._worth |= {t.key: t.quality for t in targets}
-        self._work(decision.wish, pursued)
-        goals = self._wanted(decision.keys)
+        goals = self._choose(targets, known, pursued)
         self._changed = [g.q.tobytes() for g in goals] != [
             g.q.tobytes() for g in self.goals
         ] or not self.counts["set_goals"]
+        wanted = [g.q for g in goals] or [self.rest]
+        if not self._changed or all(map(self.planner.is_prepared, wanted)):
+            self.offers.work(pursued)  # else this frame has to join one of them
+            self.counts["attached"] = self.offers.attached
         if self._changed:
             self.counts["set_goals"] += 1
             goals = self._set(goals)
         self.goals = goals
+
+    def _choose(
+        self, targets: list[Target], known: list[Target], pursued: int | None
+    ) -> tuple[Goal, ...]:
+        """Return the goals of this frame, of the targets it has and those on offer."""
+        offers = self.offers
+        offers.begin(self._targets | {t.key: t for t in known})
+        offers.renew(tuple(self._worth))
+        decision = self.choice.decide(
+            [(t.key, t.quality) for t in targets],
+            self._worth,
+            pursued,
+            offers.offer,
+            lambda key: offers.ready(key) is not None,
+        )
+        self._worth |= {t.key: t.quality for t in targets}
+        return offers.goals(decision.keys)
 
     def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
         """Set the planner's goals; leave out those that no longer can be."""
         try:
             self.planner.set_goals([g.q for g in goals] or [self.rest])
         except BadConfiguration:  # something else is in the hand, or stands about
-            self.finder.forget()
-            self._offers.clear()
+            self.offers.forget()
             goals = tuple(g for g in goals if self._can_be(g.q))
             still = [g.q for g in goals] or [self.rest]
             if goals or self._can_be(self.rest):
@@ -229,6 +243,7 @@ class LiveTargets:
             len(self.goals),
             self._changed,
             missing,
+            self._touched,
         )
 
     # --- inside ----------------------------------------------------------------
@@ -245,71 +260,5 @@ class LiveTargets:
         keys = self.choice.keys
         away = [key for key in keys if key not in self._targets]
         rated = self.meet.rated(away) if away else []
-        self._others = {t.key: t for t in rated if t is not None}
-        both = self._targets | self._others
+        both = self._targets | {t.key: t for t in rated if t is not None}
         return [both[key] for key in keys if key in both]
-
-    def _node(self, key: int) -> Goal | None:
-        target = self._targets.get(key) or self._others.get(key)
-        return None if target is None else self.finder.near_node(target)
-
-    def _may_attach(self) -> bool:
-        every = self.settings.attach_every
-        goal, choice = self._pursued, self.settings.choice
-        worth = 0.0 if goal is None else self._worth.get(goal.key, 0.0)
-        if worth < self._best - choice.drop:
-            every = max(1, every // 3)
-        return self.counts["frames"] - self._attached_at >= every
-
-    def _may_offer(self, key: int) -> bool:
-        """Whether a target has a goal that this frame can afford; notes it."""
-        exact = self.finder.exact(key)
-        if exact is not None and self._may_attach():
-            self._attached(exact)
-            return True
-        node = self._node(key)
-        if node is None:
-            return False
-        self._offers[key] = [node]
-        return True
-
-    def _attached(self, goal: Goal) -> None:
-        self._attached_at = self.counts["frames"]
-        self.counts["attached"] += 1
-        before = [g for g in self._offers.get(goal.key, ()) if g.kind != EXACT]
-        self._offers[goal.key] = [goal, *before]
-
-    def _work(self, wish: int | None, pursued: int | None) -> None:
-        """Do this frame's share of inverse kinematics: for the wish, else the pursued.
-
-        A target that is pursued by way of a node gets its exact goal, too.
-        """
-        finder = self.finder
-        for key in (wish, pursued):
-            target = self._targets.get(key) or self._others.get(key)
-            if target is None:
-                continue
-            if finder.is_open(key):
-                finder.work(target)
-                return
-            exact, offered = finder.exact(key), self._offers.get(key, ())
-            if exact is None or key == wish or exact in offered:
-                continue
-            if self._may_attach():
-                self._attached(exact)
-            return
-
-    def _wanted(self, keys: tuple[int, ...]) -> tuple[Goal, ...]:
-        """Return the goals of the targets on offer, no configuration twice."""
-        self._offers = {k: g for k, g in self._offers.items() if k in keys}
-        for key in keys:  # spares, which are at nodes
-            if key not in self._offers:
-                node = self._node(key)
-                self._offers[key] = [node] if node is not None else []
-        goals, seen = [], set()
-        for key in keys:
-            for goal in self._offers[key]:
-                if goal.q.tobytes() not in seen:
-                    seen.add(goal.q.tobytes())
-                    goals.append(goal)
-        return tuple(goals)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.target_offers import Offer
 from roadmap.errors import BadInput
 
 
@@ -25,15 +26,15 @@ class ChoiceSettings:
         goals: Targets offered to the planner at once.
         ahead: Of those, better ones than the pursued that were not reached yet.
         patience: So many frames a better target is given to be found reachable, before
-            the next one is offered, too.
-        retry: So many frames later one that was given up may be offered again.
+            it makes room for the next one.
+        retry: So many frames later one that was never reached may be offered again.
         spares: Worse targets behind the pursued one, for the moment it is blocked.
     """
 
     margin: float = 0.03
     drop: float = 0.15
-    goals: int = 3
-    ahead: int = 2
+    goals: int = 4
+    ahead: int = 3
     patience: int = 16
     retry: int = 200
     spares: int = 1
@@ -83,6 +84,7 @@ class TargetChoice:
         self.keys: tuple[int, ...] = ()
         self._frame = 0
         self._since: dict[int, int] = {}  # frame in which a key was offered
+        self._reached: set[int] = set()  # of those on offer
         self._shelf: dict[int, int] = {}  # frame from which on it may be offered again
 
     def decide(
@@ -90,7 +92,7 @@ class TargetChoice:
         ranked: Sequence[tuple[int, float]],
         worth: Mapping[int, float],
         pursued: int | None,
-        has_goal: Callable[[int], bool],
+        offer: Callable[[int], Offer],
         is_cheap: Callable[[int], bool],
     ) -> Decision:
         """Return what is on offer from now on.
@@ -99,10 +101,12 @@ class TargetChoice:
             ranked: (cell, quality) of the best targets, best first.
             worth: Quality now of each cell on offer; left out: no target now.
             pursued: The cell that the planner is on its way to or at; None: to none.
-            has_goal: Whether a configuration of a cell is known and may be offered.
+            offer: Offers a cell, if that can be, and says what came of it.
             is_cheap: Whether offering it costs nothing.
         """
         s, self._frame = self.settings, self._frame + 1
+        if pursued is not None:
+            self._reached.add(pursued)
         least = max((quality for _, quality in ranked[:1]), default=0.0) - s.drop
         alive = [k for k in self.keys if k in worth]
         if pursued not in alive:
@@ -113,39 +117,46 @@ class TargetChoice:
         worth = dict(worth) | dict(ranked)
         wish = None
         for key, quality in ranked:
-            if not quality > bar or not self._may_offer(alive, worth, bar):
+            if not quality > bar or not self._has_room(alive, worth, bar):
                 break
             if key in alive or self._shelf.get(key, 0) > self._frame:
                 continue
-            if has_goal(key):
+            made = offer(key)
+            if made is Offer.MADE:
                 alive = self._with(alive, key, worth, bar)
                 break
-            wish = key if wish is None else wish
-            if pursued is not None:
-                break
+            if made is Offer.COMING and wish is None:
+                wish = key
         if pursued is not None:
             alive = self._spared(alive, ranked, worth, bar, is_cheap)
         self._take(self._ordered(alive, worth, pursued))
         return Decision(self.keys, wish)
 
-    def _may_offer(self, alive: list[int], worth: Mapping, bar: float) -> bool:
-        """Whether those ahead have had their time."""
-        patience = self.settings.patience
+    def _has_room(self, alive: list[int], worth: Mapping, bar: float) -> bool:
+        """Whether another one may be offered: there is room, or one had its time."""
+        patience, ahead = self.settings.patience, self._ahead(alive, worth, bar)
         if np.isinf(bar):
             patience = max(1, patience // 5)  # nothing to lose: the robot stands
-        ahead = [key for key in alive if worth[key] > bar]
-        return all(self._frame - self._since[key] >= patience for key in ahead)
+        if len(ahead) < self._most(bar):
+            return True
+        return self._frame - self._since[ahead[0]] >= patience
 
     def _with(self, alive: list[int], key: int, worth: Mapping, bar: float) -> list:
         """Return them with one more; those that were not reached longest make room."""
-        ahead = sorted(
-            (k for k in alive if worth[k] > bar), key=lambda k: (self._since[k], k)
-        )
-        most = self.settings.goals if np.isinf(bar) else self.settings.ahead
-        for old in ahead[: max(0, len(ahead) + 1 - most)]:
-            self._shelf[old] = self._frame + self.settings.retry
+        ahead = self._ahead(alive, worth, bar)
+        for old in ahead[: max(0, len(ahead) + 1 - self._most(bar))]:
+            if old not in self._reached:
+                self._shelf[old] = self._frame + self.settings.retry
             alive = [k for k in alive if k != old]
         return [*alive, key]
+
+    def _ahead(self, alive: list[int], worth: Mapping, bar: float) -> list[int]:
+        """Return those better than the pursued one, the longest on offer first."""
+        ahead = (k for k in alive if worth[k] > bar)
+        return sorted(ahead, key=lambda k: (self._since[k], k))
+
+    def _most(self, bar: float) -> int:
+        return self.settings.goals if np.isinf(bar) else self.settings.ahead
 
     def _spared(
         self,
@@ -188,6 +199,7 @@ class TargetChoice:
     def _take(self, keys: list[int]) -> None:
         now = self._frame
         self._since = {key: self._since.get(key, now) for key in keys}
+        self._reached &= self._since.keys()
         self._shelf = {k: until for k, until in self._shelf.items() if until > now}
         self.keys = tuple(keys)
 

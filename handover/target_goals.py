@@ -10,13 +10,17 @@ from handover.node_index import NodeIndex
 from handover.workspace import InteractionWorkspace, Target
 from odm.checks import check_valid
 from roadmap.errors import BadConfiguration, BadInput
+from roadmap.kinematics import difference
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 NODE, EXACT = "node", "exact"
-_SEEDS = 3  # near nodes that the inverse kinematics starts from, before the witness
+_BEFORE, _AFTER = 3, 4  # near nodes to start from, before and after the witness
+STARTS = _BEFORE + 1 + _AFTER  # of the inverse kinematics for a target, at most
+MOST = 4  # configurations of one target that are looked for
 _STEPS = 25  # of it, from each: a frame may pay for one start, not for more
+_APART = 0.3  # [rad or m] least difference of two configurations in some joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,8 @@ class Goal:
 
 class TargetGoals:
     """Finds configurations for targets, a little work at a time, and remembers them.
+
+    A target may have up to `MOST`: where the person blocks one, another may be free.
 
     The pose of a target is that of its cell, so what was found once stays true while
     the person moves.
@@ -77,40 +83,47 @@ class TargetGoals:
         self.near_m, self.near_rad = near_m, near_rad
         self.failed: dict[int, str] = {}
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
-        self._exact: dict[int, Goal] = {}
+        self._exact: dict[int, list[Goal]] = {}
         self._near: dict[int, Goal | None] = {}
         self._begun: dict[int, int] = {}  # starts of the inverse kinematics so far
+        self._seeds: dict[int, np.ndarray] = {}  # nodes it starts from
 
     def near_node(self, target: Target) -> Goal | None:
         """Return a node near a target at which the person can take the object, too."""
         goal = self._node_of(target)
         return goal if goal is not None and self._is_taken(target, goal) else None
 
-    def exact(self, key: int) -> Goal | None:
-        """Return the configuration at a target, if it is known."""
-        return self._exact.get(key)
+    def knows_node(self, key: int) -> bool:
+        """Whether the nodes near a target have been looked up: that is slow once."""
+        return key in self._near
+
+    def found(self, key: int) -> list[Goal]:
+        """Return the configurations at a target that are known, in the order found."""
+        return self._exact.get(key, [])
 
     def forget(self) -> None:
         """Forget what was found: the hand, the scenery or the clearance has changed."""
-        for known in (self._exact, self._near, self._begun, self.failed):
+        for known in (self._exact, self._near, self._begun, self._seeds, self.failed):
             known.clear()
 
     def is_open(self, key: int) -> bool:
         """Whether `work` on a target may still find something."""
-        return key not in self._exact and key not in self.failed
+        begun = self._begun.get(key, 0)
+        return begun < STARTS and len(self.found(key)) < MOST
 
     def work(self, target: Target) -> Goal | None:
-        """Do one start of the inverse kinematics for a target; return what it found.
+        """Do one start of the inverse kinematics for a target; return what is new.
 
-        After the last one the target has failed. If no node is near it, either, it is
-        removed from the workspace [Vahrenkamp2016, Algorithm 2, line 9].
+        After the last one a target without a configuration has failed. If no node is
+        near it, either, it is removed from the workspace [Vahrenkamp2016, Algorithm 2,
+        line 9].
         """
         key = target.key
         if not self.is_open(key):
-            return self._exact.get(key)
+            return None
         T_base_tool = self._T_base_world @ target.T_world_tool
         begun = self._begun[key] = self._begun.get(key, 0) + 1
-        seed = self._seed(T_base_tool, begun - 1)
+        seed = self._seed(key, T_base_tool, begun - 1)
         why = "inverse kinematics found no way to it"
         if seed is not None:
             found = self.planner.robot.ik(
@@ -123,23 +136,33 @@ class TargetGoals:
             )
             for one in found:
                 why = self._trouble(one.q)
-                if why is None:
-                    goal = Goal(
-                        key, one.q, EXACT, one.position_error, one.rotation_error
-                    )
-                    self._exact[key] = goal
+                if why is None and self._is_new(key, one.q):
+                    off = one.position_error, one.rotation_error
+                    goal = Goal(key, one.q, EXACT, *off)
+                    self._exact.setdefault(key, []).append(goal)
                     return goal
-        if begun > _SEEDS:
-            self.failed[key] = why
+        if begun == STARTS and not self.found(key):
+            self.failed[key] = why or "inverse kinematics found no way to it"
             if self._node_of(target) is None:
                 self.meet.remove(target)
         return None
 
-    def _seed(self, T_base_tool: np.ndarray, number: int) -> np.ndarray | None:
-        if number < _SEEDS:
-            nodes = self.index.nearest(T_base_tool, _SEEDS)
-            return self.index.nodes[nodes[number]] if number < len(nodes) else None
-        return self.meet.reach.witness(T_base_tool)
+    def _is_new(self, key: int, q: np.ndarray) -> bool:
+        robot = self.planner.robot
+        return all(
+            np.abs(difference(robot, q, goal.q)).max() >= _APART
+            for goal in self.found(key)
+        )
+
+    def _seed(
+        self, key: int, T_base_tool: np.ndarray, number: int
+    ) -> np.ndarray | None:
+        if number == _BEFORE:
+            return self.meet.reach.witness(T_base_tool)
+        if key not in self._seeds:
+            self._seeds[key] = self.index.nearest(T_base_tool, _BEFORE + _AFTER)
+        nodes, at = self._seeds[key], number - (number > _BEFORE)
+        return self.index.nodes[nodes[at]] if at < len(nodes) else None
 
     def _node_of(self, target: Target) -> Goal | None:
         key = target.key

@@ -247,18 +247,24 @@ class InteractionWorkspace:
         """
         if not len(self._cells):
             return np.inf
-        rotations = np.repeat(
-            np.arange(len(self._cells.points)), np.diff(self._cells.first)
-        )
-        best = np.inf
-        high = self._person.scales[3]
-        for g in range(len(self.grasps)):
-            wrist = (
-                self._where.points[rotations]
-                + self._hands.wrist[self._cells.rotation, g]
-            )
-            best = min(best, np.linalg.norm(wrist, axis=1).min() - high)
-        return max(float(best), 0.0)
+        # a wrist is no farther from the tool than the longest of them
+        longest = float(np.linalg.norm(self._hands.wrist, axis=2).max())
+        far = np.linalg.norm(self._where.points, axis=1)
+        order = np.argsort(far, kind="stable")
+        best, at, step = np.inf, 0, 1
+        while at < len(order) and far[order[at]] - longest < best:
+            best = min(best, self._nearest_wrist(order[at : at + step]))
+            at, step = at + step, 2 * step
+        return max(float(best - self._person.scales[3]), 0.0)
+
+    def _nearest_wrist(self, positions: np.ndarray) -> float:
+        """Return how far from the shoulder a wrist is at some positions, at least."""
+        first = self._cells.first
+        cells = np.concatenate([np.arange(*first[p : p + 2]) for p in positions])
+        where = np.repeat(positions, first[positions + 1] - first[positions])
+        wrists = self._hands.wrist[self._cells.rotation[cells]]
+        wrists += self._where.points[where][:, None]
+        return float(np.linalg.norm(wrists, axis=2).min())
 
     def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return entries, qualities (-1: none) and grasps of the cells `keys`."""

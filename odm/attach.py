@@ -9,6 +9,7 @@ from odm._kernels import cost_to_go, quick
 from odm._kernels import types as kinds
 from odm._kernels.sweep import sweep_space
 from odm.cell_map import ROUNDING
+from odm.kept_goals import KeptGoals
 from odm.state import MAX_ATTACHMENTS
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ class Attacher:
         memory = planner.memory
         self.roadmap = planner.cell_map.roadmap
         self.resize()
+        self.kept = KeptGoals(memory.goals, planner.settings.kept_goals)
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
         self._fresh_key = b""  # the same as bytes, which are compared faster
@@ -66,7 +68,9 @@ class Attacher:
             m.goals.q[g] = q
             known = old.get(q.tobytes())
             if known is None:
-                self._attach_goal(g, q)
+                if not self.kept.restore(m.goals, g):
+                    self._attach_goal(g, q)
+                    self.kept.keep(m.goals, g)
             else:
                 self._take_over(g, known, before)
                 if self._is_direct_known():
@@ -81,6 +85,20 @@ class Attacher:
             same = np.flatnonzero(m.goals.vertex[:n] == kept)
             m.way.count[1] = same[0] if len(same) else -1
         self._attach_direct(direct)
+
+    def prepare(self, q: np.ndarray) -> bool:
+        """Attach a goal that will be set later; False where no room is kept for it."""
+        goals = self.planner.memory.goals
+        spare = int(goals.count[0])
+        if not self.kept.most or spare == len(goals.q):
+            return False
+        if q not in self.kept:
+            self.tidy()
+            goals.q[spare] = q
+            self._attach_goal(spare, q)
+            self.kept.keep(goals, spare)
+            goals.at[spare] = -1
+        return True
 
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
@@ -149,6 +167,7 @@ class Attacher:
         m.way.count[0] = 0
         self.forget_start()
         m.pool.used[:] = 0
+        self.kept.clear()
         self.forget_shortcuts()
         goals, costs = planner.goals, planner.costs
         planner.goals = goals[:0]
@@ -349,6 +368,7 @@ class Attacher:
         g = int(m.goals.count[0])
         refs.append(m.goals.fresh_ref[:g])
         refs.extend(m.goals.ref[k, : m.goals.number[k]] for k in range(g))
+        refs.extend(self.kept.refs())
         self._compact(refs)
 
     def _compact(self, refs: list[np.ndarray]) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import frame, step
+from odm._kernels.types import N_BETTER, N_LOOK
 from odm.clouds import SortedCloud
 
 if TYPE_CHECKING:
@@ -67,6 +68,40 @@ class Calm:
         if code == step.PLANNED:
             self._bare, self._wary = False, 0
             step.adopt(planner.memory.table)
+        return code
+
+    def better(self, points: np.ndarray, q: np.ndarray, found: int) -> int:
+        """Look for a way to a better goal, though the way in use is free.
+
+        A calm one, or one that is only just free: a goal beside a hand is near where
+        the hand has lately been, always. Such a way must be found in `looks` looks.
+
+        Args:
+            points: (n, 3) of the frame; they were taken.
+            q: (dof,) where the robot is; its start was attached.
+            found: Looks in a row that found one before this.
+        """
+        planner = self.planner
+        s, m = planner.settings, planner.memory
+        m.own.numbers[N_LOOK] = 1
+        code = step.judge(m.table, points, q, False)
+        if code != step.LOOK:
+            return code
+        m.own.numbers[N_BETTER] = found
+        if s.memory_s:
+            code = self._look(self.recent.around())
+            frame.take_points(m.table, points)
+            if code == step.PLANNED:
+                self._bare, self._wary = False, 0
+                step.adopt(m.table)
+                return code
+            m.own.numbers[N_BETTER] = found
+        code = step.look(m.table, points, s.margin, s.close_tests, s.looks)
+        if code == step.PLANNED and m.spare.count[1] >= m.way.count[1]:
+            return step.FOLLOWING  # no better goal: only a shorter way
+        if code == step.PLANNED:
+            self._bare = True
+            step.adopt(m.table)
         return code
 
     def _look(self, points: np.ndarray) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_FRAME, N_SAME, N_SEGMENT
+from odm._kernels.types import IS_SORTED, N_BETTER, N_FRAME, N_SAME, N_SEGMENT
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -217,6 +217,9 @@ class ReactivePlanner(Doors, Questions, Braking):
         self._stood = self._stood + 1 if same else 0
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
+        numbers = self.memory.own.numbers
+        due = numbers[N_FRAME] % step.IMPROVE_EVERY == 0 and not self.always_replan
+        found = numbers[N_BETTER]  # looks in a row
         stays = self._stood >= (_LINGERS if self._moving else _STAYS)
         look = same and (first or (attacher.quick and stays))
         if look and not attacher.is_fresh(q) and np.isfinite(q).all():
@@ -232,7 +235,23 @@ class ReactivePlanner(Doors, Questions, Braking):
             if not (passing and attacher.is_at(q)):
                 attacher.attach_start(q, quick=passing)
                 code = self._step(points, q)
+        looked = attacher.is_at(q) and not self.settings.memory_s
+        if due and code == step.FOLLOWING and not looked and self._sees_better():
+            if not attacher.is_at(q):
+                attacher.attach_start(q, quick=not same)
+            code = self.calm.better(points, q, found)
         return code
+
+    def _sees_better(self) -> bool:
+        """Return whether a better goal than the one it goes to keeps clear now.
+
+        Then it is worth to join the robot to the roadmap anew: the ends of a straight
+        way are no nodes, and from them no way to another goal is ever found.
+        """
+        if self.costs is not None:  # then no goal is better than another by its rank
+            return False
+        rank = int(self.memory.way.count[1])
+        return any(self.stands_clear(self.goals[g]) for g in range(rank))
 
     def _is_near(self, q: np.ndarray, before: bytes) -> bool:
         """Whether the robot may have moved to q since the frame before."""

@@ -6,7 +6,9 @@ No map is built again for any of these.
 import numpy as np
 
 from odm._kernels import frame
+from odm.attach import Attacher
 from odm.carry import Carrier
+from odm.checks import check_goals, goals_of
 from odm.place import place_points
 from odm.surfaces import rounded_covering
 from odm.world_frame import WorldFrame
@@ -19,6 +21,29 @@ class Doors:
     """Methods of `ReactivePlanner`."""
 
     carrier: Carrier
+    attacher: Attacher
+
+    def prepare_goal(self, q: np.ndarray) -> bool:
+        """Attach a goal ahead, in a frame that can afford it; True: it is kept.
+
+        Attaching takes milliseconds, `set_goals` with a goal that is kept does not.
+        `PlannerSettings.kept_goals` says how many are kept, those set before too.
+
+        Args:
+            q: (dof,) a valid configuration [rad or m].
+
+        Raises:
+            BadConfiguration: As of `set_goals`.
+        """
+        goals, _ = goals_of(self.robot, [q], None)
+        if goals[0] in self.attacher.kept:
+            return True
+        check_goals(self, goals)
+        return self.attacher.prepare(goals[0])
+
+    def is_prepared(self, q: np.ndarray) -> bool:
+        """Return whether a goal is kept attached, so that to set it costs little."""
+        return np.asarray(q, np.float64) in self.attacher.kept
 
     def attach(
         self, thing: object, T_tool_object: np.ndarray | None = None
@@ -66,6 +91,7 @@ class Doors:
         self.memory.goals.at[: len(self.goals)] = -1
         self.memory.goals.count[0] = 0
         self.memory.pool.used[:] = 0
+        self.attacher.kept.clear()
         self.attacher.forget_shortcuts()
         self._rejoin = True
         if self._approacher is not None:

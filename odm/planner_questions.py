@@ -4,7 +4,9 @@ import numpy as np
 
 from odm import approach, explain
 from odm._kernels import close
+from odm._kernels.types import N_BAD
 from odm.answer import Freedom
+from odm.cell_map import CellMap
 from odm.checks import check_configuration
 from odm.direct import DirectMap
 from odm.state import Memory
@@ -17,7 +19,9 @@ class Questions:
     """Methods of `ReactivePlanner`."""
 
     robot: Robot
+    cell_map: CellMap
     memory: Memory
+    radii: np.ndarray
     direct: DirectMap
     world: WorldFrame
     _approacher: "approach.Approacher | None"
@@ -71,6 +75,27 @@ class Questions:
         T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
         direction = self.world.direction(direction)
         return self._approacher.run(T, q, distance, direction, phase)
+
+    def stands_clear(self, q: np.ndarray) -> bool:
+        """Return whether the robot would keep clear of the last frame's points at q.
+
+        The part of `is_free` that changes from frame to frame: limits, self-collision
+        and scenery are not looked at.
+
+        Args:
+            q: (dof,) [rad or m].
+        """
+        q = check_configuration(self.robot, q, None)
+        m = self.memory
+        if m.cloud.counts[N_BAD]:
+            return False
+        self._sort()
+        still, tolerance = np.zeros_like(q), self.cell_map.motion_tolerance
+        return bool(
+            close.motion_clear(
+                m.arm, self.radii, q, still, tolerance, m.cloud, False, m.work
+            )
+        )
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].

@@ -25,6 +25,8 @@ class PlannerSettings:
         pads: Links that may touch what is about to be grasped: the finger pads.
         max_age_s: Older obstacle data hold the robot [s].
         max_points: Room for points of a frame; grows when a frame has more.
+        kept_goals: So many goals that were set or prepared stay attached, so that to
+            set them again costs little; 0: those that are set, and no others.
     """
 
     attachments: int = 18
@@ -40,3 +42,4 @@ class PlannerSettings:
     pads: tuple[str, ...] = ()
     max_age_s: float = 0.1
     max_points: int = 32768
+    kept_goals: int = 0

@@ -120,8 +120,13 @@ class Round:
         self._add(self._reachable(place), bow, rest, share)
 
     def close(self, rest: float, share: float = 1.0) -> None:
-        """Add the way back home; the rest is stretched to whole trembles."""
+        """Add the way back home; the rest is stretched to whole trembles.
+
+        Where all places are too far from the robot they are one, and the hand stays.
+        """
         self._add(self._home, np.zeros(3), rest, share)
+        if not self.legs:
+            self.legs.append(Leg(self._home, self._home, np.zeros(3), 1.0, rest))
         period = sum(leg.duration + leg.rest for leg in self.legs)
         last = self.legs[-1]
         missing = -period % (1 / TREMBLE_HZ)

@@ -9,6 +9,7 @@ from roadmap.errors import BadInput
 from sim.terminal import Bars, show_json, write_text
 
 _FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
+_FLAGS |= {"distances": "--distance"}
 
 
 def bench_names() -> list[str]:

@@ -315,7 +315,7 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording, approach, attach or workspace.",
+            "human, handover-recording, approach, attach, workspace or targets.",
         ),
     ],
     map_dir: Annotated[
@@ -327,10 +327,13 @@ def bench(
     ] = False,
     execution: Annotated[
         str | None,
-        typer.Option(metavar="kinematic|timed", help="How the robot moves (motions)."),
+        typer.Option(
+            metavar="kinematic|timed", help="How the robot moves (motions, targets)."
+        ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help="Simulated time of each run (motions).")
+        float | None,
+        typer.Option(help="Simulated time of each run (motions, targets)."),
     ] = None,
     seeds: Annotated[
         int | None, typer.Option(help="Runs of each motion (motions).")
@@ -338,6 +341,13 @@ def bench(
     motion: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Only these; again for more (motions)."),
+    ] = None,
+    reach: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Reach map (targets).")
+    ] = None,
+    distance: Annotated[
+        list[float] | None,
+        typer.Option(help="Of the person, in m; again for more (targets)."),
     ] = None,
     file: Annotated[
         list[Path] | None,
@@ -362,6 +372,7 @@ def bench(
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
     options |= {"execution": execution, "seconds": seconds, "seeds": seeds}
     options |= {"motions": motion or None, "files": file or None, "plot": plot}
+    options |= {"reach": reach, "distances": distance or None}
     run_bench(name, options, json, markdown)
 
 

@@ -17,7 +17,6 @@ from sim.targets_command import (
     MeetOptions,
     open_table,
     run_meet,
-    target_figures,
     warm_up,
 )
 from sim.terminal import Bars
@@ -98,7 +97,7 @@ def _keyboard(
     """Let keys move the person's right arm; the body stands behind it."""
     from sim.keyboard import run_keyboard
     from sim.meet_audit import shares
-    from sim.targets_command import print_targets
+    from sim.meet_report import print_targets, target_figures
 
     if options.side == "left":
         raise BadInput("the keys move the right arm; leave --hand out")
@@ -130,8 +129,9 @@ def _keyboard(
     )
     data = ended.as_dict()
     if ended.result is not None:
-        told = target_figures(loops[0], ended.result) | {"audit": shares([], 0.0)}
-        data["targets"] = told
+        margin = loops[0].live.settings.choice.margin
+        told = {"margin": margin, "audit": shares([], margin)}
+        data["targets"] = told = target_figures(loops[0], ended.result) | told
         if not quiet:
-            print_targets(told, loops[0].live.settings.choice.margin)
+            print_targets(told)
     return data | {"exit_code": ended.exit_code}

@@ -1,7 +1,6 @@
 """`odm run --targets meet`: to the best reachable hand-over target, frame by frame."""
 
 import gc
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,9 +23,10 @@ from sim.demo import warm_up as warm_planner
 from sim.loop import Frame, LoopSettings, light, result_of
 from sim.meet_audit import TargetAudit, Verdict, shares
 from sim.meet_loop import MeetLoop
+from sim.meet_report import print_targets, target_figures
 from sim.mocap import MocapMotion
 from sim.report import print_report, setting
-from sim.run_result import RunResult, percentiles
+from sim.run_result import RunResult
 from sim.terminal import Bars, write_text
 from sim.whole_person import FAR, NEAR, RecordedPerson, scripted_person
 from sim.workspace_command import REACH_MAPS, check_target
@@ -37,7 +37,9 @@ AUDIT_S = 1.0  # from audit to audit [s]
 # Fewer motions to a goal than usual: a frame pays for them when the target changes.
 # One look is enough to go to a better target: the margin of quality keeps it calm. No
 # memory of where the person was: with it the planner stays with a worse, calm target.
-PLANNER = PlannerSettings(attachments=4, start_attachments=4, looks=1, memory_s=0.0)
+PLANNER = PlannerSettings(
+    attachments=4, start_attachments=4, looks=1, memory_s=0.0, kept_goals=32
+)
 
 
 @dataclass(frozen=True)
@@ -175,31 +177,22 @@ def run_meet(
         The figures as plain data: "run", "targets", "setting", "map_hash".
     """
     person, side = person_of(motion, seed, recorded, options)
-    seconds = seconds or getattr(recorded, "duration_s", DEMO.duration_s)
+    if seconds is None:
+        seconds = getattr(recorded, "duration_s", DEMO.duration_s)
     settings = replace(
         DEMO, duration_s=seconds, seed=seed, rate_hz=rate, execution=execution
     )
     settings = replace(settings, keep_paths=0)
     with Bars() as tell:
         table = open_table(map_dir, options, tell)
-        warm_up(table, person, side, settings)
-        gc.collect()
-        gc.freeze()  # else a collection of all that was loaded takes 80 ms of a frame
         what = f"{seconds:g} s of {person.name}"
-        tell(what, 0, 100)
-        loop = MeetLoop(
-            table.live(person.human(0.0), side), table.rest, person, settings
+        result, told = play(
+            table, person, side, settings, options.audit_s, lambda k: tell(what, k, 100)
         )
-        audit = TargetAudit(table.meet(person.human(0.0), side), table.cell_map)
-        result, verdicts = run(
-            loop, audit, options.audit_s, lambda k: tell(what, k, 100)
-        )
-    margin = loop.live.settings.choice.margin
-    told = target_figures(loop, result) | {"audit": shares(verdicts, margin)}
     notes = [*getattr(recorded, "notes", ())]
     if not quiet:
         print_report([result], None, table.cell_map.hash)
-        print_targets(told, margin)
+        print_targets(told)
         for note in notes:
             print(note)
     for path in (plot, figures):
@@ -221,6 +214,37 @@ def run_meet(
 
         write_text(figures, json.dumps(data, indent=1))
     return data
+
+
+def play(
+    table: Table,
+    person: object,
+    side: str,
+    settings: LoopSettings,
+    audit_s: float,
+    told: Callable[[int], None],
+) -> tuple[RunResult, dict]:
+    """Warm up, then run and audit a loop; return its result and the targets' figures.
+
+    Args:
+        table: Map, reach map, object.
+        person: As of `person_of`.
+        side: Hand that takes.
+        settings: Of the loop.
+        audit_s: Time from audit to audit [s]; 0: none.
+        told: Called with the per cent that are done.
+    """
+    warm_up(table, person, side, settings)
+    gc.collect()
+    gc.freeze()  # else a collection of all that was loaded takes 80 ms of a frame
+    told(0)
+    someone = person.human(0.0)
+    loop = MeetLoop(table.live(someone, side), table.rest, person, settings)
+    audit = TargetAudit(table.meet(someone, side), table.cell_map)
+    result, verdicts = run(loop, audit, audit_s, told)
+    margin = loop.live.settings.choice.margin
+    figures = {"margin": margin, "audit": shares(verdicts, margin)}
+    return result, target_figures(loop, result) | figures
 
 
 def run(
@@ -268,62 +292,3 @@ def warm_up(table: Table, person: object, side: str, settings: LoopSettings) -> 
         live.meet.rated([target.key])
         live.meet.reach.witness(target.T_world_tool)
         live.finder.near_node(target)
-
-
-def target_figures(loop: MeetLoop, result: RunResult) -> dict:
-    """Return what became of the targets, as plain data."""
-    pursuits, n = loop.pursuits, max(1, len(loop.pursuits))
-    states = Counter(p.state for p in pursuits)
-    kinds = Counter(p.kind for p in pursuits if p.key is not None)
-    minutes = n / loop.settings.rate_hz / 60.0
-    busy = result.wall_s, result.cpu_s
-    counts = loop.live.counts
-    lost = [p.best - p.quality for p in pursuits if p.key is not None]
-    return {
-        "share_of_time": {k: round(v / n, 4) for k, v in sorted(states.items())},
-        "goals_by_kind": {k: round(v / n, 4) for k, v in sorted(kinds.items())},
-        "target_changes_per_minute": round(counts["changes"] / minutes, 2),
-        "set_goals_per_minute": round(counts["set_goals"] / minutes, 2),
-        "attached_per_minute": round(counts["attached"] / minutes, 2),
-        "arrivals": result.trips,
-        "removed_targets": len(loop.live.finder.failed),
-        "quality_below_best": percentiles(np.array(lost)),
-        "loop_wall_s": percentiles(busy[0]),
-        "loop_cpu_s": percentiles(busy[1]),
-        "contacts": result.contacts,
-    }
-
-
-def print_targets(told: dict, margin: float) -> None:
-    """Print what became of the targets."""
-    from rich.console import Console
-    from rich.table import Table as Rows
-
-    rows = Rows(title="Targets of the interaction workspace", title_justify="left")
-    rows.title_style = "bold"
-    rows.add_column("")
-    rows.add_column("", justify="right")
-    for state, share in told["share_of_time"].items():
-        rows.add_row(f"time: {state}", f"{100 * share:.1f} %")
-    audit = told["audit"]
-    if audit["judged"]:
-        rows.add_row("frames audited", str(audit["judged"]))
-        rows.add_row("  no target can be reached", str(audit["out_of_reach"]))
-        rows.add_row("  of the others, at or on the way to", "")
-        rows.add_row("    the top-ranked reachable target", _percent(audit["top"]))
-        near = _percent(audit["within_margin"])
-        rows.add_row(f"    it or one within {margin:g} of its quality", near)
-        rows.add_row("    a worse one", _percent(audit["worse"]))
-        rows.add_row("    none", _percent(audit["none"]))
-    rows.add_row("target changes per minute", f"{told['target_changes_per_minute']:g}")
-    rows.add_row("goals set per minute", f"{told['set_goals_per_minute']:g}")
-    rows.add_row("arrivals at a target", str(told["arrivals"]))
-    for name in ("wall", "cpu"):
-        ms = {k: 1e3 * v for k, v in told[f"loop_{name}_s"].items()}
-        values = " / ".join(f"{ms[k]:.2f}" for k in ("p50", "p99", "max"))
-        rows.add_row(f"loop with targets, {name}: p50 / p99 / max", f"{values} ms")
-    Console().print(rows)
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %"

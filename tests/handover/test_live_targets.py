@@ -15,6 +15,7 @@ from handover.live_targets import (
     LiveTargets,
 )
 from handover.node_index import NodeIndex
+from handover.target_goals import STARTS
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference, tool_pose
 
@@ -151,7 +152,7 @@ def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
     far = target.T_world_tool.copy()
     far[0, 3] += 5.0
     target = type(target)(**(vars(target) | {"T_world_tool": far}))
-    for _ in range(4):
+    for _ in range(STARTS):
         assert live.finder.is_open(target.key)
         assert live.finder.work(target) is None
     assert not live.finder.is_open(target.key) and target.key in live.finder.failed

@@ -209,6 +209,19 @@ def test_an_update_is_as_good_as_a_new_workspace(meet_of, rng):
         assert [t.key for t in meet.best(10)] == [t.key for t in new.best(10)]
 
 
+def _missing(meet):
+    """Look at every wrist of every cell."""
+    T = BASE @ meet.grid.centers(meet.keys) @ meet.obj.T_tool_object
+    arm = meet.human.arm("right")
+    shoulder = meet.human.T_world_shoulder("right")[:3, 3]
+    gaps = []
+    for grasp in meet.grasps:
+        hands = T @ grasp
+        wrist = hands[:, :3, 3] - arm.lengths[2] * hands[:, :3, 2]
+        gaps.append(np.linalg.norm(wrist - shoulder, axis=1).min())
+    return max(0.0, min(gaps) - arm.lengths[:2].sum())
+
+
 def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
     human = Human(1.75).placed(4.0, 0.0, np.pi)
     meet = meet_of(human, grasps=1)
@@ -227,6 +240,25 @@ def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):
     assert meet.missing_m == 0.0
     nobody = meet_of(human, constraints=[Above(50.0)])
     assert len(nobody) == 0 and nobody.best() == [] and nobody.missing_m == np.inf
+
+
+class Few:
+    """Allows a few poses, here and there."""
+
+    def allows(self, T_world_object, obj):
+        n = len(T_world_object)
+        return np.random.default_rng(n).random(n) < 0.02
+
+
+def test_how_far_is_found_without_looking_at_all_cells(meet_of, rng):
+    meet = meet_of(Human(1.75), grasps=4, constraints=(Few(),))
+    missing = []
+    for _ in range(40):
+        x, y, yaw = rng.uniform([-2.5, -2.5, -np.pi], [2.5, 2.5, np.pi])
+        meet.update(Human(1.75).placed(x, y, yaw))
+        missing.append(meet.missing_m)
+        assert missing[-1] == pytest.approx(_missing(meet), abs=2e-6)
+    assert min(missing) == 0.0 and max(missing) > 1.0
 
 
 def test_constraints_are_those_of_the_object(meet_of, rng):

@@ -128,6 +128,27 @@ def retreating(crane):
     return Careful(crane, retreat=np.array([[0.9, 0.0], [2.0, 0.0]]))
 
 
+@pytest.fixture(scope="session")
+def meet_maps(tmp_path_factory):
+    """Return the folders of a small map and a coarse reach map of the Kawasaki."""
+    from handover import ReachSettings, build_reach_map, chain_of
+    from odm import Recipe, build_map
+    from odm.recipe import RobotRecipe, Safety
+    from roadmap.build import RoadmapSettings
+
+    folder = tmp_path_factory.mktemp("meet")
+    recipe = Recipe(
+        "kawasaki",
+        RobotRecipe(source="kawasaki_fs003n"),
+        RoadmapSettings(nodes=250, neighbors=8, seed=3),
+        Safety(h=0.06),
+    )
+    cell_map = build_map(recipe, threads=2)
+    settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
+    reach = build_reach_map(chain_of(cell_map.robot), settings, threads=2)
+    return cell_map.save(folder / "map"), reach.save(folder / "reach")
+
+
 @pytest.fixture
 def odm(capsys, monkeypatch):
     """Return a function that runs a command line: (exit code, stdout, stderr)."""

@@ -7,28 +7,14 @@ import pytest
 from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
-from odm import Recipe, build_map
-from odm.recipe import RobotRecipe, Safety
-from roadmap.build import RoadmapSettings
 from sim.meet_audit import Verdict, shares
 from sim.meet_loop import MeetLoop
 from sim.targets_command import MeetOptions, open_table, person_of, run_meet
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """Return the folders of a small map and a coarse reach map of the Kawasaki."""
-    folder = tmp_path_factory.mktemp("meet")
-    recipe = Recipe(
-        "kawasaki",
-        RobotRecipe(source="kawasaki_fs003n"),
-        RoadmapSettings(nodes=250, neighbors=8, seed=3),
-        Safety(h=0.06),
-    )
-    cell_map = build_map(recipe, threads=2)
-    settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
-    reach = build_reach_map(chain_of(cell_map.robot), settings, threads=2)
-    return cell_map.save(folder / "map"), reach.save(folder / "reach")
+def built(meet_maps):
+    return meet_maps
 
 
 def options(built, **more):

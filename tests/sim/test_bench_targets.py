@@ -1,0 +1,76 @@
+"""The bench of runs to targets: its table is that of the runs."""
+
+import json
+
+import pytest
+
+from roadmap.errors import BadInput
+from sim.bench import table, targets
+
+
+@pytest.fixture(scope="module")
+def result(meet_maps):
+    return targets.run(meet_maps[0], reach=meet_maps[1], short=True)
+
+
+def test_short_is_one_run_of_the_figures_asked(result):
+    (run,) = result["runs"]
+    assert run["distance_m"] == 0.9 and result["bench"] == "targets"
+    rows = {row["name"]: row for row in result["rows"]}
+    p99 = next(row for name, row in rows.items() if name.startswith("loop, CPU: p99"))
+    assert p99["value"] == pytest.approx(1e3 * run["loop_cpu_s"]["p99"])
+    assert p99["asked"] == {"most": 8.0} and rows["contacts"]["asked"] == {"most": 0.0}
+    assert rows["contacts"]["value"] == run["contacts"] == 0
+    json.dumps(result, allow_nan=False)
+
+
+def test_the_rows_say_what_the_runs_were(result):
+    (run,) = result["runs"]
+    audit = {"judged": 10, "out_of_reach": 2, "top": 0.5, "within_margin": 0.75}
+    audit |= {"worse": 0.125, "none": 0.125}
+    other = run | {"audit": audit, "contacts": 3, "distance_m": 1.3}
+    other["loop_cpu_s"] = {"p50": 0.004, "p99": 0.009, "max": 0.05}
+    empty = run | {"audit": {**dict.fromkeys(audit, 0.0), "judged": 4}}
+    empty["audit"]["out_of_reach"] = 4
+    rows = {r["name"]: r for r in targets._rows([empty, other])}
+    values = {name: row["value"] for name, row in rows.items()}
+    assert values["loop, CPU: p50, largest of 2 runs"] == 4.0
+    assert rows["loop, CPU: p99, largest of 2 runs"]["met"] is False
+    assert values["contacts"] == 3.0 and rows["contacts"]["met"] is False
+    assert values["at or on the way to the top-ranked reachable target"] == 50.0
+    assert values["to it or one within the margin of its quality"] == 75.0
+    times, shares = targets._tables([empty, other])
+    assert times["rows"][1] == ["1.3 m", "4.0", "9.0", "50.0", *times["rows"][0][4:]]
+    assert shares["rows"][0][4:6] == ["-", "-"]
+    assert shares["rows"][1][4:6] == ["50 %", "75 %"]
+    for more in (times, shares):
+        assert all(len(row) == len(more["head"]) for row in more["rows"])
+    assert "1.3 m" in table.markdown(result | {"tables": [times, shares]})
+
+
+def test_other_distances_are_other_runs(meet_maps):
+    two = targets.run(
+        meet_maps[0], reach=meet_maps[1], short=True, distances=(0.8, 1.0), seed=3
+    )
+    told = [(run["distance_m"], run["seed"]) for run in two["runs"]]
+    assert told == [(0.8, 3), (1.0, 4)]
+
+
+def test_the_command_prints_it(odm, meet_maps, tmp_path):
+    words = ["bench", "targets", "--map", meet_maps[0], "--reach", meet_maps[1]]
+    code, out, err = odm(*words, "--short", "--execution", "timed")
+    assert code == 0, err
+    assert "top-ranked" in out and "0.9 m" in out and "execution: timed" in out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"distances": (9.0,)}, "9.0"),
+        ({"seconds": 0.0}, "seconds"),
+        ({"execution": "fast"}, "kinematic, timed"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_before_any_work(wrong, words):
+    with pytest.raises(BadInput, match=words):
+        targets.run("nowhere", **wrong)
