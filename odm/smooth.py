@@ -4,9 +4,9 @@ A roadmap leads over its nodes, which lie where chance put them. A straight moti
 one point of the path to another may replace what lies between (Geraerts and Overmars
 2007, shortcut), or a corner is pulled towards the straight line past it. What is gained
 is counted in time: of the legs at the joints' speed, and of the corners, in which the
-joints must change their speeds. Near points that move a robot is slowed, so that a
-change is made only where it stays clear of them by more than it must. New legs keep their cells with them, so that later
-frames judge them as they judge an edge.
+joints must change their speeds. Near who moves a robot is slowed, so that new legs keep
+more distance from points than they must, unless they save much. They keep their cells
+with them, so that later frames judge them as they judge an edge.
 """
 
 from typing import TYPE_CHECKING, NamedTuple

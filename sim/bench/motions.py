@@ -4,12 +4,14 @@ import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from odm import ReactivePlanner, load_map
 from sim.bench.clock import value_row
 from sim.bench.header import header
 from sim.demo import DEMO, find_places
 from sim.human_motion import make_motion, motion_names
-from sim.loop import LoopSettings, run_loop
+from sim.loop import LoopSettings, exact_audit, run_loop
 from sim.person_place import before_work_places
 from sim.run_command import person_of
 from sim.run_result import RunResult
@@ -18,6 +20,7 @@ from sim.scenes import SCENES
 TRIPS = 60.0  # asked of the trips made without a person [%]
 FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed
 MINUTE = 60.0
+_LOOKS_HZ = 10.0
 
 
 def run(
@@ -106,6 +109,7 @@ def _played(job: tuple[str, float, str, str | None, int]) -> dict:
         **name,
         "trips_per_minute": result.trips * MINUTE / seconds,
         "changes_per_minute": _changes(result),
+        "occupied": _occupied(planner, places, result),
     }
 
 
@@ -113,6 +117,22 @@ def _changes(result: RunResult) -> float:
     """Return path changes a minute of the time in which the robot moves."""
     moving = float(result.moving.sum()) / result.rate_hz
     return result.path_changes * MINUTE / moving if moving else 0.0
+
+
+def _occupied(planner: ReactivePlanner, places: np.ndarray, result: RunResult) -> float:
+    """Return the share of time in which the person is within m of the next place.
+
+    By exact geometry, ten times a second: no planner could go there then.
+    """
+    audit, m = exact_audit(planner.robot), planner.cell_map.safety.m
+    step = max(1, round(result.rate_hz / _LOOKS_HZ))
+    frames = range(0, len(result.place), step)
+    near = [
+        len(result.capsules[k]) > 0
+        and audit(places[result.place[k]], result.capsules[k]) < m
+        for k in frames
+    ]
+    return float(np.mean(near))
 
 
 def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dict]:
@@ -137,6 +157,11 @@ def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dic
             "",
         ),
         value_row(f"{name}: holding", held, "%"),
+        value_row(
+            f"{name}: the place to go to is within m of the person",
+            100.0 * sum(r["occupied"] for r in runs) / len(runs),
+            "%",
+        ),
     ]
     if near:
         least_one = min(near, key=lambda moment: moment["separation_m"])

@@ -1,11 +1,14 @@
 """The bench of whole runs: its figures are those of the runs, for any processes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small import small_recipe
 
 import odm
 from roadmap.errors import BadInput
+from roadmap.kinematics import tool_pose
 from sim.bench import motions
 from sim.human_motion import motion_names
 
@@ -34,6 +37,7 @@ def test_the_rows_say_what_the_runs_were():
         "held_s": 6.0,
         "duration_s": 60.0,
         "closest_while_moving": moment,
+        "occupied": 0.25,
     }
     rows = motions._rows("sweep", [run, run | {"contacts": 2}], 40.0, "kinematic")
     values = {row["name"]: row for row in rows}
@@ -43,6 +47,22 @@ def test_the_rows_say_what_the_runs_were():
     trips = values["sweep: trips, of those with nobody"]
     assert trips["value"] == 50.0 and trips["met"] is False
     assert values["sweep: holding"]["value"] == 10.0
+    occupied = "sweep: the place to go to is within m of the person"
+    assert values[occupied]["value"] == 25.0
+
+
+def test_a_place_counts_as_occupied_while_the_person_is_within_the_clearance(map_dir):
+    planner = odm.ReactivePlanner(odm.load_map(map_dir))
+    places = planner.cell_map.roadmap.nodes[:2]
+    tools = [tool_pose(planner.robot, q)[:3, 3] for q in places]
+    here, there = (np.r_[p, p, 0.02][None] for p in tools)
+    away = here + np.r_[0.0, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0]
+    frames = [here, there, away, away]
+    result = SimpleNamespace(rate_hz=10.0, place=[0, 0, 0, 1], capsules=frames)
+    assert np.linalg.norm(tools[0] - tools[1]) > 0.2
+    assert motions._occupied(planner, places, result) == 0.25
+    bare = SimpleNamespace(rate_hz=10.0, place=[0], capsules=[np.zeros((0, 7))])
+    assert motions._occupied(planner, places, bare) == 0.0
 
 
 def test_an_unknown_motion_is_refused_before_any_work():
