@@ -48,8 +48,10 @@ def follow(small_map, seed, frames=2000):
 @pytest.mark.parametrize("seed", range(6))
 def test_a_robot_that_follows_its_path_is_never_off_its_way(small_map, seed):
     statuses, attached, on_blends = follow(small_map, seed)
-    assert set(statuses[1:]) == {"following"}
-    assert attached <= 1  # where it started from
+    assert attached <= 1  # where it started from; off its way it is joined anew
+    # a way that is shorter by far may be taken meanwhile, no others
+    assert set(statuses[1:]) <= {"following", "replanned"}
+    assert statuses[1:].count("replanned") <= 1
     assert on_blends > 3
 
 
