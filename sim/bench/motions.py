@@ -108,15 +108,18 @@ def _played(job: tuple[str, float, str, str | None, int]) -> dict:
         **result.summary(),
         **name,
         "trips_per_minute": result.trips * MINUTE / seconds,
-        "changes_per_minute": _changes(result),
+        "moving_s": float(result.moving.sum()) / result.rate_hz,
         "occupied": _occupied(planner, places, result),
     }
 
 
-def _changes(result: RunResult) -> float:
-    """Return path changes a minute of the time in which the robot moves."""
-    moving = float(result.moving.sum()) / result.rate_hz
-    return result.path_changes * MINUTE / moving if moving else 0.0
+def _changes(runs: list[dict]) -> float:
+    """Return path changes a minute of the time in which the robot moves, of all runs.
+
+    A run whose goal is blocked all along has next to no such time, and counts so.
+    """
+    moving = sum(run["moving_s"] for run in runs) / MINUTE
+    return sum(run["path_changes"] for run in runs) / moving if moving else 0.0
 
 
 def _occupied(planner: ReactivePlanner, places: np.ndarray, result: RunResult) -> float:
@@ -153,7 +156,7 @@ def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dic
         value_row(f"{name}: trips, of those with nobody", share, "%", **least),
         value_row(
             f"{name}: path changes a minute while moving",
-            sum(r["changes_per_minute"] for r in runs) / len(runs),
+            _changes(runs),
             "",
         ),
         value_row(f"{name}: holding", held, "%"),

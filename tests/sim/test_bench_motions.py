@@ -33,7 +33,8 @@ def test_the_rows_say_what_the_runs_were():
     run = {
         "contacts": 1,
         "trips_per_minute": 20.0,
-        "changes_per_minute": 3.0,
+        "path_changes": 3,
+        "moving_s": 30.0,
         "held_s": 6.0,
         "duration_s": 60.0,
         "closest_while_moving": moment,
@@ -47,6 +48,7 @@ def test_the_rows_say_what_the_runs_were():
     trips = values["sweep: trips, of those with nobody"]
     assert trips["value"] == 50.0 and trips["met"] is False
     assert values["sweep: holding"]["value"] == 10.0
+    assert values["sweep: path changes a minute while moving"]["value"] == 6.0
     occupied = "sweep: the place to go to is within m of the person"
     assert values[occupied]["value"] == 25.0
 
