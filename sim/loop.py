@@ -43,8 +43,8 @@ class LoopSettings:
             apart an arm can touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         polish: Motions the planner may test between two frames to shorten its path;
-            the first frames behind a new path, whose beginning is soon behind the
-            robot, three times as many.
+            none in a frame that found a new one, which took its time, and three times
+            as many in the next five: its beginning is soon behind the robot.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -246,10 +246,9 @@ class Loop:
     def _polish(self) -> tuple[float, float]:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
-        if self.settings.polish:
+        if self.settings.polish and self._fresh < FRESH:
             ahead = self.executor.ahead()
-            # the frame that found a new path has taken its time already
-            most = self.settings.polish * (MORE if 0 < self._fresh < FRESH else 1)
+            most = self.settings.polish * (MORE if self._fresh > 0 else 1)
             _optional(self.planner, "polish", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy
 

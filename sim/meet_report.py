@@ -45,8 +45,8 @@ def print_targets(told: dict) -> None:
 
     rows = Rows(title="Targets of the interaction workspace", title_justify="left")
     rows.title_style = "bold"
-    rows.add_column("")
-    rows.add_column("", justify="right")
+    rows.add_column("what")
+    rows.add_column("measured", justify="right")
     for state, share in told["share_of_time"].items():
         rows.add_row(f"time: {state}", _percent(share))
         if state == BLOCKED:
