@@ -196,7 +196,7 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
 
 def test_ctrl_c_during_a_build_leaves_nothing_and_says_so(tmp_path):
     urdf = tiny_recipe(tmp_path).robot.source
-    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", "60000")
+    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", "240000")
     process = start(["-m", "sim.cli", *words, "--out", "built/map"], tmp_path)
     time.sleep(4.0)
     process.send_signal(signal.SIGINT)
