@@ -95,3 +95,40 @@ def test_nothing_is_smoothed_while_it_holds_or_goes_straight(small_map):
     assert planner.smoother.run(4) == 0  # no frame yet
     planner.step(NOBODY, q=AWAY + [0.1, 0.0, 0.0])
     assert planner.polish(8) == 0
+
+
+def new_legs(planner, points):
+    """The legs that smoothing puts into the path in use."""
+    legs, make = [], planner.smoother._make
+
+    def noted(change, item):
+        legs.extend(zip(change.corners, change.corners[1:], strict=False))
+        make(change, item)
+
+    planner.smoother._make = noted
+    smoothed(planner, points, HOME)
+    return legs
+
+
+def nearest(planner, legs):
+    """How near the cover comes to the points on some legs [m]."""
+    shares = np.linspace(0.0, 1.0, 60)
+    return [min(planner.separation(a + s * (b - a)) for s in shares) for a, b in legs]
+
+
+def test_new_legs_keep_comfortable_or_save_much(small_map, monkeypatch):
+    monkeypatch.setattr("odm.smooth._MUCH", 9.0)  # nothing saves so much
+    comfort, near, made = 0.1, 0, 0
+    for seed in range(12):
+        _, points, first = on_its_way(small_map, seed)
+        found = []
+        for kept in (comfort, 0.0):
+            settings = odm.PlannerSettings(comfort=kept)
+            planner = odm.ReactivePlanner(small_map, settings=settings)
+            planner.set_goals([first.path[-1]])
+            planner.step(points, q=HOME)
+            found.append(nearest(planner, new_legs(planner, points)))
+        assert all(gap >= planner.keep + comfort - 1e-6 for gap in found[0])
+        made += len(found[0])
+        near += sum(gap < planner.keep + comfort for gap in found[1])
+    assert made and near  # and without comfort some come nearer
