@@ -214,9 +214,9 @@ class ReactivePlanner(Doors, Questions, Braking):
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         here, before = q.tobytes(), self._here  # compared much faster than arrays
         same, self._here = here == before, here
-        self._stood = self._stood + 1 if same else 0
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
+        self._stood = self._stood + 1 if same and not first else 0
         numbers = self.memory.own.numbers
         due = numbers[N_FRAME] % step.IMPROVE_EVERY == 0 and not self.always_replan
         found = numbers[N_BETTER]  # looks in a row
@@ -224,7 +224,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         look = same and (first or (attacher.quick and stays))
         if look and not attacher.is_fresh(q) and np.isfinite(q).all():
             # look around before it leaves, thoroughly where it stays for a while
-            attacher.attach_start(q, quick=first or not stays)
+            attacher.attach_start(q, quick=first)
         code = self._step(points, q)
         if code == step.NOT_ATTACHED:
             attacher.attach_start(q, quick=self._is_near(q, before))

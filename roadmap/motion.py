@@ -15,9 +15,9 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.blend import lay_way
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference
+from roadmap.joining import Commit, joined
 from roadmap.robot import Robot
-from roadmap.stopping import quickest_stop, settled
+from roadmap.stopping import quickest_stop
 from roadmap.timing import (
     NoProfile,
     Phase,
@@ -41,20 +41,6 @@ class SetPoint(NamedTuple):
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-
-
-class Commit(NamedTuple):
-    """A place ahead on a motion at which another path may begin.
-
-    Attributes:
-        q: (dof,) configuration.
-        s: Its arc length on the motion's way.
-        begin: When the motion must begin to stop in order to stand there [s].
-    """
-
-    q: np.ndarray
-    s: float
-    begin: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,43 +191,7 @@ class Motion:
         Raises:
             BadInput: The path does not begin at the commit point.
         """
-        robot = self._way.robot
-        path = unwound(robot, path)
-        path = path + (commit.q - difference(robot, commit.q, path[0]) - path[0])
-        off = np.abs(path[0] - commit.q).max()
-        if off > 1e-6:
-            raise BadInput(
-                f"the path begins {off:g} rad or m beside the commit point; "
-                "plan it from there"
-            )
-        path[0] = commit.q
-        state = self._state(t)
-        scale = self.speed_scale if speed_scale is None else speed_scale
-        check_scale(scale)
-        kept, corner_s = self._way.along(commit.s, path)
-        if kept and kept + 1 == len(path) and corner_s == self._way.turns[-1].s:
-            return self.rescaled(t, scale)
-        # a little of what is behind stays: the state must lie on a piece of its own
-        behind = state.s - 10.0 * NEAR
-        if kept:
-            before, path = self._way.to_corner(behind, corner_s), path[kept:]
-            same = before.pieces[-1].begin
-        else:
-            before, same = self._way.part(behind, commit.s), commit.s
-        room = corner_s - settled(self._way, state) if before.pieces else 0.0
-        for share in (1.0, 0.0):
-            way = before.joined(path, corner_s, blend, share * room)
-            try:
-                return self._go_on(t, way, scale, same)
-            except NoProfile:
-                continue
-        # no way on without a stop: at the commit point or before, then on from rest
-        halt = self._stop_later(t, max(t, commit.begin))
-        if halt._end > commit.s + 1e-6:
-            halt = self.stop(t)
-        rest = State(min(halt._end, commit.s), 0.0, 0.0)
-        way = before.joined(path, corner_s, blend, corner_s - rest.s)
-        return halt._then(self._timed(way, rest, scale), way)
+        return joined(self, t, commit, path, blend, speed_scale)
 
     # --- inside ----------------------------------------------------------------
 

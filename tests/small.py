@@ -45,6 +45,19 @@ def draw_arm(rng: np.random.Generator) -> np.ndarray:
     return np.array([[*shoulder, *elbow, 0.05], [*elbow, *hand, 0.04]])
 
 
+def on_its_way(cell_map: odm.CellMap, seed: int) -> tuple:
+    """Return a planner with a path of two legs or more, the obstacles, the answer."""
+    rng = np.random.default_rng(seed)
+    for _ in range(200):
+        planner = odm.ReactivePlanner(cell_map)
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        planner.set_goals([AWAY if rng.random() < 0.5 else draw_valid(planner, rng)])
+        answer = planner.step(points, q=HOME)
+        if len(answer.path) > 3:
+            return planner, points, answer
+    raise AssertionError("every path was straight")
+
+
 def ball_at(p: np.ndarray, radius: float = 0.03) -> np.ndarray:
     """Return (n, 3) samples of a ball at p [m]."""
     return odm.sample_capsules(np.array([[*p, *p, radius]]), 0.03)

@@ -2,26 +2,12 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, draw_arm, draw_valid
+from small import HOME, on_its_way
 
-import odm
 from odm._kernels import beside, ways
 from odm._kernels.state import N_TRACK
 from roadmap import time_path
 from roadmap.kinematics import sphere_centers
-
-
-def on_its_way(small_map, seed):
-    """A planner with a path of at least two legs among some obstacles, and those."""
-    rng = np.random.default_rng(seed)
-    for _ in range(200):
-        planner = odm.ReactivePlanner(small_map)
-        points = odm.sample_capsules(draw_arm(rng), 0.03)
-        planner.set_goals([AWAY if rng.random() < 0.5 else draw_valid(planner, rng)])
-        answer = planner.step(points, q=HOME)
-        if len(answer.path) > 3:
-            return planner, points, answer
-    raise AssertionError("every path was straight")
 
 
 def sum_off(planner, path, q):
