@@ -10,7 +10,7 @@ from odm._kernels import types as kinds
 from odm._kernels.sweep import sweep_space
 from odm.cell_map import ROUNDING
 from odm.kept_goals import KeptGoals
-from odm.state import MAX_ATTACHMENTS
+from odm.state import MAX_ATTACHMENTS, joint_sway
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
 _QUICK = 6  # near nodes that a robot in motion may be joined with,
 _PASSED = 3  # and how many of them it is
+_ROOM = 0.01  # [m] a robot beside its segment by less needs no test of its own
 _TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
@@ -34,6 +35,8 @@ class Attacher:
         self.near = np.zeros(self.roadmap.n_nodes)
         self.q_fresh = memory.own.q_fresh
         self._fresh_key = b""  # the same as bytes, which are compared faster
+        self._room_key = b""  # end and begin of a segment, and
+        self._has_room = False  # whether it is free with room around it
         self._kept = np.zeros(_QUICK, np.int64)
         self.quick = False
         self._direct_from = np.full(planner.robot.dof, np.nan)  # where from
@@ -48,6 +51,9 @@ class Attacher:
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
         words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
         self.scratch = (words, *sweep_space(n, len(arm.tree_i), planner.robot.dof))
+        turning = arm.tree_i[:, 2] == 1
+        reach = arm.reach + arm.spheres[:, 3:] * turning
+        self._motion = joint_sway(arm._replace(reach=reach), planner.robot.dof)
 
     # --- goals -----------------------------------------------------------------
 
@@ -156,8 +162,10 @@ class Attacher:
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_fresh[:] = np.nan
-        self._fresh_key = b""
-        self.planner.memory.fresh.count[0] = 0
+        self._fresh_key = self._room_key = b""
+        m = self.planner.memory
+        m.fresh.count[0] = 0
+        m.own.q_beside[:] = np.nan
 
     def forget_all(self) -> None:
         """Attach everything again: the scenery has changed."""
@@ -203,6 +211,36 @@ class Attacher:
         m.fresh.memo[:k] = 0
         m.fresh.stuck[:k] = -1.0
         self._attach_direct()
+
+    def certify_beside(self, q: np.ndarray) -> None:
+        """Test the motions from q, beside its segment, to that segment's two ends.
+
+        They are new, so that they are tested against all that stands still; the
+        frame's points are asked where they are used. One test of the segment with room
+        around it answers for all motions that stay within that room.
+
+        Args:
+            q: (dof,) inside its limits, as `judge` found it.
+        """
+        m, static = self.planner.memory, self.planner.static
+        segment, own = int(m.own.numbers[kinds.N_WHERE]), m.own
+        own.q_beside[0] = q
+        own.q_beside[1:] = m.way.q[segment + 1], m.way.q[segment]
+        end, begin = own.q_beside[1:]
+        along = end - begin
+        key = own.q_beside[1:].tobytes()
+        if key != self._room_key:
+            self._room_key = key
+            self._has_room = static.motion_free(begin, along, _ROOM)
+        length2 = float(along @ along)
+        share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
+        off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
+        if self._has_room and off @ self._motion <= _ROOM:
+            own.beside[:] = 1
+        else:
+            own.beside[:] = static.motions_free(
+                np.stack([q, q]), own.q_beside[1:] - q
+            )
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.

@@ -51,14 +51,14 @@ class Calm:
         it is looked for among all that `recent` leaves free, then by the points alone.
         """
         planner = self.planner
-        code = step.judge(planner.memory.table, points, q, False)
+        code = planner.judge(points, q)
         if code != step.LOOK:
             return code
         around = self.recent.around()
         if len(around) > len(planner.memory.cloud.where):
             planner.make_room(2 * len(around))
             frame.take_points(planner.memory.table, points)
-            code = step.judge(planner.memory.table, points, q, False)
+            code = planner.judge(points, q)
         code = self._look(around)
         if code == step.NO_PATH and self.recent.margin > 0.0:
             code = self._look(self.recent.lately())
@@ -84,7 +84,7 @@ class Calm:
         planner = self.planner
         s, m = planner.settings, planner.memory
         m.own.numbers[N_LOOK] = 1
-        code = step.judge(m.table, points, q, False)
+        code = planner.judge(points, q)
         if code != step.LOOK:
             return code
         m.own.numbers[N_BETTER] = found

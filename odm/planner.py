@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_BETTER, N_FRAME, N_SAME, N_SEGMENT
+from odm._kernels.types import IS_SORTED, N_BETTER, N_SAME, N_SEGMENT, N_STEP
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -180,7 +180,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
         self.points = points
-        bad = frame.take_points(memory.table, points)
+        bad = frame.begin_step(memory.table, points)
         marked = time.perf_counter_ns()
         trouble = None
         if bad or stamp is not None:
@@ -194,7 +194,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         numbers, end = own.numbers.tolist(), way.count.item(0)
         at = numbers[N_SEGMENT]
         if end - at > 2 and (
-            code == step.PLANNED or not numbers[N_FRAME] % _LOOK_STRAIGHT
+            code == step.PLANNED or not numbers[N_STEP] % _LOOK_STRAIGHT
         ):
             code = self.straightener.run(code)
             numbers, end = own.numbers.tolist(), way.count.item(0)
@@ -218,7 +218,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         self._new_goals = False
         self._stood = self._stood + 1 if same and not first else 0
         numbers = self.memory.own.numbers
-        due = numbers[N_FRAME] % step.IMPROVE_EVERY == 0 and not self.always_replan
+        due = numbers[N_STEP] % step.IMPROVE_EVERY == 0 and not self.always_replan
         found = numbers[N_BETTER]  # looks in a row
         stays = self._stood >= (_LINGERS if self._moving else _STAYS)
         look = same and (first or (attacher.quick and stays))
@@ -270,10 +270,20 @@ class ReactivePlanner(Doors, Questions, Braking):
         s = self.settings
         if not self.always_replan and s.memory_s:
             return self.calm.choose(points, q)
-        return step.step(
-            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests,
-            s.looks,
-        )
+        table, looks = self.memory.table, (s.margin, s.close_tests, s.looks)
+        code = step.step(table, points, q, self.always_replan, *looks)
+        if code == step.BESIDE:
+            self.attacher.certify_beside(q)
+            code = step.step(table, points, q, self.always_replan, *looks)
+        return code
+
+    def judge(self, points: np.ndarray, q: np.ndarray) -> int:
+        """Judge the path in use by the frame's points; a code of `_kernels/step.py`."""
+        code = step.judge(self.memory.table, points, q, False)
+        if code == step.BESIDE:
+            self.attacher.certify_beside(q)
+            code = step.judge(self.memory.table, points, q, False)
+        return code
 
     def polish(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
         """Shorten the path in use between two frames; return how many cuts were made.

@@ -213,15 +213,19 @@ class Smoother:
         way, attacher = self.planner.memory.way, self.planner.attacher
         n, i, j = int(way.count[0]), change.i, change.j
         vertex, q, ref = way.vertex[:n].copy(), way.q[:n].copy(), way.ref[:n].copy()
+        begin, end = way.begin[:n].copy(), way.end[:n].copy()
         new = change.corners[1:-1]
         left, right = slice(0, i + 1), slice(j if change.to_vertex else j + 1, n)
         refs = [*ref[:i], *range(item, item + len(change.corners) - 1)]
+        old = [*range(i), *[-1] * (len(change.corners) - 1)]  # segments they are of
         if not change.from_vertex:
             new = np.vstack([change.corners[:1], new])
             refs.insert(i, ref[i])
+            old.insert(i, i)
         if not change.to_vertex:
             new = np.vstack([new, change.corners[-1:]])
         refs += ref[j : n - 1].tolist()
+        old += range(j, n - 1)
         numbers = [attacher.new_vertex() for _ in new]
         vertex = np.r_[vertex[left], numbers, vertex[right]]
         n = len(vertex)
@@ -229,4 +233,14 @@ class Smoother:
         way.vertex[:n], way.q[:n] = vertex, np.vstack([q[left], new, q[right]])
         way.ref[: n - 1] = refs
         ways.unwind(way, self.planner.robot.continuous)
+        ways.certify_whole(way)
+        for k, was in enumerate(old):
+            if was < 0:
+                continue
+            # behind new legs a continuous joint may be whole turns from where it was
+            here = way.q[k] if was <= i else way.q[k + 1]
+            there = q[was] if was <= i else q[was + 1]
+            turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
+            turns *= self.planner.robot.continuous
+            way.begin[k], way.end[k] = begin[was] + turns, end[was] + turns
 

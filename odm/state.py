@@ -101,9 +101,10 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     terms = np.array([cell_map.motion_tolerance, safety.h, share, 0.0])
     own = kinds.Own(
         cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
-        robot.continuous, np.zeros(n), np.zeros(10, np.int64), np.zeros(dof),
+        robot.continuous, np.zeros(n), np.zeros(12, np.int64), np.zeros(dof),
         np.zeros(dof), np.zeros(dof), np.full(dof, np.nan), np.full(dof, np.nan),
-        robot.lower, robot.upper, np.zeros(2),
+        robot.lower, robot.upper, np.zeros(2), np.full((3, dof), np.nan),
+        np.zeros(2, np.int64),
     )
     return Memory(
         {
@@ -178,6 +179,7 @@ def new_way(dof: int) -> kinds.Way:
     return kinds.Way(
         np.zeros(WAY_LENGTH, np.int64), np.zeros(WAY_LENGTH, np.int64),
         np.zeros((WAY_LENGTH, dof)), np.zeros(2, np.int64),
+        np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof)),
     )
 
 

@@ -81,8 +81,16 @@ class StaticTest:
         grown = self.safety.rho + self.safety.m + extra
         self.place_radii = self.arm.spheres[:, 3] + grown
 
-    def motions_free(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Test motions q + t dq, t in [0, 1]; (k, dof) twice -> (k,) bool."""
+    def motions_free(
+        self, q: np.ndarray, dq: np.ndarray, more: float = 0.0
+    ) -> np.ndarray:
+        """Test motions q + t dq, t in [0, 1]; (k, dof) twice -> (k,) bool.
+
+        With `more` every point of the robot may be so far beside the motion [m].
+        """
+        radii, place_radii = self.radii, self.place_radii
+        if more:
+            radii, place_radii = radii + more, place_radii + more
         q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
         result = np.zeros(len(q), np.bool_)
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
@@ -93,15 +101,15 @@ class StaticTest:
                 q[part],
                 dq[part],
                 self.itself.model,
-                MARGIN,
+                MARGIN + 2.0 * more,
                 TOLERANCE,
                 self.itself.scratch(),
                 self.scenery.solids,
                 self.skip,
-                self.safety.m,
-                self.radii,
+                self.safety.m + more,
+                radii,
                 self.cloud,
-                self.place_radii,
+                place_radii,
                 self.place_cloud,
                 self.tolerance,
                 self._work(),
@@ -116,9 +124,9 @@ class StaticTest:
             list(pool.map(run, parts))
         return result
 
-    def motion_free(self, q: np.ndarray, dq: np.ndarray) -> bool:
-        """Test one motion."""
-        return bool(self.motions_free(q[None], dq[None])[0])
+    def motion_free(self, q: np.ndarray, dq: np.ndarray, more: float = 0.0) -> bool:
+        """Test one motion; see `motions_free`."""
+        return bool(self.motions_free(q[None], dq[None], more)[0])
 
     def why(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say what the motion q + t dq runs into, or None where it is free."""

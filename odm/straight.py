@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels import close, step
-from odm._kernels.types import N_FRAME, N_SAME, N_SEGMENT, NO_ITEM
+from odm._kernels import close, step, ways
+from odm._kernels.types import N_SAME, N_SEGMENT, N_STEP, NO_ITEM
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -40,7 +40,7 @@ class Straightener:
         m, way = planner.memory, planner.memory.way
         at = int(m.own.numbers[N_SEGMENT])
         last = int(way.count[0]) - 1
-        frame = int(m.own.numbers[N_FRAME])
+        frame = int(m.own.numbers[N_STEP])
         waits = code == step.PLANNED and frame < self._next
         if waits or planner.attacher.is_fresh(planner._q):
             return code
@@ -64,6 +64,7 @@ class Straightener:
         way.q[0], way.q[1] = q, q + dq
         way.ref[0] = NO_ITEM
         way.count[0] = 2
+        ways.certify_whole(way)
         m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
         return step.PLANNED
 

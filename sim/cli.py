@@ -110,7 +110,17 @@ def audit(
     sabotage: Annotated[
         str | None,
         typer.Option(
-            metavar="rho|mu|sphere", help="Take this term away: the audit must fail."
+            metavar="rho|mu|sphere|certificate",
+            help="Take this away: the audit must fail.",
+        ),
+    ] = None,
+    sequences: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Attack what a planner remembers instead: N random frames in which "
+            "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
         ),
     ] = None,
     threads: Threads = 0,
@@ -125,6 +135,9 @@ def audit(
     from odm.payload import loaded_map
     from sim import describe
 
+    if sequences is not None or sabotage == "certificate":
+        _audit_sequences(map_dir, sequences or pairs, seed, threads, sabotage, json)
+        return
     cell_map = load_map(map_dir)
     asked = loaded_map(cell_map) if payload else cell_map
     options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
@@ -134,6 +147,29 @@ def audit(
         show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
     else:
         describe.show_audit(report, cell_map.hash)
+    if not report.complete:
+        raise KeyboardInterrupt
+    if not report.passed:
+        raise typer.Exit(1)
+
+
+def _audit_sequences(
+    map_dir: Path, steps: int, seed: int, threads: int, sabotage: str | None,
+    json: str | None,
+) -> None:
+    """Run the audit by sequences and show it."""
+    from odm import load_map
+    from odm.sequence_audit import audit_sequences
+    from sim import describe
+
+    map_hash = load_map(map_dir).hash
+    options = {"seed": seed, "processes": threads, "sabotage": sabotage}
+    with Bars() as tell:
+        report = audit_sequences(map_dir, steps=steps, progress=tell, **options)
+    if json is not None:
+        show_json(report.as_dict() | {"map_hash": map_hash}, json)
+    else:
+        describe.show_sequences(report, map_hash)
     if not report.complete:
         raise KeyboardInterrupt
     if not report.passed:

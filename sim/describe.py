@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from odm.audit import AuditReport
+    from odm.sequence_audit import SequenceReport
 
 
 Progress = Callable[[str, int, int], None]
@@ -269,6 +270,36 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
     console.print("nearest pairs that were called free:")
     for case in report.worst:
         console.print(f"  {case}", soft_wrap=True)
+    sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
+    console.print(
+        f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
+    )
+
+
+def show_sequences(report: "SequenceReport", map_hash: str) -> None:
+    """Print the verdict of an audit by sequences, its counts and its faults."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    console.print(str(report), soft_wrap=True)
+    if report.answered_share < 0.5:
+        console.print("less than half was answered with a path: too little to show")
+    smallest = f"{1000 * report.smallest:.2f} mm" if report.exact else "-"
+    table = _table("Counts", "what", "", "")
+    for name, number in (
+        ("steps", f"{report.steps:,}"),
+        ("answered with a path", f"{report.answered:,}"),
+        ("legs judged by a fresh planner", f"{report.legs:,}"),
+        ("answers measured with exact solids", f"{report.exact:,}"),
+        ("answers near to what they must keep", f"{report.near:,}"),
+        ("false answers", f"{report.wrong:,}"),
+        ("legs refused as a whole, but at no place", f"{report.unproved:,}"),
+        ("smallest exact distance beyond what is kept", smallest),
+    ):
+        table.add_row(name, "", number)
+    console.print(table)
+    for seed, step, fault in report.told:
+        console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
     sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
     console.print(
         f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"

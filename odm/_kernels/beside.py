@@ -30,7 +30,7 @@ def locate_beside(state, way, first, q, out):
         for corner in range(-1, 2):
             # the nearest place, or that from which the corner k or k + 1 is rounded
             if corner < 0:
-                share = nearest_share(way, k, q)
+                share = nearest_share(way.q[k], way.q[k + 1], q)
             elif 1 <= k + corner <= last:
                 share = rounded_share(way, k, k + corner, q)
             else:
@@ -45,15 +45,27 @@ def locate_beside(state, way, first, q, out):
 
 
 @njit(cache=True, nogil=True)
-def nearest_share(way, k, q):
-    """Return the share of segment k that is nearest to q."""
+def nearest_share(a, b, q):
+    """Return the share of the motion from a to b that is nearest to q."""
     along = 0.0
     length2 = 0.0
     for j in range(q.shape[0]):
-        d = way.q[k + 1, j] - way.q[k, j]
-        along += (q[j] - way.q[k, j]) * d
+        d = b[j] - a[j]
+        along += (q[j] - a[j]) * d
         length2 += d * d
     return min(1.0, max(0.0, along / length2)) if length2 > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def off_motion(a, b, share, q, sway):
+    """Bound how far any sphere at q is from where the motion from a to b has it [m].
+
+    That is at `share` of the motion; the bound is sum_j |dq_j| sway_j.
+    """
+    off = 0.0
+    for j in range(q.shape[0]):
+        off += abs(a[j] + share * (b[j] - a[j]) - q[j]) * sway[j]
+    return off
 
 
 @njit(cache=True, nogil=True)

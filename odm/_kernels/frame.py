@@ -29,8 +29,9 @@ from odm._kernels.types import (
     N_JOINT_COSTS,
     N_RUN,
     N_RUNS,
+    N_STEP,
 )
-from odm._kernels.ways import take_shortcuts, unwind, write_way
+from odm._kernels.ways import certify_whole, take_shortcuts, unwind, write_way
 
 
 @njit(cache=True, nogil=True)
@@ -47,6 +48,13 @@ def take_points(state, points):
     own.numbers[N_FRAME] += 1
     search.stats[:] = 0
     return cloud.counts[N_BAD]
+
+
+@njit(cache=True, nogil=True)
+def begin_step(state, points):
+    """Begin a step of the planner with its frame's points; as `take_points`."""
+    own_of(state).numbers[N_STEP] += 1
+    return take_points(state, points)
 
 
 @njit(cache=True, nogil=True)
@@ -83,6 +91,7 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             way.q[0] = q
             way.q[1] = goals.q[g]
             unwind(way, own.continuous)
+            certify_whole(way)
             return True
         if not leaves:
             continue
@@ -118,6 +127,7 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             leaves = entry >= 0 or can_leave(starts, frame)
         if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
             take_shortcuts(state, way, own.weights)
+            certify_whole(way)
             return True
     if not joint:
         return False
@@ -126,5 +136,6 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
     entry = search_goals(state, points, starts, q, -1, frame)
     if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
         take_shortcuts(state, way, own.weights)
+        certify_whole(way)
         return True
     return False

@@ -33,9 +33,11 @@ from odm._kernels.state import (
 from odm._kernels.types import (
     EDGE_BASE,
     IS_SORTED,
+    N_BESIDE,
     N_CLOSE,
     NO_ITEM,
     NO_WAY,
+    TO_END,
 )
 
 
@@ -133,12 +135,19 @@ def ref_free(state, ref, frame):
 
 @njit(cache=True, nogil=True)
 def rest_free(state, points, way, segment, q, frame):
-    """Test what is left of a way from q on its `segment`; return the bad one or -1."""
+    """Test what is left of a way from q on its `segment`; return the bad one or -1.
+
+    From beside the segment the motion to its end is no part of what was certified: no
+    cells are known of it, so the close test takes all points.
+    """
     own = own_of(state)
     for k in range(segment, way.count[0] - 1):
-        ref = way.ref[k]
+        beside = k == segment and own.numbers[N_BESIDE] == 1
+        ref = NO_ITEM if beside else way.ref[k]
         if ref_free(state, ref, frame):
             continue
+        if beside and own.beside[TO_END] != 1:
+            return k
         begin = q if k == segment else way.q[k]
         for j in range(q.shape[0]):
             own.dq[j] = way.q[k + 1, j] - begin[j]

@@ -43,9 +43,9 @@ SHORT = DIRECT + 9
 FRESH = SHORT + 6
 ALONG = FRESH + 7
 WAY = ALONG + 7
-SPARE = WAY + 4
-OWN = SPARE + 4
-PICK = OWN + 15
+SPARE = WAY + 6
+OWN = SPARE + 6
+PICK = OWN + 17
 PAST = PICK + 11
 ROWS = PAST + 5
 
@@ -354,6 +354,8 @@ def way_at(t, at):
         i8_1(t, at + 1),
         f8_2(t, at + 2),
         i8_1(t, at + 3),
+        f8_2(t, at + 4),
+        f8_2(t, at + 5),
     )
 
 
@@ -377,4 +379,6 @@ def own_of(t):
         f8_1(t, at + 12),
         f8_1(t, at + 13),
         f8_1(t, at + 14),
+        f8_2(t, at + 15),
+        i8_1(t, at + 16),
     )

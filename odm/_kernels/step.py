@@ -19,6 +19,7 @@ from odm._kernels.state import (
     way_at,
 )
 from odm._kernels.types import (
+    N_BESIDE,
     N_BETTER,
     N_FRAME,
     N_JOINT,
@@ -26,14 +27,18 @@ from odm._kernels.types import (
     N_REST,
     N_SAME,
     N_SEGMENT,
+    N_STEP,
     N_WHERE,
+    NO_ITEM,
     NO_WAY,
+    TO_BEGIN,
+    TO_END,
 )
-from odm._kernels.ways import locate_on_way, way_length
+from odm._kernels.ways import is_on, locate_on_way, way_length
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
-LOOK = 6
+LOOK, BESIDE = 6, 7
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 IMPROVE_EVERY = 8  # frames between two looks for a better way than a free one
 WORTH_A_LOOK = 1.1  # times the straight distance
@@ -53,22 +58,32 @@ def weighted(q_from, q_to, state):
 
 @njit(cache=True, nogil=True)
 def along_way(state, way, segment, q, along):
-    """Let the two ends of the way's present segment be what q is attached to."""
+    """Let the two ends of the way's present segment be what q is attached to.
+
+    On the segment those motions are parts of the one that was certified. Beside it
+    they are new: no cells are known of them, and `beside` says whether they are free of
+    what stands still.
+    """
     graph = graph_of(state)
     goals = goals_of(state)
+    own = own_of(state)
     n = graph.adj_ptr.shape[0] - 1
     count = 0
-    ref = way.ref[segment]
+    beside = own.numbers[N_BESIDE] == 1
+    ref = NO_ITEM if beside else way.ref[segment]
     for g in range(goals.count[0]):
         goals.direct_ref[g] = NO_WAY
-    for end in (segment + 1, segment):
-        v = way.vertex[end]
+    for k in (TO_END, TO_BEGIN):
+        if beside and own.beside[k] != 1:
+            continue
+        v = way.vertex[segment + 1 - k]
         if v < n:
             along.node[count] = v
             along.length[count] = weighted(q, graph.nodes[v], state)
             along.ref[count] = ref
             along.static[count] = 1
             along.memo[count] = 0
+            along.stuck[count] = -1.0
             count += 1
             continue
         for g in range(goals.count[0]):
@@ -85,6 +100,8 @@ def copy_way(source, target):
         target.vertex[k] = source.vertex[k]
         target.ref[k] = source.ref[k]
         target.q[k] = source.q[k]
+        target.begin[k] = source.begin[k]
+        target.end[k] = source.end[k]
     target.count[0] = n
     target.count[1] = source.count[1]
 
@@ -132,7 +149,8 @@ def judge(state, points, q, always):
     """Judge the way in use: FOLLOWING, a trouble's code, or LOOK for a new way.
 
     With LOOK own.numbers[N_WHERE] is the segment that q is on, -1 for none, and
-    own.numbers[N_REST] tells whether the rest of the way is free.
+    own.numbers[N_REST] tells whether the rest of the way is free. With BESIDE it is
+    not on that segment but beside it, and own.beside is to be filled first.
     """
     own = own_of(state)
     way = way_at(state, WAY)
@@ -145,8 +163,13 @@ def judge(state, points, q, always):
     if way.count[0] >= 2:
         where = locate_on_way(state, way, 0, q, own.out)  # it may have slowed down
     own.numbers[N_WHERE] = where
+    own.numbers[N_BESIDE] = 0
     if where < 0 and not is_fresh(own):
         return NOT_ATTACHED
+    if where >= 0 and not is_on(way, where, q, own.sway):
+        own.numbers[N_BESIDE] = 1
+        if not is_known_beside(own, way, where):
+            return BESIDE
     if where < 0 or always or way.count[1] < 0:
         return LOOK
     frame = own.numbers[N_FRAME]
@@ -154,7 +177,7 @@ def judge(state, points, q, always):
         return LOOK
     own.numbers[N_REST] = 1
     own.numbers[N_SEGMENT] = where
-    look = frame % IMPROVE_EVERY == 0 or own.numbers[N_LOOK] == 1
+    look = own.numbers[N_STEP] % IMPROVE_EVERY == 0 or own.numbers[N_LOOK] == 1
     own.numbers[N_LOOK] = 0
     if not look:
         return FOLLOWING
@@ -165,6 +188,19 @@ def judge(state, points, q, always):
         own.numbers[N_BETTER] = 0
         return FOLLOWING
     return LOOK
+
+
+@njit(cache=True, nogil=True)
+def is_known_beside(own, way, segment):
+    """Return True if own.beside tells of this very q and segment."""
+    for j in range(own.q.shape[0]):
+        if own.q_beside[0, j] != own.q[j]:
+            return False
+        if own.q_beside[1, j] != way.q[segment + 1, j]:
+            return False
+        if own.q_beside[2, j] != way.q[segment, j]:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -189,7 +225,8 @@ def look(state, points, margin, budget, looks):
     where = own.numbers[N_WHERE]
     start_vertex = goals.count[1]
     starts = starts_at(state, FRESH)
-    if is_fresh(own):
+    fresh = is_fresh(own)
+    if fresh:
         for g in range(goals.count[0]):
             goals.direct_ref[g] = goals.fresh_ref[g]
     else:
@@ -200,6 +237,10 @@ def look(state, points, margin, budget, looks):
         goals.direct_length[g] = weighted(q, goals.q[g], state)
     n_goals = goals.count[0]
     found = plan(state, points, q, starts, start_vertex, 0, n_goals, budget, spare)
+    if found and not fresh and own.numbers[N_BESIDE] == 0:
+        # its first segment is another part of the motion that q is on
+        spare.begin[0] = way.begin[where]
+        spare.end[0] = way.end[where]
     if own.numbers[N_REST] == 1:
         rank = way.count[1]
         better = found and spare.count[1] <= rank

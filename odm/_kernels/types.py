@@ -183,12 +183,18 @@ class Past(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A path as vertices and the items between them."""
+    """A path as vertices and the certified motions between them.
+
+    Segment k leads from q[k] to q[k + 1]. It is all or a part of the motion from
+    begin[k] to end[k], which is the one that was tested: its cells are those of ref[k].
+    """
 
     vertex: np.ndarray  # (64,) node, or unique number of start or goal
     ref: np.ndarray  # (64,) item from vertex k to k + 1
     q: np.ndarray  # (64, dof)
     count: np.ndarray  # (2,) vertices, goal index
+    begin: np.ndarray  # (64, dof)
+    end: np.ndarray  # (64, dof)
 
 
 class Shortcuts(NamedTuple):
@@ -211,7 +217,7 @@ class Own(NamedTuple):
     weights: np.ndarray  # (dof,)
     continuous: np.ndarray  # (dof,)
     h_any: np.ndarray  # (n,) cost to go to the best goal, costs included
-    numbers: np.ndarray  # (10,) see N_FRAME and after
+    numbers: np.ndarray  # (12,) see N_FRAME and after
     dq: np.ndarray  # (dof,) scratch
     spot: np.ndarray  # (dof,) scratch
     still: np.ndarray  # (dof,) zeros
@@ -220,10 +226,13 @@ class Own(NamedTuple):
     lower: np.ndarray  # (dof,)
     upper: np.ndarray  # (dof,)
     out: np.ndarray  # (2,) share of the segment that q is on
+    q_beside: np.ndarray  # (3, dof) configuration beside a segment; its end, its begin
+    beside: np.ndarray  # (2,) 1: free of what stands still, to the segment's end, begin
 
 
 N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS, N_COUNTED = range(6)
 N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME = range(5)
-N_JOINT, N_LOOK, N_BETTER, N_WHERE, N_REST = range(5, 10)
+N_JOINT, N_LOOK, N_BETTER, N_WHERE, N_REST, N_STEP, N_BESIDE = range(5, 12)
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
+TO_END, TO_BEGIN = 0, 1  # entries of Own.beside
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from odm._kernels.beside import locate_beside
+from odm._kernels.beside import locate_beside, nearest_share, off_motion
 from odm._kernels.items import pool_free
 from odm._kernels.state import (
     N_TRACK,
@@ -22,6 +22,7 @@ from odm._kernels.types import (
 )
 
 SAME_PLACE = 1e-9  # [m]
+ON = 1e-7  # [m] a tenth of what every swept radius is larger than it must be
 
 
 @njit(cache=True, nogil=True)
@@ -37,18 +38,8 @@ def locate_on_way(state, way, first, q, out):
     best_off = own.terms[N_TRACK]
     for k in range(first, way.count[0] - 1):
         a, b = way.q[k], way.q[k + 1]
-        along = 0.0
-        length2 = 0.0
-        for j in range(q.shape[0]):
-            d = b[j] - a[j]
-            along += (q[j] - a[j]) * d
-            length2 += d * d
-        t = 0.0
-        if length2 > 0.0:
-            t = min(1.0, max(0.0, along / length2))
-        off = 0.0
-        for j in range(q.shape[0]):
-            off += abs(a[j] + t * (b[j] - a[j]) - q[j]) * own.sway[j]
+        t = nearest_share(a, b, q)
+        off = off_motion(a, b, t, q, own.sway)
         # of two segments over the same place the later one is nearer to the goal
         if off <= best_off + SAME_PLACE:
             best_off = min(off, best_off)
@@ -57,6 +48,25 @@ def locate_on_way(state, way, first, q, out):
     if best < 0:
         return locate_beside(state, way, first, q, out)
     return best
+
+
+@njit(cache=True, nogil=True)
+def is_on(way, k, q, sway):
+    """Return True if q is on the certified motion of segment k, but for rounding.
+
+    Only then what was certified of that motion holds for the one from q to an end of
+    the segment: it is a part of it. Beside it, that is a motion of its own.
+    """
+    a, b = way.begin[k], way.end[k]
+    return off_motion(a, b, nearest_share(a, b, q), q, sway) <= ON
+
+
+@njit(cache=True, nogil=True)
+def certify_whole(way):
+    """Say that each segment of a way is the whole motion that was certified."""
+    for k in range(way.count[0] - 1):
+        way.begin[k] = way.q[k]
+        way.end[k] = way.q[k + 1]
 
 
 @njit(cache=True, nogil=True)

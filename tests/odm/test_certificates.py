@@ -1,0 +1,119 @@
+"""A certificate belongs to the motion it was made for, not to one beside it."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
+
+import odm
+from odm.sequence_judge import Judge
+from odm.sequences import Sequence, reuse_certificate
+from roadmap.kinematics import sphere_centers
+
+
+def pushed_away(planner, q, toward, frames=120, push=0.003):
+    """Push a robot on its path toward a point, a few millimetres a frame.
+
+    Yields (q, answer) of each frame.
+    """
+    robot = planner.robot
+    for _ in range(frames):
+        answer = yield q
+        del answer
+        centers = sphere_centers(robot, q)
+        k = int(np.argmin(np.linalg.norm(centers - toward, axis=1)))
+        steps = np.eye(robot.dof) * 1e-4
+        slope = [
+            np.linalg.norm(sphere_centers(robot, q + s)[k] - toward)
+            - np.linalg.norm(centers[k] - toward)
+            for s in steps
+        ]
+        slope = np.array(slope) / 1e-4
+        q = q - push * slope / max(float(slope @ slope), 1e-6)
+        q = np.clip(q, robot.lower, robot.upper)
+        q = np.where(robot.continuous, (q + np.pi) % (2 * np.pi) - np.pi, q)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("always", [False, True])
+def test_a_robot_that_is_pushed_off_its_path_is_never_led_into_an_obstacle(
+    small_map, seed, always
+):
+    rng = np.random.default_rng(seed)
+    planner = odm.ReactivePlanner(small_map, always_replan=always)
+    fresh = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    q = HOME + rng.uniform(-0.1, 0.1, 3)
+    planner.step(NOBODY, q=q)
+    where = sphere_centers(planner.robot, q)[-1]
+    beside = rng.normal(size=3)
+    ball = where + 0.22 * beside / np.linalg.norm(beside)
+    points = ball_at(ball, 0.03)
+    frames = pushed_away(planner, q, ball)
+    q = next(frames)
+    led = 0
+    while True:
+        answer = planner.step(points, q=q)
+        if answer.status != "holding":
+            led += 1
+            fresh.step(points, q=q)
+            for a, b in zip(answer.path, answer.path[1:], strict=False):
+                assert fresh.is_free(wrapped(small_map, a), wrapped(small_map, b))
+        try:
+            q = frames.send(answer)
+        except StopIteration:
+            break
+    assert led > 5
+
+
+def test_a_robot_pushed_into_its_scenery_is_not_led_on(small_map):
+    """The mark of being free of what stands still is not handed on, either."""
+    planner, fresh = (odm.ReactivePlanner(small_map) for _ in range(2))
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    q = HOME.copy()
+    held = 0
+    for _ in range(400):
+        answer = planner.step(points, q=q)
+        held += answer.status == "holding"
+        fresh.step(points, q=q)
+        for a, b in zip(answer.path, answer.path[1:], strict=False):
+            assert fresh.is_free(wrapped(small_map, a), wrapped(small_map, b))
+        q = np.clip(q + [0.0, 0.003, 0.003], small_map.robot.lower, small_map.robot.upper)
+    assert held  # it came to the floor
+
+
+def test_a_steady_error_is_measured_from_what_was_certified(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    first = planner.step(points, q=HOME)
+    way = planner.memory.way
+    k = int(way.count[0]) - 1
+    assert np.array_equal(way.begin[0], first.path[0])
+    ends = way.begin[:k].copy(), way.end[:k].copy()
+    error = np.array([1e-4, 5e-4, -5e-4])
+    for share in np.linspace(0.0, 0.5, 20):
+        a, b = first.path[:2]
+        answer = planner.step(points, q=a + share * (b - a) + error)
+        assert answer.status == "following"
+        assert np.array_equal(way.begin[:k], ends[0])
+        assert np.array_equal(way.end[:k], ends[1])
+
+
+def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
+    judge = Judge(small_map)
+    answered = 0
+    for seed in range(4):
+        for step in Sequence(small_map, seed, judge).run(150, 25):
+            answered += step.verdict is not None
+            assert step.verdict is None or not step.verdict.wrong
+    assert answered > 300
+
+
+def test_sequences_find_a_certificate_that_is_used_for_a_shifted_motion(small_map):
+    judge = Judge(small_map)
+    for seed in range(40):
+        steps = Sequence(small_map, seed, judge, reuse_certificate).run(250, 50)
+        if any(step.verdict and step.verdict.wrong for step in steps):
+            return
+    raise AssertionError("the reused certificate was not found")
