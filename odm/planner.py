@@ -32,7 +32,6 @@ from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
-_LOOK_STRAIGHT = 8  # frames between two looks for the straight way while moving
 _STAYS = 3  # frames at the same place,
 _LINGERS = 12  # and with a path that it could follow
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
@@ -191,14 +190,10 @@ class ReactivePlanner(Doors, Questions, Braking):
         if code > step.PLANNED:
             return self._hold(begun, marked, covering_radius, trouble, code)
         way, own = memory.way, memory.own
+        if code == step.PLANNED and way.count.item(0) > 2:
+            self.straightener.run()
         numbers, end = own.numbers.tolist(), way.count.item(0)
         at = numbers[N_SEGMENT]
-        if end - at > 2 and (
-            code == step.PLANNED or not numbers[N_STEP] % _LOOK_STRAIGHT
-        ):
-            code = self.straightener.run(code)
-            numbers, end = own.numbers.tolist(), way.count.item(0)
-            at = numbers[N_SEGMENT]
         path = way.q[at:end].copy()
         path[0] = q
         following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
@@ -270,12 +265,14 @@ class ReactivePlanner(Doors, Questions, Braking):
         s = self.settings
         if not self.always_replan and s.memory_s:
             return self.calm.choose(points, q)
-        table, looks = self.memory.table, (s.margin, s.close_tests, s.looks)
-        code = step.step(table, points, q, self.always_replan, *looks)
-        if code == step.BESIDE:
-            self.attacher.certify_beside(q)
-            code = step.step(table, points, q, self.always_replan, *looks)
-        return code
+        code = step.step(
+            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests,
+            s.looks,
+        )
+        if code != step.BESIDE:
+            return code
+        self.attacher.certify_beside(q)
+        return self._step(points, q)
 
     def judge(self, points: np.ndarray, q: np.ndarray) -> int:
         """Judge the path in use by the frame's points; a code of `_kernels/step.py`."""

@@ -1,4 +1,4 @@
-"""The straight way to the goal, for a robot that is on its way along another one."""
+"""The straight way to the goal, for a robot that just found another one on its way."""
 
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ from odm._kernels.types import N_SAME, N_SEGMENT, N_STEP, NO_ITEM
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
-_WAIT = 8  # frames from a look that found it blocked to the next while replanning
+_WAIT = 8  # steps from a look that found it blocked to the next
 _WORTH = 1.1  # times the straight length: a rest shorter than that stays
 
 
@@ -27,46 +27,38 @@ class Straightener:
     def __init__(self, planner: "ReactivePlanner") -> None:
         """No look has found anything."""
         self.planner = planner
-        self._found = 0  # looks in a row that found the straight way free
-        self._next = 0  # frame of the next look
+        self._next = 0  # step of the next look
 
     def reset(self) -> None:
         """Look again in the next frame: there are other goals, or another start."""
-        self._found = self._next = 0
+        self._next = 0
 
-    def run(self, code: int) -> int:
-        """Take the straight way where it is free; returns the frame's code."""
+    def run(self) -> None:
+        """Take the straight way for one that was just found, where it is free."""
         planner = self.planner
         m, way = planner.memory, planner.memory.way
         at = int(m.own.numbers[N_SEGMENT])
         last = int(way.count[0]) - 1
-        frame = int(m.own.numbers[N_STEP])
-        waits = code == step.PLANNED and frame < self._next
-        if waits or planner.attacher.is_fresh(planner._q):
-            return code
+        now = int(m.own.numbers[N_STEP])
+        if now < self._next or planner.attacher.is_fresh(planner._q):
+            return
         q = planner._q.copy()
         dq = planner._difference(q, way.q[last])
         if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
-            return code
+            return
         tolerance = planner.cell_map.motion_tolerance
         cloud = planner.calm_cloud()
         if not close.motion_clear(
             m.arm, planner.radii, q, dq, tolerance, cloud, False, m.work
         ) or not planner.static.motion_free(q, dq):
-            self._found = 0
-            self._next = frame + _WAIT
-            return code
-        self._found += 1
-        if code == step.FOLLOWING and self._found < planner.settings.looks:
-            return code
-        self._found = 0
+            self._next = now + _WAIT
+            return
         way.vertex[:2] = m.goals.count[2], way.vertex[last]
         way.q[0], way.q[1] = q, q + dq
         way.ref[0] = NO_ITEM
         way.count[0] = 2
         ways.certify_whole(way)
         m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
-        return step.PLANNED
 
     def _length(self, dq: np.ndarray) -> float:
         return float(np.linalg.norm(dq * self.planner.cell_map.roadmap.weights))

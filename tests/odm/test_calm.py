@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, ball_at
+from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
 from odm import PlannerSettings
@@ -124,3 +124,24 @@ def test_a_clock_that_is_set_back_begins_anew(small_map):
     recent.take(np.array([[0.1, 0.0, 0.5]]), 10.0)
     recent.take(np.array([[0.2, 0.0, 0.5]]), 3.0)
     assert np.allclose(recent.lately()[:, 0], 0.2)
+
+
+def test_looks_for_a_better_path_come_every_eighth_frame(small_map, monkeypatch):
+    """However often a frame takes points, it is one frame."""
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY, HOME + 0.1])
+    points = odm.sample_capsules(POST, 0.03)
+    looks, frame = [], 0
+    around = planner.calm.recent.around
+
+    def noted():
+        looks.append(frame)
+        return around()
+
+    monkeypatch.setattr(planner.calm.recent, "around", noted)
+    for frame in range(1, 81):
+        assert planner.step(points, q=HOME).status != "holding"
+    later = [k for k in looks if k > 16]
+    assert later
+    assert set(later) <= set(range(8, 81, 8))
+    assert len(set(later)) >= 7

@@ -1,0 +1,134 @@
+"""A planner that lives long answers what one that was just made would allow."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+
+from odm.sequence_audit import audit_sequences, run_sequence
+from odm.sequence_judge import Judge, solid_of
+from odm.sequences import EVENTS, Sequence
+from roadmap.errors import BadInput
+
+ORDINARY = sorted(set(EVENTS) - {"grow"})
+
+
+@pytest.fixture(scope="module")
+def judge(carrying_map):
+    return Judge(carrying_map)
+
+
+def machine_on(cell_map, judge):
+    """Return a machine whose rules are what may happen between two frames."""
+
+    class Life(RuleBasedStateMachine):
+        @initialize(seed=st.integers(0, 10_000))
+        def begin(self, seed):
+            self.life = Sequence(cell_map, seed, judge)
+
+        @rule(names=st.lists(st.sampled_from(ORDINARY), max_size=3))
+        def some_frames_after(self, names):
+            for name in names:
+                self.life.happen(name)
+            self.judged()
+
+        @rule(n=st.integers(1, 12))
+        def it_follows(self, n):
+            for _ in range(n):
+                self.life.follow()
+                self.judged()
+
+        @rule(n=st.integers(1, 30))
+        def it_is_pushed_on(self, n):
+            self.life.push()
+            for _ in range(n):
+                self.judged()
+
+        def judged(self):
+            verdict = self.life.frame().verdict
+            assert verdict is None or not verdict.wrong, verdict.wrong
+
+    return Life
+
+
+def test_no_order_of_events_makes_it_answer_what_is_not_free(carrying_map, judge):
+    few = settings(
+        max_examples=12, stateful_step_count=25, deadline=None, derandomize=True,
+        suppress_health_check=list(HealthCheck), database=None,
+    )
+    case = machine_on(carrying_map, judge).TestCase
+    case.settings = few
+    case().runTest()
+
+
+def test_every_event_happens_and_most_frames_are_answered(carrying_map, judge):
+    answered = total = near = 0
+    for seed in range(6):
+        report = run_sequence(carrying_map, judge, seed, 150)
+        assert not report.told
+        answered, total = answered + report.answered, total + report.steps
+        near += report.near
+        assert report.smallest > 0.0
+    assert answered >= 0.5 * total
+    assert near  # some come near to what they must keep
+
+
+def test_each_event_can_happen_at_any_time(carrying_map, judge):
+    life = Sequence(carrying_map, 3, judge)
+    rng = np.random.default_rng(3)
+    for name in rng.permutation(ORDINARY * 3).tolist() + ["come", "grow"]:
+        life.happen(name)
+        verdict = life.frame().verdict
+        assert verdict is None or not verdict.wrong, (name, verdict.wrong)
+
+
+def test_the_same_seed_gives_the_same_report(carrying_map, judge):
+    one, two = (run_sequence(carrying_map, judge, 5, 80) for _ in range(2))
+    assert one == two
+
+
+def test_a_wrong_answer_is_told(carrying_map, judge):
+    life = Sequence(carrying_map, 1, judge)
+    q = life.q
+    world, points = life.world, life.world.points()
+    world.capsules = life.draw_arm(np.array([0.0, 0.0, 0.8]))
+    points = world.points()
+    to = life.draw_valid()
+    shares = np.linspace(0.0, 1.0, 4)[:, None]
+    path = q + shares * (to - q)
+    verdicts = [
+        judge.judge(world, points, q, np.array([q, at]), True)
+        for at in life.cell_map.roadmap.nodes
+    ]
+    assert any(v.wrong for v in verdicts)
+    assert not all(v.wrong for v in verdicts)
+    elsewhere = judge.judge(world, points, q + 0.1, path, False)
+    assert "begins at" in elsewhere.wrong[0]
+
+
+def test_a_half_space_is_a_box_whose_side_lies_in_its_plane():
+    row = np.zeros(16)
+    row[1:4], row[4] = [0.0, 0.6, 0.8], 0.3
+    box = solid_of(row)
+    middle = box.T_base_shape[:3, 3] + 10.0 * box.T_base_shape[:3, 2]
+    assert np.isclose(middle @ row[1:4], 0.3)
+    assert np.allclose(box.T_base_shape[:3, 2], row[1:4])
+
+
+def test_the_audit_sums_up_and_its_own_audit_fails(carrying_map, tmp_path):
+    carrying_map.save(tmp_path / "map")
+    options = {"processes": 1, "steps": 120}
+    report = audit_sequences(tmp_path / "map", **options)
+    assert report.passed
+    assert report.steps == 120
+    assert json.loads(json.dumps(report.as_dict()))["passed"]
+    found = audit_sequences(
+        tmp_path / "map", steps=20_000, processes=1, sabotage="certificate", seed=1
+    )
+    assert found.wrong
+    assert not found.passed
+    with pytest.raises(BadInput, match="certificate"):
+        audit_sequences(tmp_path / "map", sabotage="rho")
