@@ -14,7 +14,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadMap
 from roadmap.graph import Roadmap
 from roadmap.robot import Robot
-from roadmap.store import read_folder, write_folder
+from roadmap.store import made_of, read_folder, write_folder
 
 ROUNDING = 1e-6  # [m] added to every swept radius
 
@@ -209,24 +209,30 @@ def load_map(
     manifest, arrays = read_folder(path, verify)
     if manifest.get("kind") != "cell map":
         raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
-    found = Robot.from_store(manifest["robot"], _part(arrays, "robot."))
+    with made_of(path):
+        loaded = _made(manifest, arrays)
     if robot is not None and robot.fingerprint() != manifest["robot_hash"]:
         raise BadMap(
-            f"map {path} was built for another robot ({found.name}, hash "
+            f"map {path} was built for another robot ({loaded.robot.name}, hash "
             f"{manifest['robot_hash'][:12]}, not {robot.fingerprint()[:12]}); build a "
             "map for this one"
         )
-    grid = WorkspaceGrid(
-        arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
-    )
+    object.__setattr__(loaded, "_lies", (str(Path(path).resolve()), verify))
+    return loaded
+
+
+def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
+    """Make a map of what a folder holds."""
     recipe = recipe_of_map(manifest["recipe"])
     payload = None
     if recipe.payload is not None:
         payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))
-    loaded = CellMap(
-        robot=found,
+    return CellMap(
+        robot=Robot.from_store(manifest["robot"], _part(arrays, "robot.")),
         roadmap=Roadmap(**_part(arrays, "roadmap.")),
-        grid=grid,
+        grid=WorkspaceGrid(
+            arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
+        ),
         recipe=recipe,
         arm_cells=CellLists(**_part(arrays, "arm.")),
         scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
@@ -234,8 +240,6 @@ def load_map(
         built=manifest["built"],
         hash=manifest["hash"],
     )
-    object.__setattr__(loaded, "_lies", (str(Path(path).resolve()), verify))
-    return loaded
 
 
 def _load_again(path: str, verify: bool, wanted: str) -> CellMap:
