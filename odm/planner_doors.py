@@ -10,12 +10,11 @@ from odm.attach import Attacher
 from odm.carry import Carrier
 from odm.checks import check_configuration, check_goals, goals_of
 from odm.place import place_points
+from odm.planner_settings import MOST_EXTRA
 from odm.surfaces import rounded_covering
 from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number, is_between
-
-MOST_EXTRA = 0.5  # [m] largest extra clearance
 
 
 class Doors:
