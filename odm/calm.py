@@ -51,7 +51,7 @@ class Calm:
         it is looked for among all that `recent` leaves free, then by the points alone.
         """
         planner = self.planner
-        code = step.judge(planner.memory.table, points, q, False)
+        code = step.judge(planner._memory.table, points, q, False)
         if code != step.LOOK:
             return code
         around = self.recent.around()

@@ -54,7 +54,7 @@ class Memory:
 
     def __init__(self, groups: dict[str, tuple]) -> None:
         """Keep the groups and write the table; it belongs to this thread."""
-        vars(self)["owner"] = Owner()
+        object.__setattr__(self, "owner", Owner())
         self._exchange(**groups)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -71,13 +71,15 @@ class Memory:
 
     def _exchange(self, **groups: tuple) -> None:
         """Point at other groups, by name; only `Carrier` and `_make_room` may."""
-        named = {**vars(self), **groups}
+        named = {n: groups[n] if n in groups else getattr(self, n) for n in _ORDER}
         rows = [
-            array for name in _ORDER for array in named[name]
+            array for group in named.values() for array in group
             if isinstance(array, np.ndarray)
         ]
-        vars(self).update(groups, table=_table_of(rows, named["graph"].block.dtype))
-        vars(self)["_rows"] = rows  # what the table points at lives as long as it
+        table = _table_of(rows, named["graph"].block.dtype)
+        # what the table points at lives as long as it
+        for name, value in {**groups, "table": table, "_rows": rows}.items():
+            object.__setattr__(self, name, value)
 
 
 def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:
