@@ -152,7 +152,8 @@ def test_points_of_a_surface_must_be_finite(planner):
 
 
 def test_shapes_as_large_as_towns_are_refused_before_they_fill_the_memory(planner):
-    for shape in (Box([900, 900, 900]), Sphere(500), Capsule(200, 100), Cylinder(200, 9)):
+    large = (Box([900, 900, 900]), Sphere(500), Capsule(200, 100), Cylinder(200, 9))
+    for shape in large:
         with pytest.raises(BadInput, match="give metres"):
             surface_of(shape, 0.03)
         with pytest.raises(BadInput, match="give metres"):
