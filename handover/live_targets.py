@@ -18,6 +18,7 @@ from handover.target_offers import TargetOffers
 from handover.workspace import InteractionWorkspace, Target
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics import difference
+from roadmap.ranges import check_settings
 
 if TYPE_CHECKING:
     from odm.answer import Answer
@@ -50,14 +51,13 @@ class LiveSettings:
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
-        for name in ("ranked", "attach_every"):
-            value = getattr(self, name)
-            if value != int(value) or value < 1:
-                raise BadInput(f"{name} is {value}; give a whole number from 1")
-        for name, high in (("near_m", 1.0), ("near_rad", np.pi)):
-            value = getattr(self, name)
-            if not 0 <= value <= high:
-                raise BadInput(f"{name} is {value}; give 0 to {high:.3g}")
+        ranges = {
+            "ranked": (1, 100_000, ""),
+            "attach_every": (1, 1_000_000, ""),
+            "near_m": (0.0, 1.0, "m"),
+            "near_rad": (0.0, np.pi, "rad"),
+        }
+        check_settings(self, ranges, ("ranked", "attach_every"))
 
 
 @dataclass(frozen=True)

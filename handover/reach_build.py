@@ -19,6 +19,7 @@ from handover.reach_touch import touch_of
 from handover.reach_work import best_dexterity, work_of
 from handover.rotations import rotation_grid
 from roadmap.errors import BadInput, BuildRefused
+from roadmap.ranges import is_between
 
 Progress = Callable[[str, int, int], None]
 _CHUNK = 1 << 17  # samples drawn at a time
@@ -62,16 +63,17 @@ class ReachSettings:
         for name, low, high in (
             ("cell", 1e-3, 1.0),
             ("samples", 1000, 4_000_000_000),
+            ("rotations", -1e9, 1e9),
             ("seed", 0, 2**31),
             ("sweeps", 1, 50),
             ("keep", 0.0, 1.0),
         ):
             value = getattr(self, name)
-            if not (np.isfinite(value) and low <= value <= high):
+            if not is_between(value, low, high):
                 raise BadInput(
                     f"{name} of a reach map is {value}; give {low:g} to {high:g}"
                 )
-        if self.seconds is not None and not self.seconds > 0:
+        if self.seconds is not None and not is_between(self.seconds, 1e-9, np.inf):
             raise BadInput(f"seconds is {self.seconds}; give more than 0, or None")
         rotation_grid(self.rotations)
 

@@ -16,7 +16,7 @@ from handover.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadMap
 from roadmap.robot import Robot
-from roadmap.store import read_folder, write_folder
+from roadmap.store import made_of, read_folder, write_folder
 from roadmap.transforms import check_pose
 
 _KIND = "reach map"
@@ -230,14 +230,16 @@ class ReachMap:
 
 
 def load_reach_map(
-    path: str | Path, verify: bool = False, robot: Robot | Chain | None = None
+    path: str | Path, verify: bool = True, robot: Robot | Chain | None = None
 ) -> ReachMap:
-    """Load a reach map by memory-map; no URDF is needed.
+    """Load a reach map; no URDF is needed.
 
     Args:
         path: Folder of the map.
-        verify: Compare every array with its SHA-256 first (some 20 ms). Without it a
-            missing or truncated array is still refused.
+        verify: Read every array into memory of its own and compare these very bytes
+            with their SHA-256 (some 20 ms). False maps the files instead: a missing
+            or truncated array is still refused, but nobody may write into them while
+            the map is in use.
         robot: Where given, the map must be of exactly this robot or chain.
 
     Raises:
@@ -255,8 +257,14 @@ def load_reach_map(
             f"{path} holds a {manifest.get('kind')!r}, not a reach map; build one with "
             "`odm workspace build ROBOT --out DIR`"
         )
-    if robot is not None:
-        _check_robot(path, manifest, robot)
+    with made_of(path):
+        if robot is not None:
+            _check_robot(path, manifest, robot)
+        return _made(manifest, arrays)
+
+
+def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> ReachMap:
+    """Make a reach map of what a folder holds."""
     parts = {k[6:]: a for k, a in arrays.items() if k.startswith("chain.")}
     chain = Chain(
         name=manifest["name"],

@@ -12,6 +12,7 @@ import numpy as np
 
 from handover.target_offers import Offer
 from roadmap.errors import BadInput
+from roadmap.ranges import check_number, is_between
 
 
 @dataclass(frozen=True)
@@ -41,16 +42,16 @@ class ChoiceSettings:
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
-        if not 0 <= self.margin <= 1:
+        if not is_between(self.margin, 0, 1):
             raise BadInput(f"a margin of {self.margin} is none; give 0 to 1 of quality")
-        if not self.margin <= self.drop <= 1:
+        if not is_between(self.drop, self.margin, 1):
             raise BadInput(
                 f"a drop of {self.drop} is none; give the margin, {self.margin}, to 1"
             )
-        for name, low in (("goals", 1), ("ahead", 1), ("patience", 1), ("retry", 0)):
+        counts = {"goals": 1, "ahead": 1, "patience": 1, "retry": 0, "spares": 0}
+        for name, low in counts.items():
             value = getattr(self, name)
-            if value != int(value) or value < low:
-                raise BadInput(f"{name} is {value}; give a whole number from {low}")
+            check_number(name, value, low, 1_000_000, True, "ChoiceSettings")
         if not 0 <= self.spares < self.goals or self.ahead > self.goals:
             raise BadInput(
                 f"{self.ahead} ahead and {self.spares} spares do not fit into "

@@ -130,6 +130,15 @@ class Answer:
             self._told = none if self._explain is None else self._explain.reason()
         return self._told
 
+    def __getstate__(self) -> tuple[None, dict]:
+        """Return what copies and pickles hold: all that was told, not the planner.
+
+        The reason and the retreat are asked for now, in the planner's own thread.
+        """
+        self._tell(), self.retreat
+        state = {name: getattr(self, name) for name in self.__slots__}
+        return None, {**state, "_explain": None}
+
     def __repr__(self) -> str:
         """Say the status and its core."""
         if self.status == HOLDING:

@@ -23,6 +23,7 @@ from odm.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from roadmap.errors import BadInput
 from roadmap.ik import checked_pose
 from roadmap.kinematics import difference, tool_pose
+from roadmap.ranges import is_between
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -76,6 +77,7 @@ class Approacher:
     ) -> Approach:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
         planner = self.planner
+        planner.memory.owner.check()
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
         self.legs.look(phase)
@@ -126,7 +128,7 @@ class Approacher:
             if not np.isfinite(q).all():
                 raise BadInput(f"q holds NaN or infinity: {q}; give numbers")
             return Line.between(tool_pose(robot, q), T)
-        if not (np.isfinite(distance) and 0.0 < distance <= 2.0):
+        if not (is_between(distance, 0.0, 2.0) and distance > 0.0):
             raise BadInput(
                 f"a distance of {distance} m is not above 0 and at most 2 m; 0.15 m "
                 "suits most approaches"

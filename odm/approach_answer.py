@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.ranges import check_settings
+
 
 @dataclass(frozen=True)
 class ApproachSettings:
@@ -26,6 +28,22 @@ class ApproachSettings:
     rounds: int = 4
     motions: int = 200
     fine: bool = True
+
+    def __post_init__(self) -> None:
+        """Check every number.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "step_m": (1e-4, 1.0, "m"),
+            "line_m": (1e-6, 0.1, "m"),
+            "line_rad": (1e-6, 1.0, "rad"),
+            "seeds": (1, 10_000, ""),
+            "rounds": (1, 1000, ""),
+            "motions": (1, 1_000_000, ""),
+        }
+        check_settings(self, ranges, ("seeds", "rounds", "motions"))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm._kernels.braking import first_blocked
+from odm.checks import as_floats
 from odm.clouds import SortedCloud
 from odm.last_phase import Cover, LastPhase, check_classes
 from odm.retreat import find_way_out
@@ -45,7 +46,8 @@ class Braking:
         Raises:
             BadInput: No path, a phase that cannot be, or bad classes.
         """
-        path = np.ascontiguousarray(path, np.float64)
+        self.memory.owner.check()
+        path = as_floats("the path", path)
         if path.ndim != 2 or not len(path) or path.shape[1] != self.robot.dof:
             raise BadInput(
                 f"a path of shape {path.shape} is none; give (k, {self.robot.dof}) "
@@ -78,12 +80,14 @@ class Braking:
 
         See `odm.retreat.find_way_out`.
         """
+        self.memory.owner.check()
         return find_way_out(self, q, coming, speed_scale)
 
     def last_phase(
         self, phase: str, points: np.ndarray, classes: np.ndarray | None
     ) -> LastPhase:
         """Return the close test of a phase, with points in the base frame."""
+        self.memory.owner.check()
         if self._last_phase is None:
             self._last_phase = LastPhase(self, self.cell_map.grid)
         self._last_phase.look(phase, points, classes)
@@ -91,6 +95,7 @@ class Braking:
 
     def cover(self) -> Cover:
         """Return the spheres of the map's cover, payload included."""
+        self.memory.owner.check()
         m = self.memory
         links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
         return Cover(m.arm, self.radii, links, m.work)

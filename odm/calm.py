@@ -56,7 +56,7 @@ class Calm:
             return code
         around = self.recent.around()
         if len(around) > len(planner.memory.cloud.where):
-            planner.make_room(2 * len(around))
+            planner._make_room(2 * len(around))
             frame.take_points(planner.memory.table, points)
             code = planner.judge(points, q)
         code = self._look(around)

@@ -74,7 +74,7 @@ class Carrier:
         work = kinds.make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         radii, sway = np.zeros(len(arm.spheres)), joint_sway(arm, robot.dof)
         own = m.own._replace(radii=radii, sway=sway)
-        m.exchange(arm=arm, work=work, own=own, **self._groups)
+        m._exchange(arm=arm, work=work, own=own, **self._groups)
         planner.hand_changed()
 
     def detach(self) -> None:
@@ -84,7 +84,7 @@ class Carrier:
         planner = self.planner
         planner.static = self.bare
         self.thing, self.robot = None, planner.robot
-        planner.memory.exchange(**self._bare_groups)
+        planner.memory._exchange(**self._bare_groups)
         planner.hand_changed()
 
     def set_place(self, points: np.ndarray) -> int:

@@ -11,10 +11,10 @@ from odm.grid import WorkspaceGrid
 from odm.recipe import PayloadRecipe, Recipe, Safety, recipe_of_map
 from odm.scenery import Scenery
 from roadmap.arrays import frozen
-from roadmap.errors import BadMap
+from roadmap.errors import BadInput, BadMap
 from roadmap.graph import Roadmap
 from roadmap.robot import Robot
-from roadmap.store import read_folder, write_folder
+from roadmap.store import made_of, read_folder, write_folder
 
 ROUNDING = 1e-6  # [m] added to every swept radius
 
@@ -94,6 +94,9 @@ class PayloadLayer:
 class CellMap:
     """Everything the planner needs, frozen; made by `build_map`, read by `load_map`.
 
+    A map that was loaded pickles by its folder: who unpickles it loads it from there,
+    and is refused where another map lies there by now. A copy of a map is the map.
+
     Attributes:
         robot: The robot.
         roadmap: Its roadmap.
@@ -115,6 +118,29 @@ class CellMap:
     payload: PayloadLayer | None = None
     built: dict = field(default_factory=dict)
     hash: str = ""
+    # where exactly this map lies: (folder, verified when loaded)
+    _lies: tuple[str, bool] | None = field(default=None, init=False, repr=False)
+
+    def __copy__(self) -> "CellMap":
+        """Return the map itself: nothing in it can change."""
+        return self
+
+    def __deepcopy__(self, memo: dict) -> "CellMap":
+        """Return the map itself: nothing in it can change."""
+        return self
+
+    def __reduce__(self) -> tuple:
+        """Pickle by folder and hash.
+
+        Raises:
+            BadInput: The map was not loaded, or was altered after that.
+        """
+        if self._lies is None:
+            raise BadInput(
+                "a map pickles by its folder, and this one was not loaded from any; "
+                "save it, and pickle what odm.load_map returns for that folder"
+            )
+        return _load_again, (*self._lies, self.hash)
 
     @property
     def safety(self) -> Safety:
@@ -166,11 +192,15 @@ class CellMap:
 def load_map(
     path: str | Path, verify: bool = True, robot: Robot | None = None
 ) -> CellMap:
-    """Load a map by memory-map; no URDF is needed.
+    """Load a map; no URDF is needed.
 
     Args:
         path: Folder of the map.
-        verify: Compare every array with its SHA-256 first.
+        verify: Read every array into memory of its own and compare these very bytes
+            with their SHA-256: what happens to the files later changes nothing.
+            False maps the files instead, in milliseconds and shared by all processes:
+            while the map is in use nobody may write into them (to replace the whole
+            folder, as `CellMap.save` does, is safe).
         robot: Where given, the map must be for exactly this robot.
 
     Raises:
@@ -179,24 +209,30 @@ def load_map(
     manifest, arrays = read_folder(path, verify)
     if manifest.get("kind") != "cell map":
         raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
-    found = Robot.from_store(manifest["robot"], _part(arrays, "robot."))
+    with made_of(path):
+        loaded = _made(manifest, arrays)
     if robot is not None and robot.fingerprint() != manifest["robot_hash"]:
         raise BadMap(
-            f"map {path} was built for another robot ({found.name}, hash "
+            f"map {path} was built for another robot ({loaded.robot.name}, hash "
             f"{manifest['robot_hash'][:12]}, not {robot.fingerprint()[:12]}); build a "
             "map for this one"
         )
-    grid = WorkspaceGrid(
-        arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
-    )
+    object.__setattr__(loaded, "_lies", (str(Path(path).resolve()), verify))
+    return loaded
+
+
+def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
+    """Make a map of what a folder holds."""
     recipe = recipe_of_map(manifest["recipe"])
     payload = None
     if recipe.payload is not None:
         payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))
     return CellMap(
-        robot=found,
+        robot=Robot.from_store(manifest["robot"], _part(arrays, "robot.")),
         roadmap=Roadmap(**_part(arrays, "roadmap.")),
-        grid=grid,
+        grid=WorkspaceGrid(
+            arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
+        ),
         recipe=recipe,
         arm_cells=CellLists(**_part(arrays, "arm.")),
         scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
@@ -204,6 +240,17 @@ def load_map(
         built=manifest["built"],
         hash=manifest["hash"],
     )
+
+
+def _load_again(path: str, verify: bool, wanted: str) -> CellMap:
+    """Load a map that was pickled, if it is still that map."""
+    loaded = load_map(path, verify)
+    if loaded.hash != wanted:
+        raise BadMap(
+            f"map {path} has the hash {loaded.hash[:12]}, but {wanted[:12]} was "
+            "pickled; pickle the map again, or store that one there"
+        )
+    return loaded
 
 
 def arm_of(robot: Robot) -> Arm:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roadmap.errors import BadConfiguration, BadInput
+from roadmap.ranges import is_between
 from roadmap.robot import Robot
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def check_points(
     """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
     kind = getattr(points, "dtype", None)
     if type(points) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
-        points = _as_floats(points)
+        points = as_floats("points", points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise BadInput(
             f"points have shape {points.shape}; give an (n, 3) array, (0, 3) for none"
@@ -33,12 +34,12 @@ def check_points(
     # compile in it
     if not points.flags.carray:
         points = points.copy(order="C")
-    if labels is not None and np.shape(labels) != (len(points),):
+    if labels is not None and _length("labels", labels) != (len(points),):
         raise BadInput(
             f"labels have shape {np.shape(labels)} for {len(points)} points; give one "
             "label for each point"
         )
-    if covering_radius is not None and not 0.0 <= covering_radius <= rho:
+    if covering_radius is not None and not is_between(covering_radius, 0.0, rho):
         raise BadInput(
             f"a covering radius of {covering_radius} m lies outside 0 to {rho} m, the "
             "rho of the map; sample more densely or build a map with a larger rho"
@@ -46,11 +47,43 @@ def check_points(
     return points
 
 
-def _as_floats(points: object) -> np.ndarray:
-    array = np.asarray(points)
+def as_floats(name: str, values: object) -> np.ndarray:
+    """Return values as a float64 array that compiled loops take: writeable, aligned.
+
+    What is such an array comes back as it is.
+
+    Raises:
+        BadInput: Rows of unequal length, or anything but real numbers.
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, TypeError, OverflowError):
+        array = np.empty(0, object)  # rows of unequal length
     if array.dtype.kind not in "fiu":
-        raise BadInput(f"points have dtype {array.dtype}; give real numbers [m]")
-    return np.ascontiguousarray(array, dtype=np.float64)
+        raise BadInput(
+            f"{name} must be an array of real numbers, not {_told(values)}; give "
+            "float64, all rows of the same length"
+        )
+    array = np.asarray(array, np.float64)
+    return array if array.flags.carray else array.copy(order="C")
+
+
+def _told(values: object) -> str:
+    """Describe a value in a few words."""
+    kind = getattr(values, "dtype", None)
+    if kind is not None:
+        return f"an array of dtype {kind}"
+    text = repr(values)
+    return text if len(text) < 60 else f"{text[:56]} ..."
+
+
+def _length(name: str, values: object) -> tuple[int, ...]:
+    try:
+        return np.shape(values)
+    except ValueError as error:
+        raise BadInput(
+            f"{name} have rows of unequal length; give one number for each"
+        ) from error
 
 
 def check_configuration(
@@ -59,7 +92,7 @@ def check_configuration(
     """Return q as (dof,) float64; values are judged later, shapes now."""
     kind = getattr(q, "dtype", None)
     if type(q) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
-        q = np.asarray(q, dtype=np.float64)
+        q = as_floats("q", q)
     if q.ndim != 1 or len(q) != robot.dof:
         raise BadInput(
             f"q has shape {q.shape}, but {robot.name} has {robot.dof} moving joints: "
@@ -67,7 +100,7 @@ def check_configuration(
         )
     if not q.flags.carray:
         q = q.copy(order="C")
-    if dq is not None and np.shape(dq) != (robot.dof,):
+    if dq is not None and _length("dq", dq) != (robot.dof,):
         raise BadInput(f"dq has shape {np.shape(dq)}; give ({robot.dof},) velocities")
     return q
 
@@ -90,14 +123,15 @@ def goals_of(
     robot: Robot, goals: Sequence[np.ndarray], costs: Sequence[float] | None
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return goals as (g, dof) and costs as (g,), or raise BadConfiguration."""
+    wanted = f"give 1 to {MAX_GOALS} configurations of {robot.dof} joint values"
+    if _is_empty(goals):
+        raise BadConfiguration(f"no goals were given; {wanted}, the best first")
     try:
-        goals = np.array(goals, dtype=np.float64, ndmin=2)
-    except (ValueError, TypeError) as error:
-        raise BadConfiguration(f"the goals are no (g, dof) array: {error}") from error
-    if goals.size == 0 or goals.ndim != 2 or goals.shape[1] != robot.dof:
-        raise BadConfiguration(
-            f"goals have shape {goals.shape}; give (g, {robot.dof}) configurations"
-        )
+        goals = np.array(as_floats("goals", goals), ndmin=2)
+    except BadInput as error:
+        raise BadConfiguration(f"{_bad_goal(goals)}; {wanted}") from error
+    if goals.ndim != 2 or goals.shape[1] != robot.dof:
+        raise BadConfiguration(f"goals have shape {goals.shape}; {wanted}")
     if len(goals) > MAX_GOALS:
         raise BadConfiguration(
             f"{len(goals)} goals were given, at most {MAX_GOALS} are ranked; leave the "
@@ -105,12 +139,35 @@ def goals_of(
         )
     if costs is None:
         return goals, None
-    values = np.array(costs, dtype=np.float64)
+    try:
+        values = np.array(as_floats("costs", costs))
+    except BadInput as error:
+        raise BadConfiguration(str(error)) from error
     if values.shape != (len(goals),) or not (values >= 0).all():
         raise BadConfiguration(
-            f"costs {values} must be {len(goals)} numbers of at least 0"
+            f"costs {values} must be {len(goals)} numbers of at least 0; give one for "
+            "each goal"
         )
     return goals, values
+
+
+def _is_empty(values: object) -> bool:
+    try:
+        return values is None or len(values) == 0
+    except TypeError:  # no sequence at all: told by who reads its numbers
+        return False
+
+
+def _bad_goal(goals: object) -> str:
+    """Say which goal is no row of numbers, or that all differ in length."""
+    rows = list(goals) if np.iterable(goals) and not isinstance(goals, str) else [goals]
+    lengths = []
+    for k, row in enumerate(rows):
+        try:
+            lengths.append(as_floats("it", row).shape)
+        except BadInput:
+            return f"goal {k} is no row of numbers but {_told(row)}"
+    return f"the goals have rows of unequal shapes: {', '.join(map(str, lengths[:4]))}"
 
 
 def check_goals(planner: "ReactivePlanner", goals: np.ndarray) -> None:

@@ -18,6 +18,7 @@ class DirectMap:
 
     def clear(self) -> None:
         """Forget what was occupied: the next answer comes from scratch."""
+        self.memory.owner.check()
         counted = self.memory.direct
         for array in (counted.hits, counted.seen, counted.bits):
             array[:] = 0
@@ -33,5 +34,6 @@ class DirectMap:
         return self._list(self.n_nodes, self.edges_out)
 
     def _list(self, first: int, out: np.ndarray) -> np.ndarray:
+        self.memory.owner.check()
         direct.refresh(self.memory.table)
         return out[: direct.list_bits(self.memory.direct.bits, first, len(out), out)]

@@ -73,6 +73,7 @@ class Reasons:
 
     def reason(self) -> tuple[str, Blockers]:
         """Return the reason and what stands behind it."""
+        self.planner.memory.owner.check()
         if self._unable is not None:
             return self._unable, NOTHING
         if self._is_over:
@@ -81,6 +82,7 @@ class Reasons:
 
     def retreat(self) -> np.ndarray | None:
         """Return a motion that gets away from the points, or None."""
+        self.planner.memory.owner.check()
         if self._unable is not None or self._is_over:
             return None
         return find_retreat(self.planner, self.q)

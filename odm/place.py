@@ -7,6 +7,7 @@ import numpy as np
 from odm._kernels import attach as kernels
 from odm._kernels import close
 from odm._kernels.types import Graph
+from odm.checks import as_floats
 from odm.static import StaticTest
 from odm.surfaces import Surface, require_covering, surface_of
 from roadmap.errors import BadInput
@@ -17,7 +18,7 @@ from roadmap.kinematics import difference
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
     """Return (n, 3) surface points of points, a shape, surfaces or a list of them."""
     if isinstance(points_or_shapes, np.ndarray):
-        points = np.ascontiguousarray(points_or_shapes, dtype=np.float64)
+        points = as_floats("scenery points", points_or_shapes)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"scenery points have shape {points.shape}; give (n, 3)")
         bad = len(points) - int(np.isfinite(points).all(axis=1).sum())

@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Sequence
+from threading import get_ident
+from typing import NoReturn
 
 import numpy as np
 
@@ -23,14 +25,16 @@ from odm.checks import check_configuration, check_goals, check_points, goals_of
 from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
 from odm.last_phase import LastPhase, check_classes
+from odm.owner import refuse_copy
 from odm.planner_doors import Doors
 from odm.planner_questions import Questions
 from odm.planner_settings import PlannerSettings
-from odm.state import lay_out
+from odm.state import Memory, lay_out
 from odm.static import StaticTest
 from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
+from roadmap.ranges import check_number
 
 _STAYS = 3  # frames at the same place,
 _LINGERS = 12  # and with a path that it could follow
@@ -40,8 +44,9 @@ _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame befo
 class ReactivePlanner(Doors, Questions, Braking):
     """Answers every frame: go on, go a new way, or hold and say why.
 
-    One planner belongs to one thread. Nothing is allocated in a frame after warm-up
-    but the answer itself.
+    One planner belongs to one thread, the one that made it or took it over; any other
+    is refused. It cannot be copied or pickled: make another one on the same map.
+    Nothing is allocated in a frame after warm-up but the answer itself.
 
     Args:
         cell_map: The map of the robot.
@@ -64,8 +69,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
         )
-        self.memory = lay_out(cell_map, self.settings.max_points)
-        self.radii = self.memory.own.radii
+        self._memory = lay_out(cell_map, self.settings.max_points)
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self._set_radii(None, None)
         self.world, self._world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -99,6 +103,31 @@ class ReactivePlanner(Doors, Questions, Braking):
         if self.settings.extra_clearance:
             self.set_extra_clearance(self.settings.extra_clearance)
 
+    # --- whose it is -------------------------------------------------------------
+
+    @property
+    def memory(self) -> Memory:
+        """The arrays of the compiled loops, and the table that points at them."""
+        return self._memory
+
+    @property
+    def radii(self) -> np.ndarray:
+        """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
+        return self._memory.own.radii
+
+    def take_over(self) -> None:
+        """Make the planner this thread's own, while no call of it runs elsewhere.
+
+        From then on the thread that had it is refused, until it takes it over again.
+        Whoever hands a planner on sees to it that its last call has ended: nothing
+        here waits for that.
+        """
+        self._memory.owner.take_over()
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled; say what to do instead."""
+        refuse_copy()
+
     # --- what is asked for -----------------------------------------------------
 
     def set_goals(
@@ -115,6 +144,7 @@ class ReactivePlanner(Doors, Questions, Braking):
             BadConfiguration: A goal has the wrong length, is not finite, out of
                 limits, in self-collision or in contact with the scenery.
         """
+        self._memory.owner.check()
         goals, costs = goals_of(self.robot, goals, costs)
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return
@@ -167,15 +197,17 @@ class ReactivePlanner(Doors, Questions, Braking):
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
         begun = time.perf_counter_ns()
+        memory = self._memory
+        if get_ident() != memory.owner.thread:
+            memory.owner.check()
         points = check_points(points, labels, covering_radius, self.rho)
         q = check_configuration(self.robot, q, dq)
         self.classes = check_classes(classes, len(points))
         points = self.world.points(points)
         if self._rejoin:
             self.attacher.forget_all()
-        memory = self.memory
         if len(points) > len(memory.cloud.where):
-            self.make_room(2 * len(points))
+            self._make_room(2 * len(points))
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
         self.points = points
@@ -201,18 +233,13 @@ class ReactivePlanner(Doors, Questions, Braking):
         status = FOLLOWING if following else REPLANNED
         return self._answer(status, path, begun, marked, covering_radius)
 
-    def make_room(self, room: int) -> None:
-        """Let clouds hold that many points; what was marked is gone."""
-        grid = self.cell_map.grid
-        self.memory.replace_clouds(grid.new_cloud(room), grid.new_cloud(room))
-
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         here, before = q.tobytes(), self._here  # compared much faster than arrays
         same, self._here = here == before, here
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
         self._stood = self._stood + 1 if same and not first else 0
-        numbers = self.memory.own.numbers
+        numbers = self._memory.own.numbers
         due = numbers[N_STEP] % step.IMPROVE_EVERY == 0 and not self.always_replan
         found = numbers[N_BETTER]  # looks in a row
         stays = self._stood >= (_LINGERS if self._moving else _STAYS)
@@ -256,6 +283,7 @@ class ReactivePlanner(Doors, Questions, Braking):
 
     def calm_cloud(self) -> object:
         """Return what new legs keep clear of: the points, and where they have been."""
+        self._memory.owner.check()
         if self.always_replan or not self.settings.memory_s:
             self._sort()
             return self.memory.cloud
@@ -266,7 +294,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         if not self.always_replan and s.memory_s:
             return self.calm.choose(points, q)
         code = step.step(
-            self.memory.table, points, q, self.always_replan, s.margin, s.close_tests,
+            self._memory.table, points, q, self.always_replan, s.margin, s.close_tests,
             s.looks,
         )
         if code != step.BESIDE:
@@ -276,10 +304,10 @@ class ReactivePlanner(Doors, Questions, Braking):
 
     def judge(self, points: np.ndarray, q: np.ndarray) -> int:
         """Judge the path in use by the frame's points; a code of `_kernels/step.py`."""
-        code = step.judge(self.memory.table, points, q, False)
+        code = step.judge(self._memory.table, points, q, False)
         if code == step.BESIDE:
             self.attacher.certify_beside(q)
-            code = step.judge(self.memory.table, points, q, False)
+            code = step.judge(self._memory.table, points, q, False)
         return code
 
     def polish(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
@@ -292,7 +320,15 @@ class ReactivePlanner(Doors, Questions, Braking):
             budget: Motions to test at most.
             ahead: (dof,) where the next frame will be asked from, if that is known:
                 the path up to there stays. None leaves what the robot reaches soon.
+
+        Raises:
+            BadInput: The budget is no whole number from 0, or `ahead` has the wrong
+                length.
         """
+        self._memory.owner.check()
+        budget = check_number("the budget of polish", budget, 0, 10**6, whole=True)
+        if ahead is not None:
+            ahead = check_configuration(self.robot, ahead, None)
         if self.always_replan:
             return self.polisher.run(budget)[0]
         half = budget // 2
@@ -301,6 +337,7 @@ class ReactivePlanner(Doors, Questions, Braking):
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
+        self._memory.owner.check()
         self.memory.way.count[0] = 0
         self.attacher.forget_start()
         self._moving = False
@@ -310,6 +347,13 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.last = self.heard = None
 
     # --- inside ----------------------------------------------------------------
+
+    def _make_room(self, room: int) -> None:
+        """Let clouds hold that many points or more; the frame's stay marked."""
+        grid, room = self.cell_map.grid, max(room, len(self.memory.cloud.where))
+        cloud, pick = grid.new_cloud(room), grid.new_cloud(room)
+        self._memory._exchange(cloud=cloud, pick=pick)
+        frame.take_points(self._memory.table, self.points)
 
     def _sort(self) -> None:
         if not self.memory.cloud.counts[IS_SORTED]:
@@ -340,7 +384,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         covering_radius: float | None,
         told: "explain.Reasons | None" = None,
     ) -> Answer:
-        memory = self.memory
+        memory = self._memory
         goal = memory.way.count.item(1) if told is None else None
         counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
         times = (begun, marked, time.perf_counter_ns())

@@ -8,13 +8,13 @@ import numpy as np
 from odm._kernels import frame
 from odm.attach import Attacher
 from odm.carry import Carrier
-from odm.checks import check_goals, goals_of
+from odm.checks import check_configuration, check_goals, goals_of
 from odm.place import place_points
+from odm.planner_settings import MOST_EXTRA
 from odm.surfaces import rounded_covering
 from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
-
-MOST_EXTRA = 0.5  # [m] largest extra clearance
+from roadmap.ranges import check_number, is_between
 
 
 class Doors:
@@ -35,6 +35,7 @@ class Doors:
         Raises:
             BadConfiguration: As of `set_goals`.
         """
+        self.memory.owner.check()
         goals, _ = goals_of(self.robot, [q], None)
         if goals[0] in self.attacher.kept:
             return True
@@ -43,7 +44,8 @@ class Doors:
 
     def is_prepared(self, q: np.ndarray) -> bool:
         """Return whether a goal is kept attached, so that to set it costs little."""
-        return np.asarray(q, np.float64) in self.attacher.kept
+        self.memory.owner.check()
+        return check_configuration(self.robot, q, None) in self.attacher.kept
 
     def attach(
         self, thing: object, T_tool_object: np.ndarray | None = None
@@ -64,6 +66,7 @@ class Doors:
             BadInput: The map has no payload layer, something is attached already, or
                 the object is larger than the envelope (both sizes are named).
         """
+        self.memory.owner.check()
         T = np.eye(4) if T_tool_object is None else T_tool_object
         self.carrier.attach(thing, T)
 
@@ -73,6 +76,7 @@ class Doors:
         Raises:
             BadInput: Nothing is attached.
         """
+        self.memory.owner.check()
         self.carrier.detach()
 
     @property
@@ -83,7 +87,7 @@ class Doors:
 
     def hand_changed(self) -> None:
         """Take up the table's new groups; what was planned before is gone."""
-        self.radii = self.memory.own.radii
+        self.memory.owner.check()
         self._set_radii(*self._sampled)
         self.attacher.resize()
         self.memory.search.memo[:] = -1
@@ -110,7 +114,8 @@ class Doors:
         Raises:
             BadInput: Out of range.
         """
-        if not (np.isfinite(extra) and 0.0 <= extra <= MOST_EXTRA):
+        self.memory.owner.check()
+        if not is_between(extra, 0.0, MOST_EXTRA):
             raise BadInput(
                 f"an extra clearance of {extra} m is not between 0 and {MOST_EXTRA} m; "
                 "give metres"
@@ -137,6 +142,7 @@ class Doors:
         Raises:
             BadInput: Not a rigid motion.
         """
+        self.memory.owner.check()
         before = self.world.T_world_base
         self.world = WorldFrame(T_world_base)
         self._world_ahead = WorldFrame(T_world_base)
@@ -152,6 +158,7 @@ class Doors:
         Points must cover their surfaces within the map's rho. Nodes and edges that
         the scenery blocks are closed for good; call again to replace it.
         """
+        self.memory.owner.check()
         self._p_world_place = place_points(points_or_shapes, self.rho)
         self._place()
 
@@ -165,6 +172,8 @@ class Doors:
 
     def _set_radii(self, covering_radius: float | None, rounding: float | None) -> None:
         """Let the close test's radii follow how the points were sampled."""
+        if rounding is not None:
+            rounding = check_number("rounding in m", rounding, 0.0, np.inf)
         self._sampled = (covering_radius, rounding)
         m = self.cell_map.safety.m + self.extra
         balls = self.memory.arm.spheres[:, 3] + m

@@ -7,7 +7,7 @@ from odm._kernels import close
 from odm._kernels.types import N_BAD
 from odm.answer import Freedom
 from odm.cell_map import CellMap
-from odm.checks import check_configuration
+from odm.checks import as_floats, check_configuration
 from odm.direct import DirectMap
 from odm.state import Memory
 from odm.world_frame import WorldFrame
@@ -21,7 +21,6 @@ class Questions:
     robot: Robot
     cell_map: CellMap
     memory: Memory
-    radii: np.ndarray
     direct: DirectMap
     world: WorldFrame
     _approacher: "approach.Approacher | None"
@@ -43,6 +42,7 @@ class Questions:
         Raises:
             BadInput: Wrong length or not finite, or a phase that cannot be.
         """
+        self.memory.owner.check()
         return explain.is_free(self, q_a, q_b, phase)
 
     def approach(
@@ -70,10 +70,12 @@ class Questions:
         Raises:
             BadInput: The pose is not rigid, q, distance or direction is out of range.
         """
+        self.memory.owner.check()
         if self._approacher is None:
             self._approacher = approach.Approacher(self)
         T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
-        direction = self.world.direction(direction)
+        if direction is not None:
+            direction = self.world.direction(as_floats("the direction", direction))
         return self._approacher.run(T, q, distance, direction, phase)
 
     def stands_clear(self, q: np.ndarray) -> bool:
@@ -85,6 +87,7 @@ class Questions:
         Args:
             q: (dof,) [rad or m].
         """
+        self.memory.owner.check()
         q = check_configuration(self.robot, q, None)
         m = self.memory
         if m.cloud.counts[N_BAD]:
@@ -102,6 +105,7 @@ class Questions:
 
         Infinity when the frame has no point inside the grid.
         """
+        self.memory.owner.check()
         q = check_configuration(self.robot, q, None)
         return self._nearest(q)
 

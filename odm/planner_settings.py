@@ -2,6 +2,31 @@
 
 from dataclasses import dataclass
 
+from odm.state import MAX_ATTACHMENTS
+from roadmap.errors import BadInput
+from roadmap.ranges import check_settings
+
+MOST_EXTRA = 0.5  # [m] largest extra clearance
+_RANGES = {
+    "attachments": (1, MAX_ATTACHMENTS, ""),
+    "start_attachments": (1, MAX_ATTACHMENTS, ""),
+    "close_tests": (0, 1000, ""),
+    "margin": (0.0, 1.0, ""),
+    "looks": (1, 1000, ""),
+    "memory_s": (0.0, 60.0, "s"),
+    "calm": (0.0, 0.5, "m"),
+    "comfort": (0.0, 0.5, "m"),
+    "patience": (0, 1_000_000, ""),
+    "extra_clearance": (0.0, MOST_EXTRA, "m"),
+    "max_age_s": (0.0, 60.0, "s"),
+    "max_points": (1, 100_000_000, ""),
+    "kept_goals": (0, 10_000, ""),
+}
+_COUNTS = (
+    "attachments", "start_attachments", "close_tests", "looks", "patience",
+    "max_points", "kept_goals",
+)
+
 
 @dataclass(frozen=True)
 class PlannerSettings:
@@ -43,3 +68,17 @@ class PlannerSettings:
     max_age_s: float = 0.1
     max_points: int = 32768
     kept_goals: int = 0
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        check_settings(self, _RANGES, _COUNTS)
+        named = isinstance(self.pads, tuple | list)
+        if not named or not all(isinstance(link, str) for link in self.pads):
+            raise BadInput(
+                f"pads is {self.pads!r}, but must be a tuple of link names; change it "
+                "in PlannerSettings"
+            )

@@ -10,11 +10,22 @@ from typing import Any
 import numpy as np
 
 from roadmap.build import RoadmapSettings
-from roadmap.errors import BadRecipe
+from roadmap.errors import BadInput, BadRecipe
+from roadmap.ranges import is_between
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
 _MARGINS = ("sensor", "tracking", "blending", "user")
+_TERMS = {"h": (0.002, 1.0), "rho": (0.0, 0.5), "mu": (0.0005, 0.2)}
+_LEAST_RHO = 0.0005  # [m] of a recipe; the audit tests maps that have none
+
+
+def _between(key: str, value: object, low: float, high: float) -> None:
+    if not is_between(value, low, high):
+        raise BadRecipe(
+            f"{key} is {value}, but must lie between {low} and {high}; "
+            "change it in the recipe"
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,16 @@ class Safety:
     def m(self) -> float:
         """Clearance beyond contact: the sum of its shares [m]."""
         return self.sensor + self.tracking + self.blending + self.user
+
+    def __post_init__(self) -> None:
+        """Check every term.
+
+        Raises:
+            BadRecipe: One out of range.
+        """
+        shares = {name: (0.0, 0.5) for name in _MARGINS}
+        for name, (low, high) in {**_TERMS, **shares}.items():
+            _between(f"safety.{name}", getattr(self, name), low, high)
 
     def as_dict(self) -> dict[str, float]:
         """Return the terms and the clearance m."""
@@ -196,14 +217,13 @@ def parse_recipe(
     _known(table, _TABLES, "the recipe")
     robot = _section(RobotRecipe, _with_travel(table.get("robot", {})), "[robot]")
     settings = dict(table.get("roadmap", {}))
-    if settings.get("region") is not None:
-        settings["region"] = tuple(tuple(row) for row in settings["region"])
-    if settings.get("weights") is not None:
-        settings["weights"] = tuple(settings["weights"])
+    for key in ("region", "weights"):
+        settings[key] = _tuples(settings.get(key))
     roadmap = _section(RoadmapSettings, settings, "[roadmap]")
     terms = {k: v for k, v in table.get("safety", {}).items() if k != "m"}
     safety = _section(Safety, terms, "[safety]")
-    _check(roadmap, safety, robot)
+    _between("safety.rho", safety.rho, _LEAST_RHO, _TERMS["rho"][1])
+    _between("robot.cover_excess", robot.cover_excess, 0.002, 0.2)
     scenery = tuple(table.get("scenery", ()))
     payload = None if "payload" not in table else _payload(table["payload"])
     name = table.get("name", name)
@@ -266,7 +286,17 @@ def _payload(table: dict) -> PayloadRecipe:
 
 def _section(kind: type, table: dict, where: str) -> Any:  # noqa: ANN401
     _known(table, tuple(f.name for f in fields(kind)), where)
-    return kind(**table)
+    try:
+        return kind(**table)
+    except BadRecipe:
+        raise
+    except BadInput as error:
+        raise BadRecipe(str(error)) from error
+
+
+def _tuples(rows: object) -> object:
+    """Return lists as tuples, all the way down."""
+    return tuple(map(_tuples, rows)) if isinstance(rows, list | tuple) else rows
 
 
 def _known(table: dict, names: tuple[str, ...], where: str) -> None:
@@ -276,23 +306,4 @@ def _known(table: dict, names: tuple[str, ...], where: str) -> None:
             raise BadRecipe(
                 f"{where} has no key {key!r}; did you mean {near[0]!r}? "
                 f"Known keys: {', '.join(names)}"
-            )
-
-
-def _check(roadmap: RoadmapSettings, safety: Safety, robot: RobotRecipe) -> None:
-    ranges = {
-        "safety.h": (safety.h, 0.002, 1.0),
-        "safety.rho": (safety.rho, 0.0005, 0.5),
-        "safety.mu": (safety.mu, 0.0005, 0.2),
-        "robot.cover_excess": (robot.cover_excess, 0.002, 0.2),
-        "roadmap.nodes": (roadmap.nodes, 2, 10_000_000),
-        "roadmap.neighbors": (roadmap.neighbors, 1, 500),
-    }
-    ranges |= {f"safety.{n}": (getattr(safety, n), 0.0, 0.5) for n in _MARGINS}
-    for key, (value, low, high) in ranges.items():
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not (np.isfinite(value) and low <= value <= high):
-            raise BadRecipe(
-                f"{key} is {value}, but must lie between {low} and {high}; "
-                "change it in the recipe"
             )

@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadRecipe
+from roadmap.ranges import is_between
 from roadmap.transforms import pose_of
 
 _KEYS = {
@@ -35,9 +36,24 @@ class Scenery:
     dropped: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
+        """Freeze the arrays; refuse numbers that block nothing.
+
+        Raises:
+            BadRecipe: A number that is not finite, or arrays of the wrong shape.
+        """
         object.__setattr__(self, "solids", frozen(self.solids, np.float64))
         object.__setattr__(self, "points", frozen(self.points, np.float64))
+        if self.solids.shape[1:] != (16,) or self.points.shape[1:] != (3,):
+            raise BadRecipe(
+                f"scenery has solids {self.solids.shape} and points "
+                f"{self.points.shape}; give (n, 16) and (k, 3)"
+            )
+        for name in ("solids", "points", "covering_radius"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise BadRecipe(
+                    f"the {name} of scenery hold NaN or infinity, which would block "
+                    "nothing; give finite numbers"
+                )
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
@@ -74,8 +90,8 @@ def parse_scenery(tables: tuple[dict, ...], folder: Path | None = None) -> Scene
     """
     solids, points, names, rho = [], [np.zeros((0, 3))], [], 0.0
     for k, table in enumerate(tables):
-        kind = table.get("type")
-        if kind not in _KEYS:
+        kind = table.get("type") if isinstance(table, dict) else None
+        if not isinstance(kind, str) or kind not in _KEYS:
             raise BadRecipe(
                 f"scenery {k} has type {kind!r}; choose one of {', '.join(_KEYS)}"
             )
@@ -91,27 +107,34 @@ def parse_scenery(tables: tuple[dict, ...], folder: Path | None = None) -> Scene
             rho = max(rho, radius)
             continue
         solids.append(_plane_row(table, k) if kind == "plane" else _box_row(table, k))
-        names.append(table.get("name", f"{kind} {k}"))
+        names.append(str(table.get("name", f"{kind} {k}")))
     rows = np.array(solids) if solids else np.zeros((0, 16))
     return Scenery(rows, np.concatenate(points), rho, tuple(names))
 
 
 def _plane_row(table: dict, k: int) -> np.ndarray:
-    normal = np.asarray(table.get("normal", (0.0, 0.0, 1.0)), float)
-    length = np.linalg.norm(normal)
-    if normal.shape != (3,) or not np.isfinite(length) or length == 0.0:
-        raise BadRecipe(f"scenery {k}: normal {normal} is no direction; give 3 numbers")
+    normal = _numbers(table, k, "normal", (0.0, 0.0, 1.0))
+    largest = np.abs(normal).max()
+    if largest == 0.0:
+        raise BadRecipe(
+            f"scenery {k}: normal {normal.tolist()} is no direction; give 3 numbers "
+            "that are not all 0"
+        )
+    length = largest * np.linalg.norm(normal / largest)
     row = np.zeros(16)
     row[1:4] = normal / length
-    row[4] = float(table.get("offset", 0.0)) / length
+    row[4] = _number(table, k, "offset", 0.0, -1e3 * length, 1e3 * length) / length
     return row
 
 
 def _box_row(table: dict, k: int) -> np.ndarray:
-    size = np.asarray(table.get("size", ()), float)
-    if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
-        raise BadRecipe(f"scenery {k}: size {size} must be 3 lengths above 0 [m]")
-    pose = _pose(table)
+    size = _numbers(table, k, "size", None, "lengths above 0")
+    if not (size > 0).all():
+        raise BadRecipe(
+            f"scenery {k}: size {size.tolist()} must be 3 lengths above 0 [m]; "
+            "correct it in the recipe"
+        )
+    pose = _pose(table, k)
     row = np.zeros(16)
     row[0] = 1.0
     row[1:4] = pose[:3, 3]
@@ -120,8 +143,35 @@ def _box_row(table: dict, k: int) -> np.ndarray:
     return row
 
 
-def _pose(table: dict) -> np.ndarray:
-    return pose_of(table.get("position", (0, 0, 0)), table.get("rpy", (0, 0, 0)))
+def _pose(table: dict, k: int) -> np.ndarray:
+    zeros = (0.0, 0.0, 0.0)
+    return pose_of(*(_numbers(table, k, key, zeros) for key in ("position", "rpy")))
+
+
+def _numbers(
+    table: dict, k: int, key: str, default: object, what: str = "numbers"
+) -> np.ndarray:
+    """Return three numbers of a table, from -1000 to 1000."""
+    value = table.get(key, default)
+    listed = isinstance(value, list | tuple | np.ndarray) and len(value) == 3
+    if not listed or not all(is_between(v, -1e3, 1e3) for v in value):
+        raise BadRecipe(
+            f"scenery {k}: {key} is {value!r}, but must be 3 {what}, none beyond "
+            "1000 either way; correct it in the recipe"
+        )
+    return np.array(value, float)
+
+
+def _number(
+    table: dict, k: int, key: str, default: float, low: float, high: float
+) -> float:
+    value = table.get(key, default)
+    if not is_between(value, low, high):
+        raise BadRecipe(
+            f"scenery {k}: {key} is {value!r}, but must be a number from {low:g} to "
+            f"{high:g}; correct it in the recipe"
+        )
+    return float(value)
 
 
 def _mesh_points(
@@ -132,8 +182,14 @@ def _mesh_points(
 
     if "file" not in table:
         raise BadRecipe(f"scenery {k}: a mesh needs a file")
-    spacing = float(table.get("covering_radius", 0.01))
-    file = Path(folder or "", table["file"])
-    mesh = Mesh.from_file(file, scale=table.get("scale", 1.0))
-    surface = surface_of(mesh, spacing).moved(_pose(table))
+    spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
+    if isinstance(table.get("scale"), list | tuple):
+        scale = _numbers(table, k, "scale", None)
+    else:
+        scale = _number(table, k, "scale", 1.0, 1e-9, 1e6)
+    if not np.all(scale):
+        raise BadRecipe(f"scenery {k}: scale {scale} holds 0; correct it in the recipe")
+    pose = _pose(table, k)
+    file = Path(folder or "", str(table["file"]))
+    surface = surface_of(Mesh.from_file(file, scale=scale), spacing).moved(pose)
     return surface.points, surface.covering_radius

@@ -5,27 +5,34 @@ from pathlib import Path
 
 import numpy as np
 
+from odm.checks import as_floats
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
+
+LARGEST = 1000.0  # [m] size of a shape
 
 
 def _check_pose(T: np.ndarray) -> np.ndarray:
-    T = np.asarray(T, float)
+    T = as_floats("the pose of a shape", T)
     rigid = T.shape == (4, 4) and np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3))
+    rigid = rigid and np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9)
     if not rigid or not np.isfinite(T).all() or np.linalg.det(T[:3, :3]) < 0.0:
         raise BadInput(
             "the pose of a shape is not a rigid (4, 4) matrix: make its upper left "
-            "(3, 3) a rotation and its values finite"
+            "(3, 3) a rotation, its last row 0 0 0 1 and its values finite"
         )
     return frozen(T, np.float64)
 
 
 def _check_size(kind: str, name: str, value: float, zero: bool = False) -> float:
-    value = float(value)
-    if not np.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
+    if not is_between(value, 0.0, LARGEST) or (value == 0.0 and not zero):
         limit = "at least 0" if zero else "above 0"
-        raise BadInput(f"{name} {value} m of a {kind} must be {limit}: correct it")
-    return value
+        raise BadInput(
+            f"{name} {value} m of a {kind} must be {limit} and at most {LARGEST:g} m: "
+            "correct it, or give metres"
+        )
+    return float(value)
 
 
 class _Posed:
@@ -107,10 +114,10 @@ class Box(_Posed):
 
     def __post_init__(self) -> None:
         """Check size and pose."""
-        size = np.asarray(self.size, float)
+        size = as_floats("the size of a box", self.size)
         if size.shape != (3,):
             raise BadInput(f"a box has 3 edge lengths, not shape {size.shape}")
-        for value in size:
+        for value in size.tolist():
             _check_size("box", "edge length", value)
         self._set("size", frozen(size, np.float64))
         self._set("T_base_shape", _check_pose(self.T_base_shape))
@@ -126,7 +133,8 @@ class Mesh(_Posed):
 
     def __post_init__(self) -> None:
         """Check the arrays; whether it is closed is checked where it is sampled."""
-        vertices, faces = np.asarray(self.vertices, float), np.asarray(self.faces)
+        vertices = as_floats("the vertices of a mesh", self.vertices)
+        faces = as_floats("the faces of a mesh", self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.shape[1:] != (3,):
             raise BadInput(
                 f"a mesh needs vertices (n, 3) and faces (m, 3), not {vertices.shape} "
@@ -134,7 +142,8 @@ class Mesh(_Posed):
             )
         if not np.isfinite(vertices).all():
             raise BadInput("a mesh has a vertex that is not finite: repair the mesh")
-        if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
+        named = (faces >= 0) & (faces < len(vertices)) & (faces == np.floor(faces))
+        if len(faces) == 0 or not named.all():
             raise BadInput(
                 f"a mesh of {len(vertices)} vertices has no faces, or one that names "
                 "a missing vertex: repair the mesh"

@@ -1,11 +1,15 @@
 """Lay out a planner's arrays, once; nothing in a frame allocates after that."""
 
+from typing import NoReturn
+
 import numpy as np
 
 from odm._kernels import signature
 from odm._kernels import state as layout
 from odm._kernels import types as kinds
 from odm.cell_map import CellLists, CellMap
+from odm.owner import Owner, refuse_copy
+from roadmap.errors import BadInput
 from roadmap.graph import Roadmap
 
 MAX_GOALS = 32
@@ -20,57 +24,76 @@ PAST_WAYS = 8  # remembered to bound a long search
 class Memory:
     """The named arrays of a planner, and the table that points at them.
 
+    No name can be bound to something else, since the table would not follow.
+
     Attributes:
         table: What the compiled frame takes.
+        owner: The thread that may use it.
         arm, cloud, work, graph, pool, goals, search, direct, short, fresh, along, way,
         spare, own, pick, past: The groups; see `_kernels/types.py`.
     """
 
-    def __init__(self, groups: dict[str, tuple]) -> None:
-        """Keep the groups and write the table."""
-        self.arm: kinds.Arm = groups["arm"]
-        self.cloud: kinds.Cloud = groups["cloud"]
-        self.work: kinds.Work = groups["work"]
-        self.graph: kinds.Graph = groups["graph"]
-        self.pool: kinds.Pool = groups["pool"]
-        self.goals: kinds.Goals = groups["goals"]
-        self.search: kinds.Search = groups["search"]
-        self.direct: kinds.Direct = groups["direct"]
-        self.short: kinds.Shortcuts = groups["short"]
-        self.fresh: kinds.Starts = groups["fresh"]
-        self.along: kinds.Starts = groups["along"]
-        self.way: kinds.Way = groups["way"]
-        self.spare: kinds.Way = groups["spare"]
-        self.own: kinds.Own = groups["own"]
-        self.pick: kinds.Cloud = groups["pick"]
-        self.past: kinds.Past = groups["past"]
-        self._write_table()
+    table: np.ndarray
+    owner: Owner
+    arm: kinds.Arm
+    cloud: kinds.Cloud
+    work: kinds.Work
+    graph: kinds.Graph
+    pool: kinds.Pool
+    goals: kinds.Goals
+    search: kinds.Search
+    direct: kinds.Direct
+    short: kinds.Shortcuts
+    fresh: kinds.Starts
+    along: kinds.Starts
+    way: kinds.Way
+    spare: kinds.Way
+    own: kinds.Own
+    pick: kinds.Cloud
+    past: kinds.Past
 
-    def _write_table(self) -> None:
+    def __init__(self, groups: dict[str, tuple]) -> None:
+        """Keep the groups and write the table; it belongs to this thread."""
+        object.__setattr__(self, "owner", Owner())
+        self._exchange(**groups)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse: the table points at the arrays that are there."""
+        raise BadInput(
+            f"{name} of a planner's memory cannot be replaced, since the table points "
+            "at the arrays that are there; write into the array, or make another "
+            "planner"
+        )
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled: the table holds addresses."""
+        refuse_copy()
+
+    def _exchange(self, **groups: tuple) -> None:
+        """Point at other groups, by name; only `Carrier` and `_make_room` may."""
+        named = {n: groups[n] if n in groups else getattr(self, n) for n in _ORDER}
         rows = [
-            array for name in _ORDER for array in getattr(self, name)
+            array for group in named.values() for array in group
             if isinstance(array, np.ndarray)
         ]
-        if len(rows) != layout.ROWS:
-            raise AssertionError(f"{len(rows)} arrays for {layout.ROWS} rows")
-        wide = self.graph.block.dtype == np.uint32
-        self.table = np.zeros((len(rows), 4), np.uint64 if wide else np.int64)
-        for k, array in enumerate(rows):
-            if not array.flags.c_contiguous:
-                raise AssertionError(f"row {k} is not contiguous")
-            self.table[k, 0] = array.__array_interface__["data"][0]  # fast
-            self.table[k, 1 : 1 + array.ndim] = array.shape
+        table = _table_of(rows, named["graph"].block.dtype)
+        # what the table points at lives as long as it
+        for name, value in {**groups, "table": table, "_rows": rows}.items():
+            object.__setattr__(self, name, value)
 
-    def exchange(self, **groups: tuple) -> None:
-        """Point at other groups of the same shapes of table, by name."""
-        for name, group in groups.items():
-            setattr(self, name, group)
-        self._write_table()
 
-    def replace_clouds(self, cloud: kinds.Cloud, pick: kinds.Cloud) -> None:
-        """Take larger clouds; the old ones are not pointed at any more."""
-        self.cloud, self.pick = cloud, pick
-        self._write_table()
+def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:
+    """Return addresses and shapes of arrays; see `_kernels/state.py`."""
+    if len(rows) != layout.ROWS:
+        raise AssertionError(f"{len(rows)} arrays for {layout.ROWS} rows")
+    wide = block_type == np.uint32
+    table = np.zeros((len(rows), 4), np.uint64 if wide else np.int64)
+    for k, array in enumerate(rows):
+        if not array.flags.c_contiguous:
+            raise AssertionError(f"row {k} is not contiguous")
+        table[k, 0] = array.__array_interface__["data"][0]  # fast
+        table[k, 1 : 1 + array.ndim] = array.shape
+    return table
 
 
 _ORDER = (

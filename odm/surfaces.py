@@ -13,6 +13,9 @@ from odm import shapes as solid
 from odm._kernels.surfaces import SHRINK, sample_rods
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
+
+MOST_POINTS = 20_000_000  # of one shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +41,19 @@ class Surface:
         points = np.asarray(self.points, float)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"points have shape {points.shape}: give them as (n, 3) [m]")
-        radius = float(self.covering_radius)
-        if not np.isfinite(radius) or radius < 0.0:
+        bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
+        if bad:
+            raise BadInput(
+                f"{bad} points of {self.label or 'a surface'} are NaN or infinite: "
+                "remove them"
+            )
+        radius = self.covering_radius
+        if not is_between(radius, 0.0, 1e3):
             raise BadInput(
                 f"covering radius {radius} m must be at least 0: declare the largest "
                 "distance from the surface to its nearest point"
             )
+        radius = float(radius)
         object.__setattr__(self, "points", frozen(points, np.float64))
         object.__setattr__(self, "covering_radius", radius)
 
@@ -65,8 +75,15 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
         Points and covering radius: `spacing`, or for a mesh the smaller value that was
         computed.
     """
+    if not isinstance(shape, solid.Shape):
+        raise BadInput(
+            f"a {type(shape).__name__} is no shape: give a Sphere, Capsule, Cylinder, "
+            "Box or Mesh"
+        )
     T = shape.T_base_shape
     radius = spacing
+    _check_spacing(spacing)
+    _check_area(shape, spacing)
     if isinstance(shape, solid.Sphere):
         points = sample_spheres(np.append(T[:3, 3], shape.radius)[None], spacing)
     elif isinstance(shape, solid.Capsule):
@@ -192,8 +209,25 @@ def _rod_row(rod):
     return np.concatenate([a, b, [rod.radius]])[None]
 
 
+def _check_area(shape, spacing):
+    """Refuse a shape that would take more memory than there is."""
+    if isinstance(shape, solid.Sphere):
+        area = 4 * np.pi * shape.radius**2
+    elif isinstance(shape, solid.Box):
+        area = 2 * float(shape.size @ np.roll(shape.size, 1))
+    elif isinstance(shape, solid.Mesh):
+        return
+    else:
+        area = 2 * np.pi * shape.radius * (shape.length + 2 * shape.radius)
+    if area > MOST_POINTS * spacing**2:
+        raise BadInput(
+            f"a {type(shape).__name__.lower()} of {area:.3g} m2 takes more than "
+            f"{MOST_POINTS} points {spacing} m apart: give metres, or cut it"
+        )
+
+
 def _check_spacing(spacing):
-    if not (np.isfinite(spacing) and spacing > 0.0):
+    if not is_between(spacing, 1e-6, np.inf):
         raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.errors import BuildRefused
+from roadmap.errors import BadInput, BuildRefused
 from roadmap.graph import N_LANDMARKS, Roadmap, choose_landmarks
 from roadmap.kinematics import difference
+from roadmap.ranges import check_number
 from roadmap.robot import Robot
 from roadmap.sampling import draw
 
@@ -37,6 +38,39 @@ class RoadmapSettings:
     weights: tuple[float, ...] | None = None
     max_step: float | None = None
     region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+
+    def __post_init__(self) -> None:
+        """Check every value but the sampler's name, which `draw` knows.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        whole = {"nodes": (2, 10_000_000), "neighbors": (1, 500), "seed": (0, 2**63)}
+        for name, (low, high) in whole.items():
+            value = getattr(self, name)
+            check_number(f"roadmap.{name}", value, low, high, True, "the recipe")
+        if self.max_step is not None:
+            where = "roadmap.max_step in rad or m"
+            check_number(where, self.max_step, 1e-3, 1e3, where="the recipe")
+        if self.weights is not None:
+            _check_rows("weights", self.weights, (len(self.weights),), 1e-6)
+        if self.region is not None:
+            _check_rows("region", self.region, (2, 3), -1e3)
+
+
+def _check_rows(name: str, rows: object, shape: tuple, low: float) -> None:
+    """Refuse what is no array of that shape with numbers from `low` to 1000."""
+    try:
+        array = np.asarray(rows, float)
+    except (TypeError, ValueError):
+        array = np.full(0, np.nan)
+    sound = array.shape == shape and ((low <= array) & (array <= 1e3)).all()
+    if not sound or (name == "region" and not (array[0] < array[1]).all()):
+        raise BadInput(
+            f"roadmap.{name} is {rows!r}, but must be "
+            + ("a lower and an upper corner [m]" if name == "region" else "numbers")
+            + f" from {low:g} to 1000; change it in the recipe"
+        )
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,23 @@
 
 import hashlib
 import json
+import math
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
-from roadmap.errors import BadMap
+from roadmap.errors import BadMap, PlanningError
 
 FORMAT = 1
+_MAGIC = b"\x93NUMPY\x01\x00"
+_NUMBERS = "biuf"  # kinds of arrays that maps hold
 _MANIFEST = "manifest.json"
 
 
@@ -47,33 +53,46 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
 
 
 def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
-    """Return manifest and memory-mapped arrays of a map folder.
+    """Return manifest and read-only arrays of a map folder.
 
     Args:
         path: The folder.
-        verify: Compare every array with its SHA-256.
+        verify: Read every array into memory of its own and compare these very bytes
+            with their SHA-256: nothing that happens to the files later changes them.
+            False maps the files instead: as long as an array lives nobody may write
+            into its file. Whoever does changes the array, whoever shortens it ends
+            the program (SIGBUS). `write_folder` does neither: it puts new files in
+            the place of old ones, which live on while they are mapped.
 
     Raises:
         BadMap: No map there, a foreign version, a truncated or altered array.
     """
     path = Path(path)
     manifest = _read_manifest(path)
-    arrays = {}
-    for name, row in manifest["arrays"].items():
-        arrays[name] = _read_array(path, name, row)
-    if verify:
-        with ThreadPoolExecutor() as pool:
-            rows = list(manifest["arrays"].items())
-            for (name, row), digest in zip(
-                rows, pool.map(lambda r: _digest(path / f"{r[0]}.npy"), rows),
-                strict=True,
-            ):
-                if digest != row["sha256"]:
-                    raise BadMap(
-                        f"array {name} of map {path} was altered (its SHA-256 does "
-                        "not match the manifest); build the map again"
-                    )
-    return manifest, arrays
+    rows = list(manifest["arrays"].items())
+    if not verify:
+        return manifest, {name: _mapped(path, name, row) for name, row in rows}
+    with ThreadPoolExecutor() as pool:
+        arrays = pool.map(lambda row: _verified(path, *row), rows)
+        return manifest, dict(zip(dict(rows), arrays, strict=True))
+
+
+@contextmanager
+def made_of(path: str | Path) -> Iterator[None]:
+    """Make one sentence of what goes wrong when a manifest becomes a map.
+
+    Raises:
+        BadMap: The manifest lacks something, or holds it in a wrong form.
+    """
+    try:
+        yield
+    except PlanningError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise BadMap(
+            f"the manifest of map {path} lacks {error} or holds it in a wrong form; "
+            "build the map again"
+        ) from error
 
 
 def _write_array(folder: Path, name: str, array: np.ndarray) -> dict:
@@ -112,13 +131,13 @@ def _read_manifest(path: Path) -> dict:
             "`odm build RECIPE --out DIR`"
         )
     try:
-        manifest = json.loads(file.read_text())
+        manifest = json.loads(file.read_text(encoding="utf-8"))
         version = manifest["format"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadMap(
             f"the manifest of map {path} cannot be read ({error}); build the map again"
         ) from error
-    if version != FORMAT:
+    if type(version) is not int or version != FORMAT:
         raise BadMap(
             f"map {path} has format version {version}, but this program reads version "
             f"{FORMAT}; build the map again"
@@ -128,21 +147,84 @@ def _read_manifest(path: Path) -> dict:
             f"the manifest of map {path} was altered (its hash does not match); "
             "build the map again"
         )
+    with made_of(path):
+        for name, row in manifest["arrays"].items():
+            _check_row(path, name, row)
     return manifest
 
 
-def _read_array(path: Path, name: str, row: dict) -> np.ndarray:
-    try:
-        mode = None if 0 in row["shape"] else "r"  # nothing cannot be mapped
-        array = np.load(path / f"{name}.npy", mmap_mode=mode, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+def _check_row(path: Path, name: str, row: dict) -> None:
+    """Refuse an array that is no plain numbers, or lies elsewhere."""
+    shape = row["shape"]
+    sound = isinstance(shape, list) and all(type(n) is int and n >= 0 for n in shape)
+    sound = sound and np.dtype(row["dtype"]).kind in _NUMBERS
+    if not sound or Path(name).name != name or not isinstance(row["sha256"], str):
         raise BadMap(
-            f"array {name} of map {path} is missing or truncated ({error}); build the "
-            "map again"
-        ) from error
-    if array.dtype.str != row["dtype"] or list(array.shape) != row["shape"]:
-        raise BadMap(
-            f"array {name} of map {path} is {array.dtype.str} {list(array.shape)}, "
-            f"but its manifest says {row['dtype']} {row['shape']}; build the map again"
+            f"the manifest of map {path} tells of an array {name!r} that no map holds "
+            f"({row}); build the map again"
         )
-    return array
+
+
+def _verified(path: Path, name: str, row: dict) -> np.ndarray:
+    """Read an array's file once; return what was read, if its digest is right."""
+    with _opened(path, name) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        begin = _check_header(stream, path, name, row, size)
+        data = np.empty(size, np.uint8)
+        stream.seek(0)
+        if stream.readinto(data) != size:
+            raise _damaged(path, name, "it was shortened while it was read")
+    if hashlib.sha256(data).hexdigest() != row["sha256"]:
+        raise BadMap(
+            f"array {name} of map {path} was altered (its SHA-256 does not match the "
+            "manifest); build the map again"
+        )
+    data.flags.writeable = False
+    array = data[begin:].view(row["dtype"]).reshape(row["shape"])
+    return array if array.flags.aligned else array.copy()
+
+
+def _mapped(path: Path, name: str, row: dict) -> np.ndarray:
+    """Map an array's file into memory."""
+    with _opened(path, name) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        begin = _check_header(stream, path, name, row, size)
+        kind, shape = np.dtype(row["dtype"]), tuple(row["shape"])
+        if 0 in shape:  # nothing cannot be mapped
+            return np.empty(shape, kind)
+        return np.memmap(stream, kind, "r", begin, shape)
+
+
+@contextmanager
+def _opened(path: Path, name: str) -> Iterator[BinaryIO]:
+    try:
+        with open(path / f"{name}.npy", "rb") as stream:
+            yield stream
+    except OSError as error:
+        raise _damaged(path, name, error) from error
+
+
+def _check_header(
+    stream: BinaryIO, path: Path, name: str, row: dict, size: int
+) -> int:
+    """Return where the numbers begin in a .npy file that is what its row says.
+
+    The header is compared with what `numpy.save` writes, never read: it is Python.
+    """
+    told = {"descr": row["dtype"], "fortran_order": False, "shape": tuple(row["shape"])}
+    wanted = "{" + "".join(f"{k!r}: {v!r}, " for k, v in told.items()) + "}"
+    start = stream.read(len(_MAGIC) + 2)
+    header = stream.read(int.from_bytes(start[-2:], "little"))
+    if start[:-2] != _MAGIC or header.rstrip(b" \n") != wanted.encode():
+        raise _damaged(path, name, f"its header is not that of {wanted}")
+    long = stream.tell() + math.prod(row["shape"]) * np.dtype(row["dtype"]).itemsize
+    if size != long:
+        raise _damaged(path, name, f"it has {size} bytes, not {long}")
+    return stream.tell()
+
+
+def _damaged(path: Path, name: str, error: object) -> BadMap:
+    return BadMap(
+        f"array {name} of map {path} is missing, truncated or damaged ({error}); build "
+        "the map again"
+    )

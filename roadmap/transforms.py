@@ -40,7 +40,10 @@ def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     Raises:
         BadInput: Wrong shape, not finite, or not a rigid motion.
     """
-    pose = np.asarray(pose, float)
+    try:
+        pose = np.asarray(pose, float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{name} is {pose!r}; give a (4, 4) pose of numbers") from error
     if pose.shape != (4, 4):
         raise BadInput(f"{name} has shape {pose.shape}; give a (4, 4) pose")
     if not np.isfinite(pose).all():

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from odm import CellMap, SeenSpace
     from odm.cameras import Seen
 
+LARGEST = 16384  # pixels a side
 _CAMERA = "Camera"
 _CELLS = "Cells"
 Three = tuple[float, float, float]
@@ -153,8 +154,17 @@ def read_depth_png(path: Path) -> "np.ndarray":
 
     try:
         with Image.open(path) as image:
+            if max(image.size) > LARGEST:
+                raise BadInput(
+                    f"{path} has {image.size[0]} x {image.size[1]} pixels; no camera "
+                    f"has more than {LARGEST} a side"
+                )
             mode, pixels = image.mode, np.array(image)
-    except (UnidentifiedImageError, SyntaxError) as error:
+    except BadInput:
+        raise
+    except (
+        UnidentifiedImageError, SyntaxError, ValueError, Image.DecompressionBombError
+    ) as error:
         raise BadInput(f"{path} is no image; give a 16-bit PNG") from error
     wide = mode.startswith("I;16") or mode == "I"
     if not wide or pixels.ndim != 2 or pixels.min() < 0 or pixels.max() > 65535:

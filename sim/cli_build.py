@@ -187,7 +187,7 @@ def build_to(
         tell("saving", 0, 1)
         cell_map.save(target)
         tell("saving", 1, 1)
-    return load_map(target, verify=False), time.perf_counter() - begun
+    return load_map(target), time.perf_counter() - begun
 
 
 def _load_robot(recipe: "Recipe", tell: Bars) -> "Robot":

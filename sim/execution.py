@@ -13,6 +13,7 @@ import numpy as np
 
 from roadmap.kinematics import difference
 from roadmap.motion import Commit, Motion, SetPoint, time_path
+from roadmap.ranges import check_settings
 from roadmap.robot import Robot
 from sim.braking import BrakingTest
 from sim.lookout import Lookout
@@ -47,6 +48,21 @@ class ExecutionSettings:
     blend: float = 0.004
     ahead: float = 0.05
     stand_below: float = 0.022
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "speed_scale": (1e-6, 1.0, ""),
+            "retreat_scale": (1e-6, 1.0, ""),
+            "blend": (0.0, 1.0, "m"),
+            "ahead": (0.0, 10.0, "s"),
+            "stand_below": (0.0, np.inf, "m"),
+        }
+        check_settings(self, ranges)
 
 
 class Executor:

@@ -10,6 +10,7 @@ from odm.surfaces import sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference, sphere_centers
+from roadmap.ranges import check_settings, is_between
 from roadmap.robot import Robot
 from sim.execution import RETREATING, ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
@@ -62,9 +63,12 @@ class LoopSettings:
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
+        counts = ("seed", "keep_paths", "polish")
+        ranges = {name: (0, 2**63, "") for name in counts}
+        check_settings(self, {**ranges, "stand_below": (0.0, np.inf, "m")}, counts)
         for name in ("rate_hz", "duration_s", "spacing"):
             value = getattr(self, name)
-            if not 0 < value < np.inf:
+            if not is_between(value, 0, np.inf) or value in (0, np.inf):
                 raise BadInput(f"{name} is {value}; give a number above 0")
         if self.execution not in MOVERS:
             raise BadInput(
@@ -72,7 +76,7 @@ class LoopSettings:
             )
         for name in ("speed_scale", "retreat_scale"):
             value = getattr(self, name)
-            if not 0 < value <= 1:
+            if not is_between(value, 1e-6, 1):
                 raise BadInput(f"{name} is {value}; give a share in (0, 1]")
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -10,8 +9,10 @@ from odm import CellMap, sample_capsules
 from odm.checks import outside_limits
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from sim.npz import TooLarge, array_of, read_members
 
 SPACING = 0.03  # of samples on capsules [m], where the map allows it
+MOST_POINTS = 1_000_000  # of a frame: 500 people
 
 
 class BadRecording(BadInput):
@@ -104,9 +105,11 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise BadRecording(f"there is no file {path}; give an .npz of recorded frames")
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
-    except (ValueError, OSError, EOFError, BadZipFile, AttributeError) as error:
+        members = read_members(path).items()
+        return {name.removesuffix(".npy"): array_of(data) for name, data in members}
+    except TooLarge as error:
+        raise BadRecording(str(error)) from error
+    except (ValueError, OSError) as error:
         raise BadRecording(
             f"{path} cannot be read as .npz ({error}); write it with numpy.savez"
         ) from error
@@ -155,11 +158,25 @@ def _sampled(capsules: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarr
         )
     frames = []
     for i, rows in enumerate(capsules.astype(float)):
+        _check_surface(i, rows, spacing)
         try:
             frames.append(sample_capsules(rows, spacing))
         except BadInput as error:
             raise BadRecording(f"frame {i}: {error}") from error
     return _joined(frames)
+
+
+def _check_surface(i: int, rows: np.ndarray, spacing: float) -> None:
+    """Refuse capsules that would take more points than a frame can have."""
+    radius = np.abs(rows[:, 6])
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(rows[:, 3:6] - rows[:, :3], axis=1)
+        area = float((2 * np.pi * radius * (length + 2 * radius)).sum())
+    if np.isfinite(rows).all() and not area <= MOST_POINTS * spacing**2:
+        raise BadRecording(
+            f"the capsules of frame {i} have a surface of {area:.3g} m2, which takes "
+            f"more than {MOST_POINTS} points; give metres, or fewer capsules"
+        )
 
 
 def _joined(frames: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

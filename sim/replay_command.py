@@ -230,6 +230,6 @@ def _build(found: "RunRecord", target: Path) -> None:
     check_folder(target, recipe_of(found), force=False)
     with Bars() as tell:
         build_again(found, progress=tell).save(target)
-    cell_map = load_map(target, verify=False)
+    cell_map = load_map(target)
     check_built(found, cell_map, target)
     print(f"map {cell_map.hash[:12]} in {target}")

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from roadmap.ranges import check_settings
 from sim._kernels.threat import near_points, velocities
 
 _DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
@@ -35,6 +36,19 @@ class ThreatSettings:
     speed: float = 2.0
     acceleration: float = 4.0
     far: float = 1.2
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "speed": (0.0, 100.0, "m/s"),
+            "acceleration": (0.0, 1e4, "m/s2"),
+            "far": (0.0, np.inf, "m"),
+        }
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)

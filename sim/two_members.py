@@ -9,6 +9,7 @@ from odm.answer import HOLDING
 from odm.cell_map import CellMap
 from odm.planner import ReactivePlanner
 from roadmap.errors import BadInput
+from roadmap.ranges import check_settings, is_between
 from roadmap.kinematics import difference
 from roadmap.motion import Motion, time_path
 from sim.execution import ExecutionSettings, Executor
@@ -47,13 +48,15 @@ class TwoSettings:
 
     def __post_init__(self) -> None:
         """Refuse values that make no run."""
+        ranges = {"script_rest_s": (0.0, 1e6, "s"), "polish": (0, 10**6, "")}
+        check_settings(self, ranges, ("polish",))
         for name in ("rate_hz", "duration_s"):
             value = getattr(self, name)
-            if not 0 < value < np.inf:
+            if not is_between(value, 0, np.inf) or value in (0, np.inf):
                 raise BadInput(f"{name} is {value}; give a number above 0")
         for name in ("speed_scale", "script_scale"):
             value = getattr(self, name)
-            if not 0 < value <= 1:
+            if not is_between(value, 1e-6, 1):
                 raise BadInput(f"{name} is {value}; give a share in (0, 1]")
         if self.other not in (PLANNED, SCRIPTED):
             raise BadInput(

@@ -2,7 +2,7 @@
 
 Numba compiles a kernel for the types of its arguments, and keeps the result on disk.
 To it a read-only array is another type than a writable one, so the arrays here are
-the real ones: a map that was stored and is read again by memory-map.
+the real ones: a map that was stored and is read again.
 """
 
 import sys

@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from odm._kernels.remember import GO_FREE, GO_OCCUPIED, GO_ON
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
 
 POLICIES = {"free": GO_FREE, "occupied": GO_OCCUPIED, "keep": GO_ON}
 LARGEST_D_SELF = 0.01  # [m]
@@ -49,7 +48,7 @@ class SeenSettings:
         for name, (value, low, high, unit) in ranges.items():
             if value is None and name in ("d_self", "flying_m"):
                 continue
-            if not (np.isfinite(value) and low <= value <= high):
+            if not is_between(value, low, high):
                 raise BadInput(
                     f"{name} {value} {unit} must lie between {low} and {high} {unit}; "
                     "change it in SeenSettings"

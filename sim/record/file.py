@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from sim.npz import TooLarge, array_of, read_members
 from sim.record.check import BadRecord, check_arrays
 from sim.record.run_record import CARRYING, FORMAT, INPUTS, RunRecord
 from sim.terminal import write_whole
@@ -57,13 +58,15 @@ def read_record(path: str | Path) -> RunRecord:
             itself; what was altered of the outcome only is told in the record.
     """
     members = _members(Path(path))
+    if HEAD not in members:
+        raise BadRecord(f"{path} holds no {HEAD}; give a recording of `odm run`")
     head = _head(path, members.pop(HEAD))
     try:
         table = head.pop("arrays")
         arrays = {name: _array(path, members, name) for name in table}
         altered = [name for name, a in arrays.items() if _digest(a) != table[name]]
         check_arrays(path, head, arrays)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise BadRecord(
             f"{path} lacks {error} or holds it in a wrong form; record the run again"
         ) from error
@@ -109,11 +112,12 @@ def _body_hash(head: dict) -> str:
 
 def _members(path: Path) -> dict[str, bytes]:
     try:
-        with zipfile.ZipFile(path) as archive:
-            return {name: archive.read(name) for name in archive.namelist()}
+        return read_members(path)
     except FileNotFoundError as error:
         raise BadRecord(f"there is no file {path}; give a recording") from error
-    except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError) as error:
+    except TooLarge as error:
+        raise BadRecord(str(error)) from error
+    except ValueError as error:
         raise BadRecord(
             f"the recording {path} is truncated or damaged ({error}); copy it again"
         ) from error
@@ -123,7 +127,9 @@ def _head(path: str | Path, text: bytes) -> dict:
     try:
         head = json.loads(text)
         version, written = head["format"], head.pop("sha256")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (
+        ValueError, KeyError, TypeError, AttributeError, RecursionError
+    ) as error:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
@@ -148,8 +154,8 @@ def _array(path: str | Path, members: dict[str, bytes], name: str) -> np.ndarray
     if file not in members:
         raise BadRecord(f"the array {name} of {path} is missing; copy the file again")
     try:
-        return np.lib.format.read_array(io.BytesIO(members[file]), allow_pickle=False)
-    except (ValueError, EOFError) as error:
+        return array_of(members[file])
+    except ValueError as error:
         raise BadRecord(
             f"the array {name} of {path} is truncated or damaged ({error}); copy the "
             "file again"

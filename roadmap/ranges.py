@@ -1,0 +1,68 @@
+"""Numbers of settings and arguments are checked here, by one sentence."""
+
+from collections.abc import Mapping
+from numbers import Integral, Real
+
+from roadmap.errors import BadInput
+
+
+def is_between(value: object, low: float, high: float) -> bool:
+    """Return whether a value is a real number from low to high; NaN is not."""
+    if type(value) is not float and (
+        not isinstance(value, Real) or isinstance(value, bool)
+    ):
+        return False
+    return bool(low <= value <= high)
+
+
+def check_number(
+    name: str,
+    value: float,
+    low: float,
+    high: float,
+    whole: bool = False,
+    where: str = "",
+) -> float:
+    """Return a number from low to high.
+
+    Args:
+        name: What it is, with its unit where it has one.
+        value: The number.
+        low, high: Least and largest that is taken.
+        whole: Only whole numbers are.
+        where: In what to change it; empty: in the call.
+
+    Raises:
+        BadInput: It is not; names value, limits and where to change it.
+    """
+    sound = is_between(value, low, high)
+    if sound and not (whole and not isinstance(value, Integral)):
+        return value
+    kind = "a whole number" if whole else "a number"
+    limits = f"from {low:g}" + ("" if high == float("inf") else f" to {high:g}")
+    raise BadInput(
+        f"{name} is {value!r}, but must be {kind} {limits}; change it"
+        f"{f' in {where}' if where else ''}"
+    )
+
+
+def check_settings(
+    settings: object,
+    ranges: Mapping[str, tuple[float, float, str]],
+    whole: tuple[str, ...] = (),
+) -> None:
+    """Check numbers of a frozen settings object.
+
+    Args:
+        settings: The object.
+        ranges: Least and largest value of each field, and its unit.
+        whole: Fields that are counts.
+
+    Raises:
+        BadInput: A field holds anything else; names it, its value and its limits.
+    """
+    for field, (low, high, unit) in ranges.items():
+        value = getattr(settings, field)
+        name = f"{field} [{unit}]" if unit else field
+        where = type(settings).__name__
+        check_number(name, value, low, high, field in whole, where)

@@ -1,0 +1,192 @@
+"""Every question takes a configuration of any layout, or refuses it in one sentence."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, NOBODY, ball_at
+
+from odm._kernels import braking, close, kinematics_door
+from roadmap.errors import BadConfiguration, BadInput
+
+BALL = ball_at([0.3, 0.0, 0.9])
+QUESTIONS = {
+    "step": lambda p, q: p.step(BALL, q=q),
+    "is_free": lambda p, q: p.is_free(q, AWAY),
+    "stands_clear": lambda p, q: p.stands_clear(q),
+    "separation": lambda p, q: p.separation(q),
+    "approach": lambda p, q: p.approach(np.eye(4), q),
+    "way_out": lambda p, q: p.way_out(q, [(0.1, BALL)], 0.5),
+    "is_prepared": lambda p, q: p.is_prepared(q),
+    "polish": lambda p, q: p.polish(4, q),
+}
+
+
+def read_only(q):
+    """Return a copy that cannot be written."""
+    q = q.copy()
+    q.flags.writeable = False
+    return q
+
+
+def unaligned(q):
+    """Return a copy that begins at an odd address."""
+    room = np.zeros(8 * len(q) + 1, np.uint8)[1:].view(np.float64)
+    room[:] = q
+    return room
+
+
+LAYOUTS = {
+    "read-only": read_only,
+    "strided": lambda q: np.repeat(q, 2)[::2],
+    "reversed": lambda q: q[::-1].copy()[::-1],
+    "unaligned": unaligned,
+    "big-endian": lambda q: q.astype(">f8"),
+    "a list": list,
+}
+WRONG = {
+    "too short": (np.zeros(2), "shape"),
+    "a matrix": (np.zeros((1, 3)), "shape"),
+    "a number": (0.5, "shape"),
+    "nothing": (None, "real numbers"),
+    "text": (["a", "b", "c"], "real numbers"),
+    "numbers as text": (["1", "2", "3"], "real numbers"),
+    "complex": (np.zeros(3, complex), "real numbers"),
+    "objects": (np.zeros(3, object), "real numbers"),
+    "ragged": ([[0.0], [0.0, 1.0], 2.0], "real numbers"),
+}
+
+
+@pytest.fixture
+def asked(planner):
+    """A planner that has seen a frame and answered all questions once."""
+    planner.set_goals([AWAY])
+    planner.step(BALL, q=HOME)
+    for question in QUESTIONS.values():
+        question(planner, HOME.copy())
+    planner.blocked_leg(np.stack([HOME, AWAY]))
+    planner.step(BALL, q=HOME)
+    return planner
+
+
+def compiled():
+    """Return how many kinds of arguments the compiled tests have met."""
+    tests = (close.motion_clear, close.separation, braking.first_blocked)
+    return [len(t.signatures) for t in (*tests, kinematics_door.place_anchor)]
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_any_layout_of_numbers_is_answered_and_compiles_nothing(
+    asked, question, layout
+):
+    before, ask = compiled(), QUESTIONS[question]
+    expected, said = ask(asked, HOME.copy()), ask(asked, LAYOUTS[layout](HOME))
+    if question in ("is_free", "stands_clear", "separation", "is_prepared"):
+        assert said == expected
+    assert compiled() == before
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_no_configuration_is_refused_in_one_sentence(asked, question, wrong):
+    q, words = WRONG[wrong]
+    if q is None and question in ("approach", "polish"):
+        pytest.skip("None has a meaning there")
+    with pytest.raises(BadInput, match=words):
+        QUESTIONS[question](asked, q)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_paths_of_any_layout_are_tested_and_compile_nothing(asked, layout):
+    path = np.stack([HOME, AWAY])
+    laid_out = LAYOUTS[layout](path.ravel())
+    path_in_it = np.reshape(laid_out, path.shape)
+    before, expected = compiled(), asked.blocked_leg(path)
+    assert asked.blocked_leg(path_in_it) == expected
+    assert asked.blocked_leg(np.asfortranarray(path)) == expected
+    assert compiled() == before
+
+
+@pytest.mark.parametrize("path", [None, "path", [[0, 0, 0], [1, 1]], [[None] * 3]])
+def test_paths_of_no_numbers_are_refused(asked, path):
+    with pytest.raises(BadInput, match="the path must be an array of real numbers"):
+        asked.blocked_leg(path)
+
+
+@pytest.mark.parametrize(
+    ("goals", "words"),
+    [
+        ([], "no goals were given; give 1 to 32 configurations of 3 joint values"),
+        (None, "no goals were given"),
+        (np.zeros((0, 3)), "no goals were given"),
+        ([[]], "shape"),
+        ([[0, 0, 0], [1, 1]], "unequal shapes"),
+        ([HOME, None], "goal 1 is no row of numbers but None"),
+        (["home"], "goal 0 is no row of numbers but 'home'"),
+        ("home", "goal 0 is no row of numbers but 'home'"),
+        ([["0", "0", "0"]], "goal 0 is no row of numbers"),
+        (3, "shape"),
+        (np.zeros((1, 3), complex), "complex"),
+        (np.zeros((2, 2, 3)), "shape"),
+    ],
+)
+def test_goals_that_are_none_get_one_plain_sentence(planner, goals, words):
+    with pytest.raises(BadConfiguration, match=words):
+        planner.set_goals(goals)
+    assert len(planner.goals) == 0
+
+
+@pytest.mark.parametrize("costs", ["a", [None], [[1.0]], [np.nan], [1.0, 2.0]])
+def test_costs_that_are_none_are_refused(planner, costs):
+    with pytest.raises(BadConfiguration, match="costs"):
+        planner.set_goals([AWAY], costs)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [
+        ("covering_radius", "1 cm"),
+        ("covering_radius", [0.01]),
+        ("covering_radius", True),
+        ("rounding", "1 cm"),
+        ("rounding", -0.01),
+        ("rounding", np.nan),
+        ("labels", [[1], [1, 2]]),
+        ("dq", [[1], [1, 2]]),
+        ("points", [[0, 0, 0], [1, 1]]),
+        ("points", None),
+    ],
+)
+def test_other_arguments_of_a_frame_are_refused_and_the_last_frame_stays(
+    asked, argument, value
+):
+    before = asked.separation(HOME)
+    with pytest.raises(BadInput):
+        asked.step(**{"points": NOBODY, "q": HOME, argument: value})
+    assert asked.separation(HOME) == before < np.inf
+
+
+@pytest.mark.parametrize("extra", [np.nan, np.inf, -0.1, 0.6, "1 cm", None, True])
+def test_an_extra_clearance_out_of_range_is_refused(planner, extra):
+    with pytest.raises(BadInput, match="extra clearance"):
+        planner.set_extra_clearance(extra)
+
+
+@pytest.mark.parametrize("budget", [-1, 1.5, np.nan, "all", None])
+def test_a_budget_that_is_no_count_is_refused(planner, budget):
+    with pytest.raises(BadInput, match="budget of polish"):
+        planner.polish(budget)
+
+
+@pytest.mark.parametrize("T", ["here", None, np.eye(3), [[1], [1, 2]]])
+def test_poses_of_no_numbers_are_refused(planner, T):
+    for ask in (planner.approach, planner.set_base):
+        with pytest.raises(BadInput):
+            ask(T)
+
+
+@pytest.mark.parametrize(
+    "given", [{"distance": "far"}, {"direction": "down"}, {"direction": [[1], [1, 2]]}]
+)
+def test_lines_of_no_numbers_are_refused(planner, given):
+    with pytest.raises(BadInput):
+        planner.approach(np.eye(4), **given)

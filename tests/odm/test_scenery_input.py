@@ -1,0 +1,173 @@
+"""Scenery that would block nothing is refused: each number of each type."""
+
+import numpy as np
+import pytest
+
+import odm
+from odm.scenery import Scenery, parse_scenery
+from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from odm.surfaces import Surface, surface_of
+from roadmap.errors import BadInput, BadRecipe
+
+PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}
+BOX = {
+    "type": "box", "size": [1.0, 2.0, 3.0], "position": [0.0, 1.0, 2.0],
+    "rpy": [0.0, 0.1, 0.2],
+}
+MESH = {
+    "type": "mesh", "file": "none.stl", "scale": 1.0, "position": [0.0, 1.0, 2.0],
+    "rpy": [0.0, 0.1, 0.2], "covering_radius": 0.01,
+}
+WRONG = [np.nan, np.inf, -np.inf, 1e9, None, "1", True, [1.0], {}]
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+def numbers():
+    """Yield each table with each place in it where a number stands."""
+    for table in (PLANE, BOX, MESH):
+        for key, value in table.items():
+            if isinstance(value, list):
+                yield from ((table, key, i) for i in range(len(value)))
+            elif isinstance(value, float):
+                yield table, key, None
+
+
+def changed(table, key, at, value):
+    """Return a table with another value at one place."""
+    if at is not None:
+        value = [value if i == at else v for i, v in enumerate(table[key])]
+    return {**table, key: value}
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=repr)
+@pytest.mark.parametrize(("table", "key", "at"), list(numbers()))
+def test_each_number_of_a_recipe_must_be_one(table, key, at, wrong):
+    if (key, at) == ("scale", None) and wrong == [1.0]:
+        pytest.skip("told as three numbers")
+    with pytest.raises(BadRecipe, match=f"scenery 0: {key} is "):
+        parse_scenery((changed(table, key, at, wrong),))
+
+
+@pytest.mark.parametrize("wrong", [None, 3, [], [1.0, 2.0], "abc", [[1.0], [1.0, 2.0]]])
+@pytest.mark.parametrize(
+    ("table", "key"), [(PLANE, "normal"), (BOX, "size"), (BOX, "rpy"), (MESH, "rpy")]
+)
+def test_each_row_of_a_recipe_has_three_numbers(table, key, wrong):
+    with pytest.raises(BadRecipe, match=f"scenery 0: {key} is "):
+        parse_scenery(({**table, key: wrong},))
+
+
+@pytest.mark.parametrize("table", [None, 3, "plane", {"type": []}, {"type": None}, {}])
+def test_a_table_of_no_known_type_is_refused(table):
+    with pytest.raises(BadRecipe, match="choose one of plane, box, mesh"):
+        parse_scenery((table,))
+
+
+def test_a_normal_of_any_length_is_one(rng):
+    for length in (1e-200, 1e-9, 7.0, 900.0):
+        row = parse_scenery(({"type": "plane", "normal": [0, 0, length]},)).solids[0]
+        assert np.allclose(row[:5], [0, 0, 0, 1, 0])
+    for table in ({**PLANE, "normal": [0, 0, 0]}, {**BOX, "size": [1, 0, 1]}):
+        with pytest.raises(BadRecipe, match="scenery 0"):
+            parse_scenery((table,))
+
+
+@pytest.mark.parametrize("column", range(16))
+def test_a_solid_that_blocks_nothing_is_no_scenery(column):
+    rows = parse_scenery((PLANE, BOX)).solids.copy()
+    rows[1, column] = np.nan
+    with pytest.raises(BadRecipe, match="block nothing"):
+        Scenery(rows)
+
+
+@pytest.mark.parametrize("given", [
+    {"points": np.array([[0, np.nan, 0]])}, {"covering_radius": np.nan},
+    {"points": np.zeros((3, 2))}, {"solids": np.zeros((3, 15))},
+])
+def test_other_scenery_that_is_none_is_refused(given):
+    with pytest.raises(BadRecipe):
+        Scenery(**given)
+
+
+# --- scenery of a place -----------------------------------------------------------
+
+
+def turned(at, value):
+    """Return a pose with one wrong number."""
+    T = np.eye(4)
+    T[at] = value
+    return T
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -0.1, 1e9, "1", None])
+@pytest.mark.parametrize("make", [
+    Sphere, lambda x: Capsule(x, 1.0), lambda x: Capsule(1.0, x),
+    lambda x: Cylinder(x, 1.0), lambda x: Cylinder(1.0, x), lambda x: Box([1, x, 1]),
+])
+def test_each_size_of_a_shape_must_be_one(make, wrong):
+    with pytest.raises(BadInput):
+        make(wrong)
+
+
+@pytest.mark.parametrize("T", [
+    turned((0, 3), np.nan), turned((1, 1), np.nan), turned((2, 2), -1.0),
+    turned((0, 0), 1.1), turned((3, 0), 0.5), turned((3, 3), 0.0), turned((3, 3), 2.0),
+    np.eye(3), "here", None,
+])
+def test_each_pose_of_a_shape_must_be_rigid(T):
+    for make in (
+        lambda: Sphere(1.0, T), lambda: Capsule(1.0, 1.0, T), lambda: Box([1, 1, 1], T),
+        lambda: Mesh(CORNERS, FACES, T),
+    ):
+        with pytest.raises(BadInput):
+            make()
+
+
+@pytest.mark.parametrize(("vertices", "faces"), [
+    (CORNERS * np.nan, FACES), (CORNERS, FACES + 1), (CORNERS, FACES - 1),
+    (CORNERS, FACES * np.nan), (CORNERS, FACES + 0.5), (CORNERS, "abc"), ([], []),
+])
+def test_a_mesh_of_no_numbers_is_refused(vertices, faces):
+    with pytest.raises(BadInput):
+        Mesh(vertices, faces)
+
+
+@pytest.mark.parametrize("place", [
+    [np.zeros((4, 3))], [None], ["box"], 3, "box", np.array(["a"]), np.zeros((2, 2)),
+    np.array([[0.0, np.inf, 0.0]]),
+])
+def test_a_place_of_no_shapes_is_refused_and_forgotten(planner, place):
+    with pytest.raises(BadInput):
+        planner.set_static(place)
+    planner.set_base(np.eye(4))
+    assert planner.is_free(np.zeros(3), np.zeros(3))
+
+
+def test_points_of_a_surface_must_be_finite(planner):
+    with pytest.raises(BadInput, match="1 points of post are NaN"):
+        Surface(np.array([[0, 0, 1], [np.nan, 0, 0]]), 0.01, "post")
+    with pytest.raises(BadInput, match="covering radius"):
+        Surface(np.zeros((1, 3)), np.nan)
+
+
+def test_shapes_as_large_as_towns_are_refused_before_they_fill_the_memory(planner):
+    large = (Box([900, 900, 900]), Sphere(500), Capsule(200, 100), Cylinder(200, 9))
+    for shape in large:
+        with pytest.raises(BadInput, match="give metres"):
+            surface_of(shape, 0.03)
+        with pytest.raises(BadInput, match="give metres"):
+            planner.set_static(shape)
+
+
+@pytest.mark.parametrize("T", [turned((0, 3), np.nan), turned((0, 0), 2.0)])
+def test_a_base_that_stands_nowhere_is_refused(planner, T):
+    with pytest.raises(BadInput):
+        planner.set_base(T)
+    assert planner.is_free(np.zeros(3), np.zeros(3))
+
+
+def test_sound_shapes_are_sampled_as_before(planner):
+    for shape in (Sphere(0.1), Box([1, 2, 0.5]), Capsule(0.1, 0.0), Cylinder(0.1, 1)):
+        assert len(odm.surface_of(shape, 0.03).points)
+    assert len(surface_of(Mesh(CORNERS, FACES), 0.03).points)

@@ -1,0 +1,98 @@
+"""Every settings object refuses what it cannot be, in one sentence, when it is made."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import odm
+from handover.live_targets import LiveSettings
+from handover.reach_build import ReachSettings
+from handover.target_choice import ChoiceSettings
+from odm.approach_answer import ApproachSettings
+from odm.recipe import Safety
+from roadmap.build import RoadmapSettings
+from roadmap.errors import BadInput, BadRecipe
+from sim.execution import ExecutionSettings
+from sim.loop import LoopSettings
+from sim.threat import ThreatSettings
+from sim.two_members import TwoSettings
+
+SETTINGS = [
+    odm.PlannerSettings, odm.SeenSettings, ApproachSettings, Safety, RoadmapSettings,
+    LiveSettings, ChoiceSettings, ReachSettings, ExecutionSettings, LoopSettings,
+    ThreatSettings, TwoSettings,
+]
+
+
+def numbers(counts=False):
+    """Yield each settings class with each of its fields that holds a number."""
+    for kind in SETTINGS:
+        for field in dataclasses.fields(kind):
+            value = getattr(kind(), field.name)
+            if counts and (not isinstance(value, int) or kind is ReachSettings):
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                yield pytest.param(kind, field.name, id=f"{kind.__name__}.{field.name}")
+
+
+@pytest.mark.parametrize("wrong", [np.nan, -np.inf, -1, None, "3", [1], True], ids=repr)
+@pytest.mark.parametrize(("kind", "field"), list(numbers()))
+def test_what_is_no_number_in_range_is_refused_with_its_name(kind, field, wrong):
+    with pytest.raises(BadInput) as told:
+        kind(**{field: wrong})
+    text = str(told.value)
+    assert field in text or field.removesuffix("_s") in text
+    assert str(wrong) in text and len(text) < 200 and "\n" not in text
+
+
+@pytest.mark.parametrize(("kind", "field"), list(numbers(counts=True)))
+def test_counts_are_whole(kind, field):
+    with pytest.raises(BadInput, match="a whole number"):
+        kind(**{field: 2.5})
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_numbers_of_numpy_are_as_good(kind):
+    fields = {
+        f.name: np.array(getattr(kind(), f.name))[()]
+        for f in dataclasses.fields(kind)
+        if type(getattr(kind(), f.name)) in (int, float)
+    }
+    assert kind(**fields) == kind()
+
+
+def test_zero_counts_that_crashed_late_are_refused_at_once(small_map):
+    for field, value in (
+        ("start_attachments", 0), ("attachments", 0), ("max_points", -1),
+        ("max_points", 0), ("kept_goals", -1),
+    ):
+        with pytest.raises(BadInput, match=f"{field} is {value}, but must be a whole"):
+            odm.PlannerSettings(**{field: value})
+
+
+@pytest.mark.parametrize("pads", ["finger", None, (1,), ("finger", None)])
+def test_pads_are_names_of_links(pads):
+    with pytest.raises(BadInput, match="tuple of link names"):
+        odm.PlannerSettings(pads=pads)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[roadmap]\nmax_step = nan\n", "roadmap.max_step"),
+        ("[roadmap]\nseed = -1\n", "roadmap.seed"),
+        ("[roadmap]\nnodes = 10.5\n", "roadmap.nodes"),
+        ("[roadmap]\nweights = [1.0, nan]\n", "roadmap.weights"),
+        ("[roadmap]\nregion = 3\n", "roadmap.region"),
+        ("[roadmap]\nregion = [[0, 0, 0], [1, -1, 1]]\n", "roadmap.region"),
+        ("[roadmap]\nregion = [[0, 0, 0], [1, nan, 1]]\n", "roadmap.region"),
+        ("[safety]\nuser = nan\n", "safety.user"),
+        ("[safety]\nsensor = 'much'\n", "safety.sensor"),
+    ],
+)
+def test_recipes_refuse_the_same(tmp_path, text, words):
+    file = tmp_path / "r.toml"
+    file.write_text(text)
+    with pytest.raises(BadRecipe, match=words):
+        odm.load_recipe(file)
