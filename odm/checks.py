@@ -24,7 +24,7 @@ def check_points(
     """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
     kind = getattr(points, "dtype", None)
     if type(points) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
-        points = _as_floats(points)
+        points = as_floats(points, "points")
     if points.ndim != 2 or points.shape[1] != 3:
         raise BadInput(
             f"points have shape {points.shape}; give an (n, 3) array, (0, 3) for none"
@@ -46,11 +46,17 @@ def check_points(
     return points
 
 
-def _as_floats(points: object) -> np.ndarray:
-    array = np.asarray(points)
+def as_floats(values: object, name: str) -> np.ndarray:
+    """Return real numbers as a C-contiguous float64 array, or raise BadInput."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise BadInput(f"{name} of ragged rows are none; give an array") from error
     if array.dtype.kind not in "fiu":
-        raise BadInput(f"points have dtype {array.dtype}; give real numbers [m]")
-    return np.ascontiguousarray(array, dtype=np.float64)
+        raise BadInput(f"{name} with dtype {array.dtype} are none; give real numbers")
+    if not array.flags.carray or array.dtype != _FLOAT:
+        array = np.array(array, dtype=np.float64, order="C")
+    return array
 
 
 def check_configuration(
@@ -59,7 +65,7 @@ def check_configuration(
     """Return q as (dof,) float64; values are judged later, shapes now."""
     kind = getattr(q, "dtype", None)
     if type(q) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
-        q = np.asarray(q, dtype=np.float64)
+        q = as_floats(q, "q")
     if q.ndim != 1 or len(q) != robot.dof:
         raise BadInput(
             f"q has shape {q.shape}, but {robot.name} has {robot.dof} moving joints: "
@@ -70,6 +76,25 @@ def check_configuration(
     if dq is not None and np.shape(dq) != (robot.dof,):
         raise BadInput(f"dq has shape {np.shape(dq)}; give ({robot.dof},) velocities")
     return q
+
+
+def check_numbers(robot: Robot, q: np.ndarray, name: str = "q") -> np.ndarray:
+    """Return a q that is asked about as (dof,) float64; it must be finite."""
+    q = check_configuration(robot, q, None)
+    if not np.isfinite(q).all():
+        raise BadInput(f"{name} holds NaN or infinity: {q}; give numbers")
+    return q
+
+
+def check_path(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Return corners as C-contiguous (k, dof) float64, k >= 1, finite or not."""
+    path = as_floats(path, "a path")
+    if path.ndim != 2 or not len(path) or path.shape[1] != robot.dof:
+        raise BadInput(
+            f"a path of shape {path.shape} is none; give (k, {robot.dof}) corners, at "
+            "least one"
+        )
+    return path
 
 
 def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:

@@ -27,6 +27,8 @@ class PlannerSettings:
         max_points: Room for points of a frame; grows when a frame has more.
         kept_goals: So many goals that were set or prepared stay attached, so that to
             set them again costs little; 0: those that are set, and no others.
+        max_range_m: Where most points of a frame are farther than this from the
+            robot's base along an axis, their unit is wrong: the frame holds [m].
     """
 
     attachments: int = 18
@@ -43,3 +45,4 @@ class PlannerSettings:
     max_age_s: float = 0.1
     max_points: int = 32768
     kept_goals: int = 0
+    max_range_m: float = 20.0
