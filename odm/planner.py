@@ -89,8 +89,9 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.costs: np.ndarray | None = None
         # the frame's points, and those of the last frame with some inside the grid
         self._rooms = [np.empty((self.settings.max_points, 3)) for _ in range(2)]
+        self._kept = [room[:0] for room in self._rooms]
         self._room = 0
-        self.points = self._rooms[0][:0]
+        self.points = self._kept[0]
         self.seen_inside: tuple[float, np.ndarray] | None = None  # stamp and points
         self.trouble: str | None = None  # why the last frame could not be used
         self.classes: np.ndarray | None = None
@@ -184,8 +185,10 @@ class ReactivePlanner(Doors, Questions, Braking):
         begun = time.perf_counter_ns()
         points = check_points(points, labels, covering_radius, self.rho)
         q = check_configuration(self.robot, q, dq)
-        self.classes = check_classes(classes, len(points))
-        points = self._keep(self.world.points(points))
+        self.classes = None if classes is None else check_classes(classes, len(points))
+        if not self.world.at_base:
+            points = self.world.points(points)
+        points = self._keep(points)
         if self._rejoin:
             self.attacher.forget_all()
         memory = self.memory
@@ -320,14 +323,17 @@ class ReactivePlanner(Doors, Questions, Braking):
 
     def _keep(self, points: np.ndarray) -> np.ndarray:
         """Copy (n, 3) points of a frame: the caller may fill the array anew."""
-        if self.seen_inside is not None and self.seen_inside[1] is self.points:
+        seen = self.seen_inside
+        if seen is not None and seen[1] is self.points:
             self._room = 1 - self._room
-        n = len(points)
-        if n > len(self._rooms[self._room]):
-            self._rooms[self._room] = np.empty((2 * n, 3))
-        self.points = self._rooms[self._room][:n]
-        self.points[:] = points
-        return self.points
+        kept, n = self._kept[self._room], len(points)
+        if len(kept) != n:
+            if n > len(self._rooms[self._room]):
+                self._rooms[self._room] = np.empty((2 * n, 3))
+            kept = self._kept[self._room] = self._rooms[self._room][:n]
+        kept[...] = points
+        self.points = kept
+        return kept
 
     def _sort(self) -> None:
         if not self.memory.cloud.counts[IS_SORTED]:

@@ -42,9 +42,16 @@ def unfit(
             "anywhere; check the sensor"
         )
     if stamp is not None or now is not None:
-        text = _untimely(planner, stamp, now)
-        if text is not None:
-            return text
+        before = planner.heard
+        # mostly it is like this; a NaN is not
+        fine = stamp is not None and now is not None
+        fine = fine and 0.0 <= now - stamp <= planner.settings.max_age_s
+        if not fine or (before is not None and not stamp >= before[0]):
+            text = _untimely(planner, stamp, now)
+            if text is not None:
+                return text
+        if stamp is not None:
+            planner.heard = (stamp, now)
     counts = planner.memory.cloud.counts
     inside, outside = counts.item(N_INSIDE), counts.item(N_OUTSIDE)
     if outside > inside:
@@ -89,7 +96,6 @@ def _untimely(
                 "call reset where a clock was set back"
             )
         planner.seen_inside = None
-    planner.heard = (stamp, now)
     return None
 
 
@@ -113,6 +119,7 @@ def _misplaced(planner: "ReactivePlanner", stamp: float | None) -> str | None:
         return None
     passed, depth = stamp - before[0], deepest(before[1], cloud)
     if depth <= _LEAVES * max(passed, 0.0) + _JITTER:
+        planner.seen_inside = None  # from now on they may be anywhere
         return None
     return (
         f"all {len(points)} obstacle points lie outside the grid, though "
