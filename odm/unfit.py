@@ -1,8 +1,8 @@
 """Whether a frame's obstacle data can be used at all; if not, the robot holds.
 
-Values are judged here, not shapes: NaN, age, order, and where the points are. Numbers in
-a wrong unit look like an empty room, since all of them lie outside the grid. A person
-who stands there does, too, so two things tell them apart (docs/decisions/0029):
+Values are judged here, not shapes: NaN, age, order, and where the points are. Numbers
+in a wrong unit look like an empty room, since all of them lie outside the grid. A
+person who stands there does, too, so two things tell them apart (decision 0029):
 
 * most points are farther away than anything in a robot's cell ever is, or
 * all points are outside, though so short a time ago some were deeper inside than anyone

@@ -49,7 +49,7 @@ class Lookout:
         if self._wait_s > 1e-9:
             return None
         self._wait_s = LOOKS
-        if not len(threat.points) or threat.velocity is None:
+        if not len(threat.points) or threat.likely(0.0) is None:
             return None
         if not self._is_hit(motion, t, threat):
             return None

@@ -123,8 +123,7 @@ class Threat:
         the points covered it; see the module. The radius is infinite where the times
         or the age are not known.
         """
-        known = self.age is not None and 0.0 <= self.age < math.inf
-        known = known and math.isfinite(begin + end)
+        known = self.is_dated and math.isfinite(begin + end)
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
         if not (known and end < math.inf):
             return self.points, math.inf
@@ -139,6 +138,11 @@ class Threat:
         if self.lost:
             radius = max(radius, unknown)
         return self.points + middle * self.velocity, radius
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether the age of the data is known."""
+        return self.age is not None and 0.0 <= self.age < math.inf
 
     def _gained(self, t: float) -> float:
         """Return how far a part can be from where its velocity leads after t [m]."""
@@ -155,10 +159,10 @@ class Threat:
         """Return (n, 3) where its points will be at some times from now [s].
 
         As their mean velocities bring them: where they are likely to be, not where
-        they can be. None where no velocities are known.
+        they can be. None where no velocities are known, or not the age.
         """
         drift = self.velocity if self.drift is None else self.drift
-        if drift is None:
+        if drift is None or not self.is_dated:
             return None
         return np.concatenate([self.points + (self.age + t) * drift for t in times])
 

@@ -1,4 +1,4 @@
-"""What is not known is never free: NaN, refused frames, wrong units, buffers refilled."""
+"""What is not known is never free: NaN, refused frames, wrong units, old buffers."""
 
 import math
 
@@ -63,7 +63,10 @@ def test_an_extra_below_the_clearance_is_refused(planner):
 
 @pytest.mark.parametrize(
     "points",
-    [np.zeros((4, 2)), np.zeros(3), np.zeros((2, 3), object), np.zeros((1, 3), complex)],
+    [
+        np.zeros((4, 2)), np.zeros(3), np.zeros((2, 3), object),
+        np.zeros((1, 3), complex),
+    ],  # fmt: skip
 )
 def test_points_of_the_wrong_kind_are_refused_by_every_question(planner, points):
     with pytest.raises(BadInput, match="points"):
@@ -73,7 +76,8 @@ def test_points_of_the_wrong_kind_are_refused_by_every_question(planner, points)
 
 
 @pytest.mark.parametrize(
-    "path", [np.zeros((1, 2)), HOME, np.array([[None] * 3]), [["a", "b", "c"]], [[1], []]]
+    "path",
+    [np.zeros((1, 2)), HOME, np.array([[None] * 3]), [["a", "b", "c"]], [[1], []]],
 )
 def test_paths_of_the_wrong_kind_are_refused(planner, path):
     with pytest.raises(BadInput, match="a path"):

@@ -229,7 +229,8 @@ def test_parts_that_exchange_their_names_are_of_unknown_speed(rate, gap, times):
             _, radius = threat.between(0.0, 0.2)
             assert radius >= 0.2 * ThreatSettings().speed
         if k >= times[0]:  # whatever is known of them
-            later = odm.sample_capsules(arms_apart(gap, begin + k / rate + 0.2, v), 0.02)
+            arms = arms_apart(gap, begin + k / rate + 0.2, v)
+            later = odm.sample_capsules(arms, 0.02)
             at, radius = threat.between(0.2, 0.2)
             off = np.linalg.norm(later[:, None] - at, axis=2).min(axis=1)
             assert off.max() <= radius + 0.03
@@ -284,6 +285,7 @@ def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
     for velocity in (None, np.zeros((1, 3))):
         threat = Threat(points, velocity, age, ThreatSettings())
         assert threat.between(0.0, 0.1)[1] == np.inf
+        assert threat.likely(0.1) is None
     assert Threat(points, None, 0.0, ThreatSettings()).between(0.0, np.nan)[1] == np.inf
 
 
