@@ -48,7 +48,8 @@ class Answer:
         status: "following", "replanned" or "holding".
         path: (k, dof) from the robot's configuration to the goal; empty on holding.
         goal: Index of the goal the path leads to, None when holding.
-        certified: "whole surface" (closed shapes) or "visible surface" (raw points).
+        certified: "whole surface" where the caller said that the points cover closed
+            shapes; else "visible surface": what was not sampled is not heeded.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels.types import N_BAD
 from odm.answer import Freedom
 from odm.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.checks import check_configuration
-from odm.explain import unfit
 from odm.legs import LegTest, Tested
 from odm.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from roadmap.errors import BadInput
@@ -82,9 +80,9 @@ class Approacher:
         line = self._line(T, q, distance, direction)
         self.legs.look(phase)
         nothing = np.empty((0, planner.robot.dof))
-        trouble = unfit(planner, int(self.legs.cloud.counts[N_BAD]), None, None)
-        if trouble is not None:
-            return Approach(nothing, reason=trouble)
+        if planner.trouble is not None:
+            text = f"the last frame could not be used: {planner.trouble}"
+            return Approach(nothing, reason=text)
         search, before = _Search(), self.tool.descents
         self.legs.motions = 0
         if q is not None:

@@ -1,11 +1,12 @@
 """Beside a person who moves: is the path up to the stop free, and which way is out?"""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from odm._kernels.braking import first_blocked
-from odm.checks import as_floats
+from odm.checks import check_path, check_points
 from odm.clouds import SortedCloud
 from odm.last_phase import Cover, LastPhase, check_classes
 from odm.retreat import find_way_out
@@ -21,6 +22,8 @@ class Braking:
     _leg: np.ndarray
     _world_ahead: WorldFrame
     _last_phase: LastPhase | None
+    extra: float
+    trouble: str | None
 
     def blocked_leg(
         self,
@@ -33,31 +36,41 @@ class Braking:
         """Return the first leg of a path that points block, or None.
 
         The close test of braking: the whole path must keep `extra` [m] more than rho
-        and m from every point, since the person moves while the robot stops.
+        and m from every point, since the person moves while the robot stops. What is
+        not known blocks: a path, an `extra` or a point that is not finite, and a last
+        frame that could not be used where no points are given.
 
         Args:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
-            extra: Distance the points may have come nearer meanwhile [m].
-            points: (n, 3) where they are then [m], also outside the grid; one that is
-                not finite blocks all. None: where they are in the frame.
+            extra: Distance the points may have come nearer meanwhile [m]; down to -m
+                for a robot that may come as near as touch.
+            points: (n, 3) where they are then [m], also outside the grid. None: where
+                they are in the frame.
             phase: As in `is_free`.
             classes: (n,) of `points`, where they are given.
 
         Raises:
-            BadInput: No path, a phase that cannot be, or bad classes.
+            BadInput: No path, points of another shape, an `extra` below -m, a phase
+                that cannot be, or bad classes.
         """
         self.memory.owner.check()
-        path = as_floats("the path", path)
-        if path.ndim != 2 or not len(path) or path.shape[1] != self.robot.dof:
+        path = check_path(self.robot, path)
+        least = -(self.cell_map.safety.m + self.extra)
+        if -math.inf < extra < least - 1e-9:
             raise BadInput(
-                f"a path of shape {path.shape} is none; give (k, {self.robot.dof}) "
-                "corners, at least one"
+                f"an extra of {extra} m takes away more than the clearance m; give "
+                f"{least:.4g} m or more"
             )
+        unknown = not math.isfinite(extra)
         if points is None:
             points, classes = self.points, self.classes
+            unknown = unknown or self.trouble is not None
         else:
+            points = check_points(points, None, None, self.rho)
             classes = check_classes(classes, len(points))
             points = self._world_ahead.points(points)
+        if unknown:
+            return 0
         if phase is not None:
             if not np.isfinite(points).all():
                 return 0

@@ -105,6 +105,25 @@ def check_configuration(
     return q
 
 
+def check_numbers(robot: Robot, q: np.ndarray, name: str = "q") -> np.ndarray:
+    """Return a q that is asked about as (dof,) float64; it must be finite."""
+    q = check_configuration(robot, q, None)
+    if not np.isfinite(q).all():
+        raise BadInput(f"{name} holds NaN or infinity: {q}; give numbers")
+    return q
+
+
+def check_path(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Return corners as C-contiguous (k, dof) float64, k >= 1, finite or not."""
+    path = as_floats("a path", path)
+    if path.ndim != 2 or not len(path) or path.shape[1] != robot.dof:
+        raise BadInput(
+            f"a path of shape {path.shape} is none; give (k, {robot.dof}) corners, at "
+            "least one"
+        )
+    return path
+
+
 def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:
     """Name the joint that is farthest outside its limits, or None."""
     over = np.maximum(robot.lower - q, q - robot.upper)

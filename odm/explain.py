@@ -6,49 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close, step
-from odm._kernels.types import N_BAD
 from odm.answer import NOTHING, Blockers, Freedom
-from odm.checks import check_configuration, outside_limits
+from odm.checks import check_numbers, outside_limits
 from odm.retreat import find_retreat
-from roadmap.errors import BadInput
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 _MOST_LISTED = 32
-
-
-def unfit(
-    planner: "ReactivePlanner", bad: int, stamp: float | None, now: float | None
-) -> str | None:
-    """Return why this frame's obstacle data cannot be used at all, or None."""
-    if bad:
-        return (
-            f"{bad} obstacle points are NaN or infinite, so the person may be "
-            "anywhere; check the sensor"
-        )
-    if stamp is None or now is None:
-        return None
-    age = now - stamp
-    limit = planner.settings.max_age_s
-    if not age <= limit:
-        return (
-            f"the obstacle data are {1e3 * age:.0f} ms old, more than the "
-            f"{1e3 * limit:.0f} ms allowed; check the sensor or its clock"
-        )
-    if age < 0.0:
-        return (
-            f"the obstacle data are stamped {-1e3 * age:.0f} ms in the future; "
-            "use one clock for stamp and now"
-        )
-    before, planner.heard = planner.heard, (stamp, now)
-    if before is not None and stamp < before[0] and now >= before[1]:
-        planner.heard = before
-        return (
-            f"the obstacle data are {1e3 * (before[0] - stamp):.0f} ms older than "
-            "those of the frame before; drop frames that arrive out of order"
-        )
-    return None
 
 
 def start_trouble(planner: "ReactivePlanner", code: int) -> str | None:
@@ -210,9 +175,7 @@ def is_free(
     robot = planner.robot
     ends = []
     for name, q in (("q_a", q_a), ("q_b", q_b)):
-        q = np.ascontiguousarray(check_configuration(robot, q, None))
-        if not np.isfinite(q).all():
-            raise BadInput(f"{name} holds NaN or infinity: {q}; give numbers")
+        q = check_numbers(robot, q, name)
         trouble = outside_limits(robot, q, 0.0)
         if trouble is not None:
             return Freedom(False, "limits", f"{name}: {trouble}")
@@ -222,9 +185,9 @@ def is_free(
     if why is not None:
         itself = planner.static.touches_itself(ends[0], dq) is not None
         return Freedom(False, "self-collision" if itself else "scenery", why)
-    bad = int(planner.memory.cloud.counts[N_BAD])
-    if bad:
-        return Freedom(False, "frame", unfit(planner, bad, None, None))
+    if planner.trouble is not None:
+        text = f"the last frame could not be used: {planner.trouble}"
+        return Freedom(False, "frame", text)
     if phase is not None:
         hit = planner.last_phase(phase, planner.points, planner.classes).hit(
             planner.cover(), ends[0], dq

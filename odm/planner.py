@@ -31,6 +31,7 @@ from odm.planner_questions import Questions
 from odm.planner_settings import PlannerSettings
 from odm.state import Memory, lay_out
 from odm.static import StaticTest
+from odm.unfit import unfit
 from odm.world_frame import WorldFrame
 from roadmap.errors import BadInput
 from roadmap.kinematics import difference
@@ -89,7 +90,13 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.direct = DirectMap(self.memory, n, m)
         self.goals = np.zeros((0, self.robot.dof))
         self.costs: np.ndarray | None = None
-        self.points = np.zeros((0, 3))
+        # the frame's points, and those of the last frame with some inside the grid
+        self._rooms = [np.empty((self.settings.max_points, 3)) for _ in range(2)]
+        self._kept = [room[:0] for room in self._rooms]
+        self._room = 0
+        self.points = self._kept[0]
+        self.seen_inside: tuple[float, np.ndarray] | None = None  # stamp and points
+        self.trouble: str | None = None  # why the last frame could not be used
         self.classes: np.ndarray | None = None
         self.last: Answer | None = None
         self.heard: tuple[float, float] | None = None  # newest stamp, and when
@@ -169,26 +176,34 @@ class ReactivePlanner(Doors, Questions, Braking):
         covering_radius: float | None = None,
         rounding: float | None = None,
         classes: np.ndarray | None = None,
+        closed: bool = False,
     ) -> Answer:
         """Answer one frame.
 
+        A frame that cannot be used (see `odm.unfit`) holds, and every question after
+        it is answered with no, until a frame comes that can.
+
         Args:
             points: (n, 3) float64 points on the obstacles' surfaces [m]; base frame,
-                or the world's after `set_base`.
+                or the world's after `set_base`. They are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
             stamp: Time of the points [s]; older points than those of a frame before
-                hold, unless `now` went back, too.
+                hold, unless `now` went back, too. A clock that was set back without
+                a `now` needs `reset`.
             now: Present time [s], by the same clock.
-            covering_radius: Declared for raw points [m]; None means that the points
-                come from closed shapes sampled within the map's rho. The close test
-                uses the declared one, so dense points cost less free space.
+            covering_radius: No point of a surface is farther from its nearest sample
+                [m]; None: the map's rho. The close test uses it, so dense points
+                cost less free space.
             rounding: Smallest radius of the sampled shapes where all are capsules or
                 spheres [m]: proves that less than rho is needed (see
                 `odm.surfaces.rounded_covering`).
             classes: (n,) odm.AVOID, CONTACT or OBJECT of each point; the answer heeds
                 all, a `phase` of other questions makes a difference.
+            closed: The points cover the whole surfaces of closed solids, as those of
+                `odm.sample_capsules` and `odm.surface_of` do; so does `labels`. Else
+                only what was sampled is certified, "visible surface".
 
         Returns:
             The answer; "no path" is an answer, not an exception.
@@ -202,25 +217,25 @@ class ReactivePlanner(Doors, Questions, Braking):
             memory.owner.check()
         points = check_points(points, labels, covering_radius, self.rho)
         q = check_configuration(self.robot, q, dq)
-        self.classes = check_classes(classes, len(points))
-        points = self.world.points(points)
+        self.classes = None if classes is None else check_classes(classes, len(points))
+        if not self.world.at_base:
+            points = self.world.points(points)
+        points = self._keep(points)
         if self._rejoin:
             self.attacher.forget_all()
         if len(points) > len(memory.cloud.where):
             self._make_room(2 * len(points))
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
-        self.points = points
+        closed = closed or labels is not None
         bad = frame.begin_step(memory.table, points)
         marked = time.perf_counter_ns()
-        trouble = None
-        if bad or stamp is not None:
-            trouble = explain.unfit(self, bad, stamp, now)
+        self.trouble = trouble = unfit(self, bad, stamp, now)
         if not (trouble or self.always_replan):
             self.calm.recent.take(points, now)
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
-            return self._hold(begun, marked, covering_radius, trouble, code)
+            return self._hold(begun, marked, closed, trouble, code)
         way, own = memory.way, memory.own
         if code == step.PLANNED and way.count.item(0) > 2:
             self.straightener.run()
@@ -231,7 +246,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
         self._moving = True
         status = FOLLOWING if following else REPLANNED
-        return self._answer(status, path, begun, marked, covering_radius)
+        return self._answer(status, path, begun, marked, closed)
 
     def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
         here, before = q.tobytes(), self._here  # compared much faster than arrays
@@ -329,6 +344,8 @@ class ReactivePlanner(Doors, Questions, Braking):
         budget = check_number("the budget of polish", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
+        if self.trouble is not None:
+            return 0
         if self.always_replan:
             return self.polisher.run(budget)[0]
         half = budget // 2
@@ -344,7 +361,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.smoother.reset()
         self.straightener.reset()
         self.calm.reset()
-        self.last = self.heard = None
+        self.last = self.heard = self.seen_inside = None
 
     # --- inside ----------------------------------------------------------------
 
@@ -354,6 +371,19 @@ class ReactivePlanner(Doors, Questions, Braking):
         cloud, pick = grid.new_cloud(room), grid.new_cloud(room)
         self._memory._exchange(cloud=cloud, pick=pick)
         frame.take_points(self._memory.table, self.points)
+    def _keep(self, points: np.ndarray) -> np.ndarray:
+        """Copy (n, 3) points of a frame: the caller may fill the array anew."""
+        seen = self.seen_inside
+        if seen is not None and seen[1] is self.points:
+            self._room = 1 - self._room
+        kept, n = self._kept[self._room], len(points)
+        if len(kept) != n:
+            if n > len(self._rooms[self._room]):
+                self._rooms[self._room] = np.empty((2 * n, 3))
+            kept = self._kept[self._room] = self._rooms[self._room][:n]
+        kept[...] = points
+        self.points = kept
+        return kept
 
     def _sort(self) -> None:
         if not self.memory.cloud.counts[IS_SORTED]:
@@ -366,14 +396,14 @@ class ReactivePlanner(Doors, Questions, Braking):
         self,
         begun: int,
         marked: int,
-        covering_radius: float | None,
+        closed: bool,
         trouble: str | None,
         code: int,
     ) -> Answer:
         self._moving = False
         told = explain.Reasons(self, trouble or explain.start_trouble(self, code))
         path = self._nowhere
-        return self._answer(HOLDING, path, begun, marked, covering_radius, told)
+        return self._answer(HOLDING, path, begun, marked, closed, told)
 
     def _answer(
         self,
@@ -381,14 +411,14 @@ class ReactivePlanner(Doors, Questions, Braking):
         path: np.ndarray,
         begun: int,
         marked: int,
-        covering_radius: float | None,
+        closed: bool,
         told: "explain.Reasons | None" = None,
     ) -> Answer:
         memory = self._memory
         goal = memory.way.count.item(1) if told is None else None
         counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
         times = (begun, marked, time.perf_counter_ns())
-        certified = WHOLE if covering_radius is None else VISIBLE
+        certified = WHOLE if closed else VISIBLE
         self.last = Answer(status, path, goal, certified, times, counted, told)
         return self.last
 

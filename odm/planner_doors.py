@@ -126,6 +126,7 @@ class Doors:
         if self._approacher is not None:
             self._approacher.legs.forget_fine()
         self.carrier.set_extra(self.extra)
+        self._mark()  # points just outside the grid may count now
         self._place()
 
     def set_base(self, T_world_base: np.ndarray) -> None:
@@ -147,10 +148,16 @@ class Doors:
         self.world = WorldFrame(T_world_base)
         self._world_ahead = WorldFrame(T_world_base)
         p_world = self.points @ before[:3, :3].T + before[:3, 3]
-        self.points = self.world.points(p_world).copy()  # the person stays
-        frame.take_points(self.memory.table, self.points)
+        self._keep(self.world.points(p_world))  # the person stays
+        self._mark()
         self._place()
         self.reset()
+
+    def _mark(self) -> None:
+        """Mark the frame's points anew, as they are kept."""
+        if len(self.points) > len(self.memory.cloud.where):
+            self.make_room(2 * len(self.points))
+        frame.take_points(self.memory.table, self.points)
 
     def set_static(self, points_or_shapes: object) -> None:
         """Set the scenery of this place, once: (n, 3) points or closed shapes.

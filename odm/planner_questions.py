@@ -1,13 +1,15 @@
-"""What a planner can be asked between frames, about what it has seen last."""
+"""What a planner can be asked between frames, about what it has seen last.
+
+After a frame that could not be used (`planner.trouble` says why) every answer is no.
+"""
 
 import numpy as np
 
 from odm import approach, explain
 from odm._kernels import close
-from odm._kernels.types import N_BAD
 from odm.answer import Freedom
 from odm.cell_map import CellMap
-from odm.checks import as_floats, check_configuration
+from odm.checks import as_floats, check_numbers
 from odm.direct import DirectMap
 from odm.state import Memory
 from odm.world_frame import WorldFrame
@@ -22,6 +24,7 @@ class Questions:
     cell_map: CellMap
     memory: Memory
     direct: DirectMap
+    trouble: str | None
     world: WorldFrame
     _approacher: "approach.Approacher | None"
 
@@ -86,11 +89,14 @@ class Questions:
 
         Args:
             q: (dof,) [rad or m].
+
+        Raises:
+            BadInput: Wrong length or not finite.
         """
         self.memory.owner.check()
-        q = check_configuration(self.robot, q, None)
+        q = check_numbers(self.robot, q)
         m = self.memory
-        if m.cloud.counts[N_BAD]:
+        if self.trouble is not None:
             return False
         self._sort()
         still, tolerance = np.zeros_like(q), self.cell_map.motion_tolerance
@@ -103,18 +109,26 @@ class Questions:
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
 
-        Infinity when the frame has no point inside the grid.
+        Infinity when the frame has no point inside the grid; minus infinity after a
+        frame that could not be used: then the person may be anywhere.
+
+        Raises:
+            BadInput: Wrong length or not finite.
         """
         self.memory.owner.check()
-        q = check_configuration(self.robot, q, None)
-        return self._nearest(q)
+        q = check_numbers(self.robot, q)
+        return -np.inf if self.trouble is not None else self._nearest(q)
 
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending."""
+        if self.trouble is not None:
+            return np.arange(self.direct.n_nodes)
         return self.direct.nodes().copy()
 
     def invalid_edges(self) -> np.ndarray:
         """Return the ids of the edges that the frame invalidates, ascending."""
+        if self.trouble is not None:
+            return np.arange(self.direct.n_edges)
         return self.direct.edges().copy()
 
     def _nearest(self, q: np.ndarray) -> float:

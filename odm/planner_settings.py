@@ -21,6 +21,7 @@ _RANGES = {
     "max_age_s": (0.0, 60.0, "s"),
     "max_points": (1, 100_000_000, ""),
     "kept_goals": (0, 10_000, ""),
+    "max_range_m": (0.1, 1e6, "m"),
 }
 _COUNTS = (
     "attachments", "start_attachments", "close_tests", "looks", "patience",
@@ -52,6 +53,8 @@ class PlannerSettings:
         max_points: Room for points of a frame; grows when a frame has more.
         kept_goals: So many goals that were set or prepared stay attached, so that to
             set them again costs little; 0: those that are set, and no others.
+        max_range_m: Where most points of a frame are farther than this from the
+            robot's base along an axis, their unit is wrong: the frame holds [m].
     """
 
     attachments: int = 18
@@ -68,6 +71,7 @@ class PlannerSettings:
     max_age_s: float = 0.1
     max_points: int = 32768
     kept_goals: int = 0
+    max_range_m: float = 20.0
 
     def __post_init__(self) -> None:
         """Check every value.

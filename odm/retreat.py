@@ -7,7 +7,7 @@ import numpy as np
 
 from odm._kernels import close, kinematics_door
 from odm._kernels.types import N_OCCUPIED
-from odm.checks import check_configuration, check_points
+from odm.checks import check_numbers, check_points
 from roadmap.errors import BadInput
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ def find_way_out(
     Of those to the near nodes it is the one on which the robot, as far as it gets
     by then, keeps most distance from where the points will be at each of the times;
     the first that keeps plenty is as good as any. It must keep clearly more than a
-    robot that stays.
+    robot that stays. None, too, where it is not known where the points are or will
+    be: the last frame could not be used, or one of `coming` is not finite.
 
     Args:
         planner: A planner that was asked for a frame.
@@ -75,15 +76,20 @@ def find_way_out(
         speed_scale: Share of the joints' speed limits that it will use, (0, 1].
 
     Raises:
-        BadInput: Wrong shape, dtype or length, or a share outside (0, 1].
+        BadInput: Wrong shape, dtype or length, a q or a time that is not finite, or a
+            share outside (0, 1].
     """
     if not 0.0 < speed_scale <= 1.0:
         raise BadInput(
             f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
         )
     m, robot = planner.memory, planner.robot
-    q = check_configuration(robot, q, None)
+    q = check_numbers(robot, q)
     coming = [(t, check_points(p, None, None, planner.rho)) for t, p in coming]
+    if not np.isfinite([t for t, _ in coming]).all():
+        raise BadInput("the points come at a time that is not finite; give seconds")
+    if planner.trouble is not None or not all(np.isfinite(p).all() for _, p in coming):
+        return None
     # not in the room of the frame's points, which stay as they are
     ahead = planner._world_ahead
     clouds = planner.coming.of([ahead.points(p).copy() for _, p in coming])

@@ -45,7 +45,7 @@ class BrakingTest:
             threat: The person.
             closer: How much nearer than m the robot may come [m].
         """
-        go = begin - t
+        go = max(begin - t, 0.0)  # a motion may be over
         points, radius = threat.between(0.0, go + stop.duration)
         way = motion.path_from(t, stop.length)
         if self.planner.blocked_leg(way, radius - closer, points) is None:

@@ -247,7 +247,7 @@ class Executor:
     def _leave(self, way: np.ndarray, commit: Commit, threat: Threat) -> bool:
         """Get out of the way, as fast as the person lets it; False if none."""
         self._gap = self.planner.separation(self.set_point.q)
-        if self._gap < self.settings.stand_below:
+        if not self._gap >= self.settings.stand_below:
             return False
         for share in _RETREATS:
             scale = share * self.settings.speed_scale

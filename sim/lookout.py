@@ -10,7 +10,7 @@ import numpy as np
 from roadmap.motion import Commit, Motion
 from sim.threat import Threat
 
-AHEAD = (0.1, 0.2, 0.3, 0.4)  # [s] it looks ahead so far
+AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] it looks ahead so far
 AGAIN = 0.05  # [s] between two searches, which take a while
 LOOKS = 0.02  # [s] between two looks
 
@@ -49,7 +49,7 @@ class Lookout:
         if self._wait_s > 1e-9:
             return None
         self._wait_s = LOOKS
-        if not len(threat.points) or threat.velocity is None:
+        if not len(threat.points) or threat.likely(0.0) is None:
             return None
         if not self._is_hit(motion, t, threat):
             return None

@@ -9,7 +9,7 @@ import numpy as np
 from odm.surfaces import sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference, sphere_centers
+from roadmap.kinematics import difference, motion_bounds, sphere_centers
 from roadmap.ranges import check_settings, is_between
 from roadmap.robot import Robot
 from sim.execution import RETREATING, ExecutionSettings, Executor
@@ -156,8 +156,11 @@ class Loop:
         self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
         )
-        self._watcher = Watcher()
         self._moving = robot.moving
+        fastest = motion_bounds(robot, s.speed_scale * robot.max_velocity)[0]
+        most = float(fastest.max(initial=0.0))
+        self._watcher = Watcher(covering=s.spacing, robot_speed=most)
+        self._widest = float(robot.spheres[self._moving, 3].max(initial=0.0))
         self._retreats = self._escape = False
         self._fresh = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
@@ -180,7 +183,10 @@ class Loop:
         threat = None
         if len(capsules) and self.executor.brakes:
             centers = self._centers[self._moving]
-            threat = self._watcher.look(capsules, points, centers, now)
+            margin = self._widest + getattr(self.planner, "keep", 0.0)
+            threat = self._watcher.look(
+                capsules, points, centers, now, margin=margin
+            )
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
@@ -383,6 +389,7 @@ def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
     return places
 
 
-def _told(capsules: np.ndarray) -> dict[str, float]:
-    """Return what the planner may know of the shapes: their smallest radius."""
-    return {"rounding": float(capsules[:, 6].min())} if len(capsules) else {}
+def _told(capsules: np.ndarray) -> dict[str, object]:
+    """Return what the planner may know of the shapes: closed, their least radius."""
+    rounding = float(capsules[:, 6].min()) if len(capsules) else None
+    return {"closed": True, "rounding": rounding}

@@ -80,6 +80,7 @@ def _step(
         now=now,
         covering_radius=recording.covering_radius,
         rounding=recording.rounding_of(i),
+        closed=recording.covering_radius is None,
     )
 
 

@@ -9,6 +9,7 @@ A robot that tells nothing is bounded by its joints: from the measured q and dq 
 no faster than its limits of velocity and acceleration let it.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +110,7 @@ class LimitsThreat:
         surface: Its moving links.
         T_base_other: (4, 4) its base in the frame of the robot that asks.
         q, dq: (dof,) measured [rad or m, by seconds].
-        age: Age of both [s].
+        age: Age of both [s]; None or NaN where it is not known.
         speed_scale: Share of its velocity limits that it keeps to.
         acceleration: (dof,) bound on its joints' accelerations [rad/s2 or m/s2].
     """
@@ -118,7 +119,7 @@ class LimitsThreat:
     T_base_other: np.ndarray
     q: np.ndarray
     dq: np.ndarray
-    age: float
+    age: float | None
     speed_scale: float
     acceleration: np.ndarray
 
@@ -126,8 +127,12 @@ class LimitsThreat:
         """Return points (n, 3) and the radius of balls that hold it meanwhile [m].
 
         At tau in [begin, end] joint j is within |dq_j| half + a_j end^2 / 2 of
-        q + dq middle, and never farther from q than its velocity limit takes it.
+        q + dq middle, and never farther from q than its velocity limit takes it. The
+        radius is infinite where the age is not known.
         """
+        if self.age is None or not 0.0 <= self.age < math.inf:
+            return self.surface.at(self.q, self.T_base_other).copy(), math.inf
+        begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
         begin, end = begin + self.age, end + self.age
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         by_speed = np.abs(self.dq) * half + 0.5 * self.acceleration * end * end
@@ -149,7 +154,7 @@ def limits_threat(
     T_base_other: np.ndarray,
     q: np.ndarray,
     dq: np.ndarray,
-    age: float = 0.0,
+    age: float | None = 0.0,
     speed_scale: float = 1.0,
 ) -> LimitsThreat:
     """Return the threat of a robot known by its joints alone.
@@ -158,11 +163,12 @@ def limits_threat(
         BadInput: It moves faster than it is said to, or its state is not finite.
     """
     robot = surface.robot
-    dq = np.asarray(dq, float)
-    if dq.shape != (robot.dof,) or not np.isfinite(dq).all():
-        raise BadInput(
-            f"dq of the other robot is {dq}; give {robot.dof} finite joint velocities"
-        )
+    q, dq = np.asarray(q, float), np.asarray(dq, float)
+    for name, value in (("q", q), ("dq", dq)):
+        if value.shape != (robot.dof,) or not np.isfinite(value).all():
+            raise BadInput(
+                f"{name} of the other robot is {value}; give {robot.dof} finite numbers"
+            )
     over = np.abs(dq) - speed_scale * robot.max_velocity
     if (over > 1e-6).any():
         j = int(over.argmax())
@@ -173,7 +179,7 @@ def limits_threat(
         )
     acceleration = np.asarray(robot.max_acceleration)
     return LimitsThreat(
-        surface, T_base_other, np.asarray(q, float), dq, age, speed_scale, acceleration
+        surface, T_base_other, q, dq, age, speed_scale, acceleration
     )
 
 

@@ -130,7 +130,9 @@ class Planned:
                 self._aim(True)
         begun = time.perf_counter()
         dq = self.executor.set_point.dq
-        answer = self.planner.step(points, q=commit.q, dq=dq, stamp=now, now=now)
+        answer = self.planner.step(
+            points, q=commit.q, dq=dq, stamp=now, now=now, closed=True
+        )
         self.wall_s = time.perf_counter() - begun
         self.executor.heed(answer, commit, threat)
         self.status = STATUS.index(answer.status)

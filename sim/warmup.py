@@ -154,7 +154,10 @@ def exercise(cell_map: CellMap) -> None:
             planner.invalid_nodes()
             planner.invalid_edges()
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
-        planner.step(np.full((1, 3), np.nan), q=start)
+        for bad in (np.nan, 1e3):  # and one that lies outside, then and there
+            planner.step(np.full((1, 3), bad), q=start)
+        planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
+        planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
         planner.reset()
 
 
@@ -252,7 +255,7 @@ def _watch() -> None:
     from sim.threat import Watcher
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
-    for now in (0.0, 0.01):
+    for now in (0.0, 0.01, 0.02):
         watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
 
 

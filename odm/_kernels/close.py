@@ -44,7 +44,11 @@ def chord_distance2(px, py, pz, ax, ay, az, bx, by, bz):
 
 @njit(cache=True, nogil=True)
 def prepare_motion(arm, radii, dq, tolerance, work):
-    """Fill the motion bounds of `work` for displacement `dq`."""
+    """Fill the motion bounds of `work` for displacement `dq`.
+
+    Returns False where a radius is not finite: nothing can be proved then.
+    """
+    total = 0.0  # of radii by nought
     motion_bounds(
         arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
     )
@@ -58,6 +62,7 @@ def prepare_motion(arm, radii, dq, tolerance, work):
             bend = max(bend, work.bend[i])
             widest = max(widest, radii[i])
             thinnest = min(thinnest, radii[i])
+            total += 0.0 * radii[i]
         bottom = 0
         if widest > 0.0:
             # at least as deep as the cells of any of its spheres
@@ -72,6 +77,7 @@ def prepare_motion(arm, radii, dq, tolerance, work):
         work.body_speed[b] = fastest
         work.body_radius[b] = widest
         work.bottom[b] = bottom
+    return total == 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -177,18 +183,34 @@ def body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
 
 
 @njit(cache=True, nogil=True)
+def is_finite(q, dq):
+    """Return False where a motion holds NaN or infinity: comparisons would lie."""
+    total = 0.0  # of numbers by nought: NaN as soon as one is not finite
+    for j in range(q.shape[0]):
+        total += 0.0 * q[j] + 0.0 * dq[j]
+    return total == 0.0
+
+
+@njit(cache=True, nogil=True)
 def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
     """Return True if the whole motion q + t dq, t in [0, 1], keeps its distance.
 
     `radii` (n,) hold radius, covering radius and clearance. On False, work.found
-    has the sphere and the point's index and work.value t and the distance. With
+    has the sphere and the point's index and work.value t and the distance. What is
+    not finite is not clear, whatever stands about: the point is -1 then. With
     `escape`, points nearer than that need only not come nearer than work.anchor has
     them. The points must have been sorted.
     """
     work.found[2] += 1
-    if cloud.counts[N_OCCUPIED] == 0:
+    known = is_finite(q, dq)
+    if known and cloud.counts[N_OCCUPIED] == 0:
         return True
-    prepare_motion(arm, radii, dq, tolerance, work)
+    if not (known and prepare_motion(arm, radii, dq, tolerance, work)):
+        work.found[0] = 0
+        work.found[1] = -1
+        work.value[0] = 0.0
+        work.value[1] = 0.0
+        return False
     n_bodies = arm.tree_i.shape[0]
     top = 0
     work.stack[0, 0] = 0

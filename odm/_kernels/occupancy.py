@@ -57,6 +57,29 @@ def mark_points(points, cloud):
 
 
 @njit(cache=True, nogil=True)
+def count_beyond(points, limit):
+    """Return how many of points (n, 3) have a coordinate larger than `limit`."""
+    n = 0
+    for i in range(points.shape[0]):
+        far = max(abs(points[i, 0]), max(abs(points[i, 1]), abs(points[i, 2])))
+        n += not far <= limit
+    return n
+
+
+@njit(cache=True, nogil=True)
+def deepest(points, cloud):
+    """Return how far the innermost of points (n, 3) is inside the grid [m]."""
+    best = -math.inf
+    for i in range(points.shape[0]):
+        depth = math.inf
+        for a in range(3):
+            x = points[i, a] - cloud.origin[a]
+            depth = min(depth, min(x, 4.0 * cloud.h * cloud.shape[a] - x))
+        best = max(best, depth)
+    return best
+
+
+@njit(cache=True, nogil=True)
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
     n_occupied = cloud.counts[N_OCCUPIED]

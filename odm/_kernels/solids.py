@@ -24,8 +24,9 @@ def solid_distance(x, y, z, solid):
     total = 0.0
     for k in range(3):
         along = solid[4 + k] * ux + solid[7 + k] * uy + solid[10 + k] * uz
-        over = max(0.0, abs(along) - solid[13 + k])
-        total += over * over
+        over = abs(along) - solid[13 + k]
+        if not over <= 0.0:  # a NaN stays one
+            total += over * over
     return math.sqrt(total)
 
 
@@ -48,12 +49,12 @@ def body_near_solids(arm, b, margin, f, half, solids, skip, work):
             cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
             cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
             d = solid_distance(cx, cy, cz, solids[k]) - s[3] - margin
-            if d < 0.0:
+            if not d >= 0.0:  # a NaN is contact
                 work.found[0] = i
                 work.found[1] = k
                 work.value[1] = d
                 return 2
-            if d < work.speed[i] * half:
+            if not d >= work.speed[i] * half:
                 result = 1
     return result
 

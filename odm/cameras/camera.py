@@ -9,6 +9,7 @@ from roadmap.errors import BadInput
 from roadmap.transforms import check_pose
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
+LEAST_DEPTH = 0.03  # [m] no camera reads less
 STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
 
 
@@ -133,6 +134,29 @@ class DepthCamera:
         pixels = np.floor(np.where(np.isfinite(depth), depth, 0.0) / self.scale + 1e-6)
         pixels[(pixels < 0) | (pixels >= NO_READING[1])] = 0
         return pixels.astype(np.uint16)
+
+    def misread(self, image: np.ndarray, most: float) -> str | None:
+        """Return why its readings cannot be depths by this scale, or None.
+
+        To be asked where none of them lies in the robot's grid: a wrong scale and an
+        empty room look alike.
+
+        Args:
+            image: (height, width) uint16 with at least one reading.
+            most: The middle one of all readings is no farther than that [m].
+        """
+        valid = image[(image != NO_READING[0]) & (image != NO_READING[1])]
+        middle, far = self.scale * np.median(valid), self.scale * float(valid.max())
+        if middle > most:
+            what = f"the middle one is {middle:.3g} m away, more than {most:g} m"
+        elif far < LEAST_DEPTH:
+            what = f"the farthest one is {1e3 * far:.3g} mm away"
+        else:
+            return None
+        return (
+            f"the {valid.size} readings of {self.name} are no depths by its scale of "
+            f"{self.scale:g} m per unit: {what}; pixels in millimetres have 0.001"
+        )
 
     def points(self, image: np.ndarray) -> np.ndarray:
         """Return the (n, 3) points of all valid readings in the base frame [m].

@@ -26,6 +26,8 @@ class SeenSettings:
         flying_m: Readings between their neighbours, farther than that from both, go
             [m]; None keeps all. It weakens the proof: a steep surface looks the same.
         noise_m: A reading may be too large by that, beyond the map's sensor share [m].
+        max_range_m: Where no reading lies in the grid and the middle one is farther
+            than this, the camera's scale is wrong: the frame is unfit [m].
     """
 
     memory_s: float = 0.3
@@ -35,6 +37,7 @@ class SeenSettings:
     d_self: float | None = None
     flying_m: float | None = None
     noise_m: float = 0.0
+    max_range_m: float = 20.0
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -44,6 +47,7 @@ class SeenSettings:
             "d_self": (self.d_self, 0.0, LARGEST_D_SELF, "m"),
             "flying_m": (self.flying_m, 0.001, 1.0, "m"),
             "noise_m": (self.noise_m, 0.0, 0.1, "m"),
+            "max_range_m": (self.max_range_m, 0.1, 1000.0, "m"),
         }
         for name, (value, low, high, unit) in ranges.items():
             if value is None and name in ("d_self", "flying_m"):

@@ -214,6 +214,10 @@ class SeenSpace:
                     f"{camera.name} sees nothing: none of its {image.size} pixels has "
                     "a reading; check that it is plugged in and not covered"
                 )
+            if room.once[depth.N_OUTSIDE] == room.once[depth.N_VALID]:
+                trouble = camera.misread(image, s.max_range_m)
+                if trouble is not None:
+                    return trouble
             lift(view.near, view.spare)
             lift(view.seen, view.spare)
             windows.largest_of_squares(view.near[0], view.top_near)

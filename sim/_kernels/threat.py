@@ -1,16 +1,19 @@
-"""Which points of a person are near, and how each of them moves."""
+"""Which points of a person are near, which parts go on, and how each point moves."""
 
 import math
 
 import numpy as np
 from numba import njit
 
+_ROUNDING = 1e-9  # [m]
+
 
 @njit(cache=True, nogil=True)
 def near_points(points, centers, far, near):
     """Write the points (n, 3) near a robot to near (n, 3); return how many.
 
-    Near is at most `far` outside the box around the centers (m, 3) of its spheres.
+    Near is at most `far` outside the box around the centers (m, 3) of its spheres, or
+    anywhere, if it is not a number.
     """
     low, high = np.empty(3), np.empty(3)
     for a in range(3):
@@ -24,24 +27,90 @@ def near_points(points, centers, far, near):
     for i in range(points.shape[0]):
         inside = True
         for a in range(3):
-            inside &= low[a] < points[i, a] < high[a]
-        if inside:
+            inside &= not (points[i, a] <= low[a] or points[i, a] >= high[a])
+        if inside or not math.isfinite(points[i, 0] + points[i, 1] + points[i, 2]):
             near[n] = points[i]
             n += 1
     return n
 
 
 @njit(cache=True, nogil=True)
-def velocities(points, ends, before, passed, radii, out):
-    """Write the velocity of points (n, 3) on capsules to out (n, 3).
+def off(ends, k, before, rate, j, passed, turned):
+    """Return how far part k is from where part j was expected [m]."""
+    most = 0.0
+    for side in range(2):
+        other = 1 - side if turned else side
+        total = 0.0
+        for a in range(3):
+            there = before[j, other, a] + passed * rate[j, other, a]
+            total += (ends[k, side, a] - there) ** 2
+        if not total <= most:  # a NaN stays one
+            most = total
+    return math.sqrt(most)
 
-    The capsules' ends stand in ends (k, 2, 3) now and in before (k, 2, 3) `passed`
-    seconds ago; radii (k,). A point moves as the place of the axis that it stands
-    above, on the capsule whose surface it is nearest to.
+
+@njit(cache=True, nogil=True)
+def follow(ends, before, rate, slack, count, passed, limits, after):
+    """Write to after (k,) for how many frames each part was followed, this one too.
+
+    1: it is another part that has taken the name, or may be: it is too far from where
+    it was, or where another part of the frame before was expected, as are two that
+    exchange their names. 2: it does not go on as it did, so the velocity of last time
+    was not its own, or it was pushed; the next frame tells whether this one is.
+
+    Args:
+        ends, before: (k, 2, 3) ends of the capsules now and `passed` [s] ago [m].
+        rate: (k, 2, 3) their velocities then, 0 where they are not known [m/s].
+        slack: (k,) bound on the errors of `rate` [m/s].
+        count: (k,) frames that each part has been followed for.
+        passed: Time between the frames [s].
+        limits: (4,) noise [m], acceleration and jump [m/s2], top speed [m/s].
+        after: (k,) result.
+    """
+    noise, most, jump, top = limits[0], limits[1], limits[2], limits[3]
+    n = ends.shape[0]
+    room = 2.0 * noise + 0.5 * most * passed * passed + _ROUNDING
+    for k in range(n):
+        moved = 0.0
+        for side in range(2):
+            total = 0.0
+            for a in range(3):
+                total += (ends[k, side, a] - before[k, side, a]) ** 2
+            if not total <= moved:
+                moved = total
+        fits = math.sqrt(moved) <= 2.0 * noise + top * passed + _ROUNDING
+        agrees = True
+        if count[k] >= 2:
+            own = off(ends, k, before, rate, k, passed, False)
+            allowed = room + slack[k] * passed
+            if not own <= allowed:
+                turned = off(ends, k, before, rate, k, passed, True)
+                fits = fits and not turned <= allowed
+            if count[k] >= 3:  # its velocity was confirmed
+                allowed += max(0.0, jump - most) * passed * passed
+            agrees = own <= allowed
+        for j in range(n):
+            if fits and j != k and count[j] >= 2:
+                reach = room + slack[j] * passed
+                fits = not (
+                    off(ends, k, before, rate, j, passed, False) <= reach
+                    or off(ends, k, before, rate, j, passed, True) <= reach
+                )
+        after[k] = (count[k] + 1 if agrees else 2) if fits else 1
+
+
+@njit(cache=True, nogil=True)
+def velocities(points, ends, radii, rates, own, out):
+    """Write the velocities of points (n, 3) on capsules to out (r, n, 3).
+
+    The capsules' ends stand in ends (k, 2, 3) and move by each of rates (r, k, 2, 3);
+    radii (k,). A point moves with the capsule whose surface it is nearest to, written
+    to own (n,), as a rigid body: as the place of the axis that it stands above, and
+    with the turning of the axis.
     """
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        own, share, least = 0, 0.0, math.inf
+        nearest, share, least = 0, 0.0, math.inf
         for k in range(radii.shape[0]):
             ax, ay, az = ends[k, 0, 0], ends[k, 0, 1], ends[k, 0, 2]
             bx, by, bz = ends[k, 1, 0] - ax, ends[k, 1, 1] - ay, ends[k, 1, 2] - az
@@ -50,10 +119,26 @@ def velocities(points, ends, before, passed, radii, out):
             t /= max(bx * bx + by * by + bz * bz, 1e-12)
             t = min(max(t, 0.0), 1.0)
             dx, dy, dz = dx - t * bx, dy - t * by, dz - t * bz
-            off = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - radii[k])
-            if off < least:
-                own, share, least = k, t, off
-        for a in range(3):
-            u = (ends[own, 0, a] - before[own, 0, a]) / passed
-            v = (ends[own, 1, a] - before[own, 1, a]) / passed
-            out[i, a] = (1.0 - share) * u + share * v
+            away = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - radii[k])
+            if away < least:
+                nearest, share, least = k, t, away
+        own[i] = nearest
+        a, b = ends[nearest, 0], ends[nearest, 1]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        square = ux * ux + uy * uy + uz * uz
+        dx = x - a[0] - share * ux
+        dy = y - a[1] - share * uy
+        dz = z - a[2] - share * uz
+        for r in range(rates.shape[0]):
+            u, v = rates[r, nearest, 0], rates[r, nearest, 1]
+            for c in range(3):
+                out[r, i, c] = (1.0 - share) * u[c] + share * v[c]
+            if square > 1e-12:
+                # w = axis x (v - u) / |axis|^2; and w x d is added
+                px, py, pz = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+                wx = (uy * pz - uz * py) / square
+                wy = (uz * px - ux * pz) / square
+                wz = (ux * py - uy * px) / square
+                out[r, i, 0] += wy * dz - wz * dy
+                out[r, i, 1] += wz * dx - wx * dz
+                out[r, i, 2] += wx * dy - wy * dx

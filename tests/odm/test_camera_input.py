@@ -191,3 +191,37 @@ def test_a_read_only_image_compiles_nothing_new(space, camera):
 
 def test_a_camera_cannot_look_along_up():
     refused("cannot look", look_at, [0, 0, 1], [0, 0, 2])
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"), [(1.0, "1 m per unit: the middle one"), (1e-6, "the farthest")]
+)
+def test_a_wrong_scale_is_trouble_that_names_it(small_map, camera, scale, words):
+    wrong = camera_at([1.3, 0, 0.5], scale=scale)
+    space = odm.SeenSpace(small_map, wrong)
+    image = picture(camera)
+    image[image == 0] = 1200
+    seen = space.update(image, Q, 0.0)
+    assert words in seen.trouble and np.isnan(seen.points).all()
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    radius = seen.covering_radius
+    answer = planner.step(seen.points, q=HOME, covering_radius=radius)
+    assert answer.status == "holding"
+
+
+@pytest.mark.parametrize("away", [1.0, 4.0, 15.0])
+def test_a_camera_that_sees_far_walls_alone_is_no_trouble(small_map, away):
+    camera = camera_at([1.3, 0, 0.5])
+    space = odm.SeenSpace(small_map, camera)
+    image = np.full((camera.height, camera.width), round(2000 * away), np.uint16)
+    assert space.update(image, Q, 0.0).trouble is None
+
+
+def test_metres_taken_for_millimetres_hold_without_a_seen_space(small_map, camera):
+    wrong = camera_at([1.3, 0, 0.5], scale=1.0)
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    image = np.full((camera.height, camera.width), 1200, np.uint16)
+    answer = planner.step(wrong.points(image), q=HOME, covering_radius=0.03)
+    assert answer.status == "holding" and "millimetres" in answer.reason

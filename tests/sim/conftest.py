@@ -50,7 +50,7 @@ class Straight:
     def separation(self, q):
         return self.gap
 
-    def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
+    def step(self, points, q, dq=None, stamp=None, now=None, **told):
         return Answer("following", np.array([q, self.goal]))
 
 
@@ -61,7 +61,7 @@ class Careful(Straight):
         self.robot, self.retreat, self.held = robot, retreat, False
         self.gap = np.inf
 
-    def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
+    def step(self, points, q, dq=None, stamp=None, now=None, **told):
         centers = sphere_centers(self.robot, q)[self.robot.moving]
         radii = self.robot.spheres[self.robot.moving, 3]
         gaps = np.linalg.norm(points[:, None] - centers, axis=2) - radii

@@ -5,6 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
+import odm
 from roadmap.errors import BadInput
 from sim import arm_path, human_motion
 from sim.arm import HumanArm
@@ -178,3 +179,19 @@ def test_a_trembling_hand_stays_where_it_is():
     along = (hand - hand.mean(axis=0)) @ motion.tremble / np.linalg.norm(motion.tremble)
     swings = np.count_nonzero(np.diff(np.sign(along)) != 0) / 2.0
     assert swings == pytest.approx(5.0 * 12.0, rel=0.1)  # 5 Hz
+
+
+@pytest.mark.parametrize("name", motion_names())
+@pytest.mark.parametrize("rate", [30, 100])
+def test_no_scripted_person_is_taken_for_a_wrong_unit_or_a_lost_one(
+    small_map, name, rate
+):
+    planner = odm.ReactivePlanner(small_map, always_replan=True)
+    motion, q = make_motion(name, 1), np.array([1.2, 0.6, 0.0])
+    places = set()
+    for k in range(20 * rate):
+        points = odm.sample_capsules(motion.capsules(k / rate), 0.03)
+        answer = planner.step(points, q=q, stamp=k / rate, now=k / rate)
+        assert planner.trouble is None
+        places.add(answer.work.outside < len(points))
+    assert True in places

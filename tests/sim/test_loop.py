@@ -40,7 +40,7 @@ class _Still:
     def separation(self, q):
         return 0.0
 
-    def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
+    def step(self, points, q, dq=None, stamp=None, now=None, **told):
         return SimpleNamespace(
             status="holding", path=np.zeros((0, 2)), reason="asleep", latency_s={}
         )

@@ -27,7 +27,7 @@ def run(crane, places):
         def separation(self, q):
             return 0.0
 
-        def step(self, points, q, dq=None, stamp=None, now=None, rounding=None):
+        def step(self, points, q, dq=None, stamp=None, now=None, **told):
             from types import SimpleNamespace
 
             hold = len(points) and 1.0 < now < 2.0

@@ -67,6 +67,19 @@ def test_old_data_make_the_ball_larger(surface):
     assert stale > fresh
 
 
+@pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
+def test_data_of_unknown_age_make_it_be_anywhere(surface, age):
+    threat = limits_threat(surface, T, np.zeros(3), np.zeros(3), age=age)
+    assert threat.between(0.0, 0.1)[1] == np.inf
+
+
+def test_a_robot_whose_joints_are_not_known_is_refused(surface):
+    q = np.array([0.0, np.nan, 0.0])
+    for state in ((q, np.zeros(3)), (np.zeros(3), q)):
+        with pytest.raises(BadInput, match="of the other robot"):
+            limits_threat(surface, T, *state)
+
+
 def test_a_robot_faster_than_it_says_is_refused(surface):
     dq = np.array([10.0, 0.0, 0.0])
     with pytest.raises(BadInput, match="more than"):

@@ -57,7 +57,8 @@ def test_a_watcher_whose_clock_does_not_advance_expects_the_worst(now):
     assert threat.velocity is None
     _, radius = threat.between(0.0, 0.1)
     assert radius == pytest.approx(0.1 * ThreatSettings().speed)
-    later = watcher.look(ARM + 0.001, points, centers, now + 0.01)
+    for passed in (0.01, 0.02):
+        later = watcher.look(ARM + 0.001, points, centers, now + passed)
     assert later.fastest == pytest.approx(0.0)  # from here on it is followed again
 
 
