@@ -236,6 +236,8 @@ def _joint_limits(description, moving, limits, drives):
             notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
             turns = False
         endless.append(turns)
+        if joint.name in description.remarks:
+            notes.append(description.remarks[joint.name])
         if joint.kind == "revolute" and joint.lower is None and joint.upper is None:
             notes.append(f"{joint.name}: no position limits, taken as (-pi, pi)")
     velocity = np.array(velocity)
