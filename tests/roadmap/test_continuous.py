@@ -72,6 +72,16 @@ def test_it_is_locked_within_its_limits(turning, urdf, link, joint):
         load_robot(path, locked={"turn": 2.0}, **COARSE)
 
 
+def test_a_joint_is_not_locked_in_degrees(arm, urdf, link, joint):
+    body = link("base", BALL) + link("a", BALL) + link("b", BALL)
+    body += joint("turn", "continuous", "base", "a")
+    path = urdf(body + joint("next", "revolute", "a", "b"))
+    for locked in ({"turn": 90.0}, {"next": -45.0}):
+        with pytest.raises(BadRobot, match="degrees"):
+            load_robot(path, tip="b", locked=locked, **COARSE)
+    assert load_robot(path, tip="b", locked={"turn": 3.0}, **COARSE).dof == 1
+
+
 def test_a_known_robot_that_turns_without_end_does():
     pytest.importorskip("pinocchio")
     robot = load_robot("kinova", **COARSE)
