@@ -219,8 +219,8 @@ def _range(joint: Joint, filename: str) -> tuple[float, float] | tuple[None, Non
     finite = given and math.isfinite(low) and math.isfinite(high)
     if not (far or (finite and low < high)):
         raise BadRobot(
-            f"the continuous joint {joint.name!r} of {filename} has the limits {low} to "
-            f"{high}; give it both, the lower one first, or neither"
+            f"the continuous joint {joint.name!r} of {filename} has the limits {low} "
+            f"to {high}; give it both, the lower one first, or neither"
         )
     return (None, None) if far else (low, high)
 

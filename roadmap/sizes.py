@@ -16,7 +16,7 @@ LARGEST = 30.0
 # Most CAD programs draw in millimetres, where 5 m is a screw; links of the largest
 # arms are 3 m long. Longer ones say by a scale that they mean it [m].
 LARGEST_UNSCALED = 5.0
-SMALLEST_MESH = 1e-3  # [m] no part of a robot; metres, scaled as if they were millimetres
+SMALLEST_MESH = 1e-3  # [m] no part of a robot: metres that were scaled, too
 SMALLEST_ROBOT = 1e-2  # [m] its largest part
 FARTHEST_JOINT = 100.0  # [m] from the joint before
 
@@ -40,15 +40,15 @@ def check_sizes(
     largest = max(map(extent, solids), default=1.0)
     if largest < SMALLEST_ROBOT:
         raise BadRobot(
-            f"the largest part of {description.name} is {_length(largest)} long, but at "
-            f"least {_length(SMALLEST_ROBOT)} are expected; give all lengths in metres"
+            f"the largest part of {description.name} is {_length(largest)} long, but "
+            f"at least {_length(SMALLEST_ROBOT)} are expected; give all lengths in metres"
         )
     for joint in description.joints.values():
         far = float(np.linalg.norm(joint.T_parent_joint[:3, 3]))
         if far > FARTHEST_JOINT:
             raise BadRobot(
-                f"joint {joint.name!r} sits {_length(far)} from the joint before, but at "
-                f"most {_length(FARTHEST_JOINT)} are expected; give all lengths in "
+                f"joint {joint.name!r} sits {_length(far)} from the joint before, but "
+                f"at most {_length(FARTHEST_JOINT)} are expected; give all lengths in "
                 "metres, not in millimetres"
             )
 

@@ -68,7 +68,8 @@ def camera(
     q: Annotated[
         str | None,
         typer.Option(
-            metavar="Q1,Q2,...", help="The robot's joints, rad or m; default: mid-range."
+            metavar="Q1,Q2,...",
+            help="The robot's joints, rad or m; default: mid-range.",
         ),
     ] = None,
     d_self: Annotated[

@@ -177,8 +177,10 @@ def build_to(
     import time
 
     from odm import build_map, load_map
+    from odm.scenery import parse_scenery
 
     begun = time.perf_counter()
+    parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
     with Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:

@@ -1,10 +1,10 @@
 """`odm bench interrupts`: Ctrl-C at many moments of commands that take long.
 
 Each command runs in a process and a folder of its own, as from a terminal: SIGINT is
-not ignored. After the signal the process must end within 2 s with exit code 130 and leave
-nothing: no process of its group, nothing in its folder but a whole map, no file in the
-system's temporary folder, no unfinished file in numba's cache. With a cold cache the
-compiler is at work for most of it.
+not ignored. After the signal the process must end within 2 s with exit code 130 and
+leave nothing: no process of its group, nothing in its folder but a whole map, no file
+in the system's temporary folder, no unfinished file in numba's cache. With a cold cache
+the compiler is at work for most of it.
 
 The moments count from the start of the process, but none lies before our first line:
 in the 20 to 50 ms until then Python itself starts, and Ctrl-C is told as a fatal error
