@@ -41,7 +41,7 @@ def check_sizes(
     if largest < SMALLEST_ROBOT:
         raise BadRobot(
             f"the largest part of {description.name} is {_length(largest)} long, but "
-            f"at least {_length(SMALLEST_ROBOT)} are expected; give all lengths in metres"
+            f"at least {_length(SMALLEST_ROBOT)} are expected; give lengths in metres"
         )
     for joint in description.joints.values():
         far = float(np.linalg.norm(joint.T_parent_joint[:3, 3]))
