@@ -47,10 +47,10 @@ def build_map(
     """
     recipe = recipe if isinstance(recipe, Recipe) else load_recipe(recipe)
     begun = time.perf_counter()
+    scenery = parse_scenery(recipe.scenery, recipe.folder)
     if robot is None:
         robot = robot_of(recipe)
     check_size(robot, recipe)
-    scenery = parse_scenery(recipe.scenery, recipe.folder)
     scenery = always_touching(robot, scenery, recipe.safety)
     test = StaticTest(robot, scenery, recipe.safety, threads=threads)
     roadmap, report = build_roadmap(

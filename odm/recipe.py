@@ -5,10 +5,12 @@ import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
 
+from odm.scenery import parse_scenery
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import is_between
@@ -205,16 +207,27 @@ def load_recipe(source: str | Path) -> Recipe:
 
 
 def parse_recipe(
-    table: dict[str, Any], name: str, folder: Path | None = None
+    table: dict[str, Any],
+    name: str,
+    folder: Path | None = None,
+    *,
+    stored: bool = False,
 ) -> Recipe:
-    """Make a Recipe from nested tables; unknown keys are refused.
+    """Make a Recipe from nested tables; all of it is checked before any work.
 
     Args:
         table: As in the TOML file.
         name: Of the map, where the table has none.
         folder: Where its relative paths start; None: the current folder.
+        stored: It was built already: its scenery stands in the map, and the files of
+            its meshes may be gone.
+
+    Raises:
+        BadRecipe: An unknown key, a value of another type or out of range, a mesh of
+            the scenery that is not there.
     """
     _known(table, _TABLES, "the recipe")
+    _check_types(table)
     robot = _section(RobotRecipe, _with_travel(table.get("robot", {})), "[robot]")
     settings = dict(table.get("roadmap", {}))
     for key in ("region", "weights"):
@@ -225,6 +238,8 @@ def parse_recipe(
     _between("safety.rho", safety.rho, _LEAST_RHO, _TERMS["rho"][1])
     _between("robot.cover_excess", robot.cover_excess, 0.002, 0.2)
     scenery = tuple(table.get("scenery", ()))
+    if not stored:
+        parse_scenery(scenery, folder, meshes=False)
     payload = None if "payload" not in table else _payload(table["payload"])
     name = table.get("name", name)
     return Recipe(name, robot, roadmap, safety, scenery, payload, folder)
@@ -237,7 +252,35 @@ def recipe_of_map(table: dict[str, Any]) -> Recipe:
         BadRecipe: It is not one of this version.
     """
     robot = {"travel": [], **table.get("robot", {})}
-    return parse_recipe({**table, "robot": robot}, table["name"])
+    return parse_recipe({**table, "robot": robot}, table["name"], stored=True)
+
+
+def _check_types(table: dict) -> None:
+    """Refuse what is no table, and values of [robot] of another type."""
+    for key in ("robot", "roadmap", "safety", "payload"):
+        _is(dict, table.get(key, {}), key, f"a table [{key}]")
+    _is(str, table.get("name", ""), "name", "a text")
+    _is((list, tuple), table.get("scenery", ()), "scenery", "tables [[scenery]]")
+    robot = table.get("robot", {})
+    for key in ("source", "tip", "srdf"):
+        _is((str, NoneType), robot.get(key), f"robot.{key}", "a text")
+    for key in ("locked", "velocity", "acceleration", "jerk"):
+        values = robot.get(key, {})
+        _is(dict, values, f"robot.{key}", "a table of joints and numbers")
+        for joint, value in values.items():
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not np.isfinite(value):
+                raise BadRecipe(
+                    f"robot.{key}.{joint} is {value!r}, but must be a finite number; "
+                    "change it in the recipe"
+                )
+
+
+def _is(kind: type | tuple[type, ...], value: object, key: str, words: str) -> None:
+    if not isinstance(value, kind):
+        raise BadRecipe(
+            f"{key} is {value!r}, but must be {words}; change it in the recipe"
+        )
 
 
 def _with_travel(table: dict) -> dict:

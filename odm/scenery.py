@@ -78,19 +78,24 @@ class Scenery:
         )
 
 
-def parse_scenery(tables: tuple[dict, ...], folder: Path | None = None) -> Scenery:
+def parse_scenery(
+    tables: tuple[dict, ...], folder: Path | None = None, *, meshes: bool = True
+) -> Scenery:
     """Make scenery from the [[scenery]] tables of a recipe.
 
     Args:
         tables: As in the TOML file.
         folder: Where relative paths of mesh files start; None: the current folder.
+        meshes: Whether mesh files are read and sampled, or only looked for.
 
     Raises:
         BadRecipe: An unknown type or key, or a value that makes no solid.
     """
     solids, points, names, rho = [], [np.zeros((0, 3))], [], 0.0
     for k, table in enumerate(tables):
-        kind = table.get("type") if isinstance(table, dict) else None
+        if not isinstance(table, dict):
+            raise BadRecipe(f"scenery {k} is {table!r}; write a table [[scenery]]")
+        kind = table.get("type")
         if not isinstance(kind, str) or kind not in _KEYS:
             raise BadRecipe(
                 f"scenery {k} has type {kind!r}; choose one of {', '.join(_KEYS)}"
@@ -102,7 +107,8 @@ def parse_scenery(tables: tuple[dict, ...], folder: Path | None = None) -> Scene
                 f"{', '.join(sorted(_KEYS[kind]))}"
             )
         if kind == "mesh":
-            found, radius = _mesh_points(table, k, folder)
+            read = _mesh_points if meshes else _mesh_found
+            found, radius = read(table, k, folder)
             points.append(found)
             rho = max(rho, radius)
             continue
@@ -172,6 +178,19 @@ def _number(
             f"{high:g}; correct it in the recipe"
         )
     return float(value)
+
+
+def _mesh_found(
+    table: dict, k: int, folder: Path | None
+) -> tuple[np.ndarray, float]:
+    """Return no points, where the file is there."""
+    name = table.get("file")
+    if not isinstance(name, str):
+        raise BadRecipe(f"scenery {k}: a mesh needs a file, not {name!r}; name it")
+    file = Path(folder or "", name)
+    if not file.is_file():
+        raise BadRecipe(f"scenery {k}: there is no mesh {file}; correct its file")
+    return np.zeros((0, 3)), 0.0
 
 
 def _mesh_points(

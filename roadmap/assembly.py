@@ -51,7 +51,11 @@ class Parts:
     @cached_property
     def solids(self) -> tuple[list[Solid], list[str]]:
         """The solids of all links, and what is to say about them."""
-        return _solids(self.owners, self.tree, self.lookup)
+        from roadmap.sizes import check_sizes
+
+        found = _solids(self.owners, self.tree, self.lookup)
+        check_sizes(self.description, self.owners, found[0])
+        return found
 
 
 def assemble(

@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.description import MOVABLE, Description, Joint
 from roadmap.errors import BadRobot
+from roadmap.joint_values import DEGREES, TURN, looks_like_degrees
 from roadmap.robot import FIXED, PRISMATIC, REVOLUTE
 
 # Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
@@ -142,11 +143,13 @@ def _check_locked(description, drives, locked) -> None:
             raise BadRobot(f"joint {name!r} mimics {driver!r}; lock {driver!r} instead")
         lower, upper = _limits(description.joints[name])
         if description.joints[name].kind == "continuous":
-            lower, upper = -np.inf, np.inf
+            lower, upper = -TURN, TURN  # nobody writes more than a turn
         if not np.isfinite(value) or not lower - 1e-9 <= value <= upper + 1e-9:
+            prismatic = description.joints[name].kind == "prismatic"
+            hint = f"; {DEGREES}" if looks_like_degrees(value, prismatic) else ""
             raise BadRobot(
                 f"joint {name!r} cannot be locked at {value}: its limits are "
-                f"{lower:.6g} to {upper:.6g}"
+                f"{lower:.6g} to {upper:.6g}{hint}"
             )
 
 
@@ -236,6 +239,8 @@ def _joint_limits(description, moving, limits, drives):
             notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
             turns = False
         endless.append(turns)
+        if joint.name in description.remarks:
+            notes.append(description.remarks[joint.name])
         if joint.kind == "revolute" and joint.lower is None and joint.upper is None:
             notes.append(f"{joint.name}: no position limits, taken as (-pi, pi)")
     velocity = np.array(velocity)

@@ -1,8 +1,10 @@
 """What a URDF file says, checked: links, joints and shapes as plain data."""
 
 import io
+import math
 import os
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +12,23 @@ import numpy as np
 from roadmap.errors import BadRobot
 
 MOVABLE = ("revolute", "continuous", "prismatic")
+# A stop farther away than this is none: exporters write 1e16 for "endless" [rad].
+NO_STOP = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
     """One <geometry>: kind box, cylinder, sphere or mesh, at `T_link_shape`.
 
-    `size` is the full size, (radius, length) or (radius,) [m]; the scale of a mesh.
+    `size` is the full size, (radius, length) or (radius,) [m]; the scale of a mesh,
+    and `scaled` says whether the file gives one.
     """
 
     kind: str
     size: tuple[float, ...]
     filename: str
     T_link_shape: np.ndarray
+    scaled: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +42,10 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A URDF joint; limits are None where the file has none [rad or m]."""
+    """A URDF joint; limits are None where the file has none [rad or m].
+
+    A continuous joint has none: one that is given a range is a revolute joint here.
+    """
 
     name: str
     kind: str
@@ -52,12 +61,16 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A checked URDF: one tree of links under `root`."""
+    """A checked URDF: one tree of links under `root`.
+
+    `remarks` say by joint what a user should know of how its limits were read.
+    """
 
     name: str
     root: str
     links: dict[str, Link]
     joints: dict[str, Joint]
+    remarks: dict[str, str] = field(default_factory=dict)
 
     def children(self, link: str) -> list[Joint]:
         """Return the joints that hang from `link`, in the order of the file."""
@@ -77,8 +90,15 @@ class Description:
         return joints[::-1]
 
 
-def read_description(path: str | os.PathLike) -> Description:
+def read_description(
+    path: str | os.PathLike, endless: Collection[str] = ()
+) -> Description:
     """Read a URDF file strictly; nothing is guessed or skipped silently.
+
+    Args:
+        path: The file.
+        endless: Continuous joints that are known to turn without end, so that limits
+            in the file stand for something else.
 
     Raises:
         BadRobot: The file is missing, is not well-formed XML or is not a robot.
@@ -101,7 +121,7 @@ def read_description(path: str | os.PathLike) -> Description:
             f"{path.name} is not a usable URDF: {type(error).__name__}: {error}; "
             "check it with check_urdf, and expand xacro files first"
         ) from error
-    return _checked(model, path.name)
+    return _bounded(_checked(model, path.name), path.name, endless)
 
 
 def _well_formed(path: Path) -> bytes:
@@ -161,6 +181,50 @@ def _check_connected(description: Description, filename: str) -> None:
         raise BadRobot(f"the joints of {filename} form a loop through {loose}; cut it")
 
 
+def _bounded(
+    description: Description, filename: str, endless: Collection[str]
+) -> Description:
+    """Make continuous joints with a range revolute ones, and say so."""
+    joints, remarks = dict(description.joints), {}
+    for name, joint in joints.items():
+        if joint.kind != "continuous":
+            continue
+        low, high = (None, None) if name in endless else _range(joint, filename)
+        kind = "continuous" if low is None else "revolute"
+        joints[name] = replace(joint, kind=kind, lower=low, upper=high)
+        if low is not None:
+            remarks[name] = (
+                f"{name}: continuous in the file, but kept within its limits "
+                f"{low:.6g} to {high:.6g} rad; take them out where it turns without end"
+            )
+        elif name not in endless and joint.lower is not None and joint.lower != 0.0:
+            remarks[name] = (
+                f"{name}: turns without end; its limits {joint.lower:g} to "
+                f"{joint.upper:g} rad are too far away to be stops"
+            )
+    return replace(description, joints=joints, remarks=remarks)
+
+
+def _range(joint: Joint, filename: str) -> tuple[float, float] | tuple[None, None]:
+    """Return the range of a continuous joint, (None, None) where it has no stops.
+
+    0 to 0 is what parsers and exporters write for nothing. A range of a turn or more
+    is kept as it is: a cable may well allow two turns and no more.
+    """
+    low, high = joint.lower, joint.upper
+    if (low is None and high is None) or (low == 0.0 and high == 0.0):
+        return None, None
+    given = low is not None and high is not None
+    far = given and low < -NO_STOP and high > NO_STOP
+    finite = given and math.isfinite(low) and math.isfinite(high)
+    if not (far or (finite and low < high)):
+        raise BadRobot(
+            f"the continuous joint {joint.name!r} of {filename} has the limits {low} "
+            f"to {high}; give it both, the lower one first, or neither"
+        )
+    return (None, None) if far else (low, high)
+
+
 def _link(link, filename: str) -> Link:
     return Link(
         link.name,
@@ -181,6 +245,7 @@ def _shape(element, link: str, filename: str) -> Shape:
         kind, name = "mesh", g.mesh.filename or ""
         scale = 1.0 if g.mesh.scale is None else g.mesh.scale
         size = np.broadcast_to(np.asarray(scale, float), 3)
+    scaled = g.mesh is None or g.mesh.scale is not None
     size = tuple(float(s) for s in size)
     pose = _finite_pose(element.origin, f"a shape of link {link!r}", filename)
     wanted = {"box": 3, "cylinder": 2, "sphere": 1, "mesh": 3}[kind]
@@ -190,7 +255,7 @@ def _shape(element, link: str, filename: str) -> Shape:
             f"link {link!r} of {filename} has a {kind} with the size {size}; sizes "
             "must be finite and above 0"
         )
-    return Shape(kind, size, name, pose)
+    return Shape(kind, size, name, pose, scaled)
 
 
 def _joint(joint, filename: str) -> Joint:

@@ -31,6 +31,7 @@ class KnownRobot:
         locked: Where joints stand that stand still elsewhere than at 0 [rad or m];
             fingers do not, unless they are told not to travel.
         srdf: File of this package with the link pairs that are not tested, or "".
+        endless: Continuous joints that turn without end, whatever limits the file has.
         acceleration, jerk: Joint name -> the maker's limit, which no URDF holds
             [rad/s2, rad/s3].
     """
@@ -42,6 +43,7 @@ class KnownRobot:
     srdf: str = ""
     acceleration: Mapping[str, float] = field(default_factory=dict)
     jerk: Mapping[str, float] = field(default_factory=dict)
+    endless: tuple[str, ...] = ()
 
 
 # Baxter's right arm hangs beside the pedestal; its left gripper, if it stands, is open.
@@ -87,6 +89,8 @@ _ROBOTS = {
         "example-robot-data",
         "kinova_description/robots/kinova.urdf",
         "j2s6s200_end_effector",
+        # Jaco user guide: these turn without end; the file says one turn each way
+        endless=tuple(f"j2s6s200_joint_{k}" for k in (1, 4, 6)),
     ),
 }
 

@@ -189,7 +189,8 @@ class Motion:
             speed_scale: Share of the velocity limits; None keeps the present one.
 
         Raises:
-            BadInput: The path does not begin at the commit point.
+            BadInput: The path does not begin at the commit point, or leaves the
+                joints' limits.
         """
         return joined(self, t, commit, path, blend, speed_scale)
 
@@ -338,7 +339,8 @@ def time_path(
         The motion.
 
     Raises:
-        BadInput: Wrong shape, not finite, no corner, or a value out of its range.
+        BadInput: Wrong shape, not finite, no corner, a joint more than 1e-3 outside
+            its limits, or a value out of its range.
     """
     check_scale(speed_scale)
     if not 0.0 <= blend < math.inf:

@@ -4,8 +4,6 @@ import hashlib
 import json
 import math
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -15,6 +13,7 @@ from typing import BinaryIO
 import numpy as np
 
 from roadmap.errors import BadMap, PlanningError
+from roadmap.unfinished import beside, put
 
 FORMAT = 1
 _MAGIC = b"\x93NUMPY\x01\x00"
@@ -40,15 +39,13 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
             f"{path} exists and is not a map folder, so it is left alone; choose "
             "another --out or remove it yourself"
         )
-    made = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    try:
+    with beside(path) as made:
+        made.mkdir(0o700)
         table = {name: _write_array(made, name, a) for name, a in arrays.items()}
         whole = {"format": FORMAT, **manifest, "arrays": table}
         whole["hash"] = _manifest_hash(whole)
         (made / _MANIFEST).write_text(json.dumps(whole, indent=1, sort_keys=True))
-        _swap(made, path)
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
+        put(made, path)
     return path
 
 
@@ -111,16 +108,6 @@ def _manifest_hash(manifest: dict) -> str:
     """Hash what the map is: everything but when and where it was built."""
     body = {k: v for k, v in manifest.items() if k not in ("hash", "built")}
     return hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
-
-
-def _swap(made: Path, path: Path) -> None:
-    if not path.exists():
-        os.rename(made, path)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
-    os.rename(path, old / "map")
-    os.rename(made, path)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _read_manifest(path: Path) -> dict:

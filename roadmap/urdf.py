@@ -35,7 +35,8 @@ def load_robot(
 
     Collision geometry is the convex hull of each collision mesh and the primitives;
     a moving link that has only visual geometry uses the hull of that. Soft limits of
-    a <safety_controller> are not used, only <limit>.
+    a <safety_controller> are not used, only <limit>; that of a continuous joint is
+    kept, too, where it is a range.
 
     Args:
         source: Path of a URDF, or a known name: one of `roadmap.robot_names()`.
@@ -60,7 +61,7 @@ def load_robot(
         BadRobot: The description or the choice of joints cannot be used; says why.
     """
     path, known = robot_file(source), known_robot(source)
-    description = read_description(path)
+    description = read_description(path, known.endless if known else ())
     both = sorted(set(travel or ()) & set(locked or {}))
     if both:
         raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")

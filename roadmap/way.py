@@ -9,6 +9,7 @@ import numpy as np
 
 from roadmap.blend import Piece, lay_way, scalar_limits, slowing_limit, without_gaps
 from roadmap.errors import BadInput
+from roadmap.joint_values import check_values
 from roadmap.kinematics import difference
 from roadmap.robot import Robot
 from roadmap.timing import State
@@ -196,14 +197,17 @@ def _common(turns: list[Turn], path: np.ndarray) -> int:
 
 
 def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
-    """Return the path (k, dof) checked, continuous joints going the short way."""
+    """Return the path (k, dof) checked, continuous joints going the short way.
+
+    Raises:
+        BadInput: It has another shape, is not finite or leaves the joints' limits.
+    """
     path = np.array(path, float)
     if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
         raise BadInput(
             f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
         )
-    if not np.isfinite(path).all():
-        raise BadInput("a corner of the path is not finite; give real numbers")
+    check_values(robot, path, "the path")
     path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
     return path
 

@@ -69,7 +69,8 @@ def camera(
     q: Annotated[
         str | None,
         typer.Option(
-            metavar="Q1,Q2,...", help="The robot's joints; default: mid-range."
+            metavar="Q1,Q2,...",
+            help="The robot's joints, rad or m; default: mid-range.",
         ),
     ] = None,
     d_self: Annotated[
@@ -218,6 +219,7 @@ def _configuration(cell_map: "CellMap", q: str | None) -> "np.ndarray":
 
     from odm.checks import check_configuration
     from roadmap.errors import BadInput
+    from roadmap.joint_values import check_values
 
     robot = cell_map.robot
     if q is None:
@@ -226,7 +228,8 @@ def _configuration(cell_map: "CellMap", q: str | None) -> "np.ndarray":
         joints = np.array([float(word) for word in q.replace(",", " ").split()])
     except ValueError as error:
         raise BadInput(f"--q {q!r} is no list of numbers; write 0,-0.4,0") from error
-    return check_configuration(robot, joints, None)
+    check_configuration(robot, joints, None)
+    return check_values(robot, joints, f"--q {q}", typed=True)
 
 
 def _show(file: Path, facts: dict) -> None:

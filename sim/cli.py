@@ -13,6 +13,7 @@ from sim import (
     camera_command,
     cli_build,
     human_command,
+    interrupt,
     meet_command,
     replay_command,
     two_command,
@@ -31,6 +32,7 @@ app.command("build")(guarded(cli_build.build))
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
 
+REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[
     Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
@@ -41,8 +43,12 @@ Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
 
 
 def main() -> None:
-    """Run the command line; the exit code is 0, 1 (a finding or error) or 2 (usage)."""
-    app(with_targets(sys.argv[1:]), prog_name="odm")
+    """Run the command line; the exit code is 0, 1 (a finding or error) or 2 (usage).
+
+    130: Ctrl-C, see `sim.interrupt`.
+    """
+    with interrupt.heeding():
+        app(with_targets(sys.argv[1:]), prog_name="odm")
 
 
 # options that may stand alone, and the ending of the file behind them
@@ -141,12 +147,13 @@ def audit(
     cell_map = load_map(map_dir)
     asked = loaded_map(cell_map) if payload else cell_map
     options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
-    with Bars() as tell:
-        report = run_audit(asked, pairs=pairs, progress=tell, **options)
-    if json is not None:
-        show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
-    else:
-        describe.show_audit(report, cell_map.hash)
+    with interrupt.patience(REPORT_S):
+        with Bars() as tell:
+            report = run_audit(asked, pairs=pairs, progress=tell, **options)
+        if json is not None:
+            show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
+        else:
+            describe.show_audit(report, cell_map.hash)
     if not report.complete:
         raise KeyboardInterrupt
     if not report.passed:
@@ -351,7 +358,8 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording, approach, attach, workspace or targets.",
+            "human, handover-recording, approach, attach, workspace, targets or "
+            "interrupts.",
         ),
     ],
     map_dir: Annotated[

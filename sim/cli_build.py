@@ -177,8 +177,10 @@ def build_to(
     import time
 
     from odm import build_map, load_map
+    from odm.scenery import parse_scenery
 
     begun = time.perf_counter()
+    parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
     with Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:
@@ -199,7 +201,7 @@ def _load_robot(recipe: "Recipe", tell: Bars) -> "Robot":
     return robot
 
 
-def _tell_size(robot: object, recipe: "Recipe") -> None:
+def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
     from rich.console import Console
 
     from odm.estimate import estimate
@@ -210,6 +212,9 @@ def _tell_size(robot: object, recipe: "Recipe") -> None:
         f"and {bytes_text(size.map_bytes)}",
         highlight=False,
     )
+    for note in robot.notes:
+        if note.startswith(tuple(f"{name}: " for name in robot.joint_names)):
+            Console(stderr=True).print(note, highlight=False)
 
 
 def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:

@@ -4,16 +4,15 @@ import contextlib
 import functools
 import json
 import os
-import signal
 import sys
-import tempfile
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import BinaryIO
 
 import typer
+
+from sim import interrupt
 
 # modules that come with an extra of the package only
 EXTRAS = {
@@ -24,32 +23,7 @@ EXTRAS = {
     "ompl": "bench",
     "pinocchio": "bench",
 }
-INTERRUPTED = 130
 JSON_HELP = "Write the figures as JSON to FILE.json; alone or as '-': to the terminal."
-
-
-_STOPPED = "interrupted; nothing half-written was left behind"
-
-
-@contextlib.contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Note Ctrl-C, beside raising KeyboardInterrupt as ever."""
-    noted: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    plain = before is signal.default_int_handler
-    if not plain or threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        noted.append(number)
-        signal.default_int_handler(number, frame)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def guarded(command: Callable) -> Callable:
@@ -62,16 +36,15 @@ def guarded(command: Callable) -> Callable:
     @functools.wraps(command)
     def run(*args: object, **kwargs: object) -> object:
         try:
-            with _interrupts() as interrupted:
-                return command(*args, **kwargs)
+            return command(*args, **kwargs)
         except KeyboardInterrupt:
-            _leave(_STOPPED, INTERRUPTED)
+            _stop()
         except BrokenPipeError:
             # whoever read our output has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except Exception as error:
-            if interrupted:  # a library that was just imported swallowed it
-                _leave(_STOPPED, INTERRUPTED)
+            if interrupt.noted():  # a library that was just imported swallowed it
+                _stop()
             told = _sentence(error)
             if told is None:
                 raise
@@ -100,6 +73,12 @@ def _sentence(error: Exception) -> str | None:
     return None
 
 
+def _stop() -> None:
+    if not interrupt.noted():  # where it was, the end of the command tells
+        print(interrupt.SENTENCE, file=sys.stderr)
+    raise typer.Exit(interrupt.EXIT_CODE)
+
+
 def _leave(sentence: str, code: int) -> None:
     print(f"odm: {' '.join(sentence.split())}", file=sys.stderr)
     raise typer.Exit(code)
@@ -121,19 +100,14 @@ def write_text(path: str | Path, text: str) -> Path:
 
 def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     """Let `write` fill a file that is there whole or not at all; makes its folder."""
+    from roadmap.unfinished import beside  # not above: --help should be quick
+
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with open(handle, "wb") as stream:
+    with beside(path) as made:
+        with open(made, "xb") as stream:
             write(stream)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(made, 0o666 & ~umask)
         os.replace(made, path)
-    except BaseException:
-        os.unlink(made)
-        raise
     return path
 
 

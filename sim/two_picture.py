@@ -1,6 +1,5 @@
 """Pictures of a run of two robots: both, with their work places, and what they do."""
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from odm.cell_map import CellMap
 from roadmap.kinematics import sphere_centers, tool_pose
+from roadmap.unfinished import temporary_folder
 from sim.animation import (
     FAINT,
     INK,
@@ -58,8 +58,8 @@ def write_two_animation(
     path.parent.mkdir(parents=True, exist_ok=True)
     with _Stage(maps, result, camera) as stage:
         pictures = [stage.paint(i) for i in shown]
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        write_gif(pictures, Path(folder) / path.name, settings).replace(path)
+    with temporary_folder(path.parent) as folder:
+        write_gif(pictures, folder / path.name, settings).replace(path)
     return path
 
 

@@ -6,7 +6,6 @@ the real ones: a map that was stored and is read again.
 """
 
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -33,6 +32,7 @@ from odm.cameras import look_at
 from odm.recipe import PayloadRecipe, RobotRecipe, Safety
 from roadmap.build import RoadmapSettings
 from roadmap.kinematics import tool_pose
+from roadmap.unfinished import temporary_folder
 
 if TYPE_CHECKING:
     from handover import ReachMap
@@ -75,8 +75,8 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     begun, before = time.perf_counter(), cache_misses()
     sizes = (COARSE, FINE) if fine else (COARSE,)
     for k, h in enumerate(sizes):
-        with tempfile.TemporaryDirectory() as folder:
-            jobs = _jobs(Path(folder), h)
+        with temporary_folder() as folder:
+            jobs = _jobs(folder, h)
             for i, job in enumerate(jobs, len(jobs) * k + 1):
                 job()
                 progress("kernels", i, len(jobs) * len(sizes))

@@ -12,6 +12,8 @@ import sys
 import termios
 import time
 
+from command_line import hear
+
 PATIENCE = 60.0  # a test that waits longer than this has failed [s]
 _PIECE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b\[[?\d;]*$|\x1b$|[\r\n]|.", re.S)
 
@@ -87,6 +89,11 @@ class SeenScreen:
         return "\n".join("".join(row).rstrip() for row in self.rows)
 
 
+def _at_a_terminal():
+    hear()
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
 class User:
     """Starts a program in a terminal of its own, types, and looks."""
 
@@ -104,7 +111,7 @@ class User:
             stderr=self._theirs,
             start_new_session=True,
             env={**os.environ, "TERM": term, "PYTHONPATH": os.pathsep.join(sys.path)},
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+            preexec_fn=_at_a_terminal,
         )
 
     def __enter__(self):

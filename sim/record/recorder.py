@@ -1,9 +1,7 @@
 """Recording a run: every frame as it comes, one file at the end, however it ends."""
 
-import os
 import platform
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -14,6 +12,8 @@ import numpy as np
 
 from odm.cell_map import CellMap
 from roadmap.errors import BadInput
+from roadmap.unfinished import beside
+from sim import interrupt
 from sim.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from sim.loop import Frame, Loop
 from sim.record.columns import Column
@@ -23,6 +23,7 @@ from sim.run_result import STATUS, holds_of, kind_of, new_paths
 
 PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"
 PACKAGES = ("odm-planner", "numpy", "numba", "scipy", "ruckig", "python-fcl")
+_WRITING = 30.0  # after Ctrl-C a recording may take so long to be written [s]
 _ASK_AGAIN = 0.5  # a long hold is asked for its reason so often [s]
 
 
@@ -187,14 +188,13 @@ def check_target(path: Path) -> None:
         raise BadInput(f"the recording {path} is a folder; give the name of a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with beside(path) as made:
+            made.touch()
     except OSError as error:
         raise BadInput(
             f"the recording {path} cannot be written ({error.strerror}); choose "
             "another folder"
         ) from error
-    os.close(handle)
-    os.unlink(made)
 
 
 @contextmanager
@@ -214,10 +214,11 @@ def recording(
         yield None
         return
     recorder = Recorder(loop, cell_map)
-    try:
-        yield recorder
-    finally:
-        if recorder.frames:
-            write_record(recorder.record(), path)
-            with suppress(OSError):  # of a terminal that is gone
-                print(f"{recorder.frames:,} frames in {path}", file=sys.stderr)
+    with interrupt.patience(_WRITING):
+        try:
+            yield recorder
+        finally:
+            if recorder.frames:
+                write_record(recorder.record(), path)
+                with suppress(OSError):  # of a terminal that is gone
+                    print(f"{recorder.frames:,} frames in {path}", file=sys.stderr)

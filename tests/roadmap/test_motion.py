@@ -225,13 +225,51 @@ def test_bad_input_is_named(panda, change, word):
 
 @pytest.mark.parametrize("t", [-0.1, np.nan])
 def test_a_time_before_the_start_is_refused_and_one_beyond_the_end_stands(panda, t):
-    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, 0.1)]))
+    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, -0.05)]))
     with pytest.raises(BadInput, match="0 s"):
         motion.at(t)
     assert np.array_equal(motion.at(1e9).q, motion.q_end)
 
 
 def test_a_path_that_begins_elsewhere_is_refused(panda):
-    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, 0.1)]))
+    motion = roadmap.time_path(panda, np.array([np.zeros(7), np.full(7, -0.05)]))
     with pytest.raises(BadInput, match="commit"):
-        motion.join(0.0, motion.commit(0.0), np.ones((2, 7)))
+        motion.join(0.0, motion.commit(0.0), -np.ones((2, 7)) * 0.08)
+
+
+@pytest.mark.parametrize("row", [0, 2])
+def test_a_corner_outside_the_limits_is_named_with_joint_value_and_limits(panda, row):
+    path = np.tile(0.5 * (panda.lower + panda.upper), (3, 1))
+    path[row, 2] += 9.0
+    with pytest.raises(BadInput, match=f"corner {row}.*panda_joint3 = 9 rad.*2.96"):
+        roadmap.time_path(panda, path)
+    inside = np.delete(path, row, axis=0)
+    motion = roadmap.time_path(panda, inside)
+    with pytest.raises(BadInput, match="corner 1.*panda_joint3"):
+        motion.join(0.0, motion.commit(0.0), np.array([motion.at(0.0).q, path[row]]))
+
+
+def test_a_start_an_encoder_s_error_outside_is_tolerated_and_nan_is_not(panda):
+    path = np.tile(0.5 * (panda.lower + panda.upper), (2, 1))
+    path[0, 5] = panda.lower[5] - 9e-4
+    assert roadmap.time_path(panda, path).duration > 0
+    path[0, 5] = panda.lower[5] - 2e-3
+    with pytest.raises(BadInput, match="panda_joint6"):
+        roadmap.time_path(panda, path)
+    path[0, 5] = np.nan
+    with pytest.raises(BadInput, match="panda_joint6 = nan"):
+        roadmap.time_path(panda, path)
+
+
+def test_degrees_are_guessed(panda):
+    path = np.tile(0.5 * (panda.lower + panda.upper), (2, 1))
+    path[1, 0] = 45.0
+    with pytest.raises(BadInput, match="degrees; give radians"):
+        roadmap.time_path(panda, path)
+
+
+def test_a_joint_without_end_may_be_anywhere(crane):
+    free = np.flatnonzero(crane.continuous)[0]
+    path = np.tile(0.5 * (crane.lower + crane.upper), (2, 1))
+    path[:, free] += [50.0, 50.5]
+    assert roadmap.time_path(crane, path).duration > 0

@@ -106,6 +106,10 @@ def test_joints_that_are_none_are_refused(odm, map_dir, png):
     for q, words in (("a,b,c", "no list of numbers"), ("1,2", "3 moving joints")):
         code, _, err = odm("camera", png, "--map", map_dir, "--q", q)
         assert code == 1 and words in err
+    for q, words in (("0,9,0", "bend"), ("0,-40,60", "degrees"), ("0,nan,0", "finite"),
+                     ("0,0,90", "degrees")):  # fmt: skip
+        code, _, err = odm("camera", png, "--map", map_dir, "--q", q)
+        assert code == 1 and words in err and err.count("odm: ") == 1, err
 
 
 def test_the_bench_shows_times_and_the_hand(odm, map_dir, tmp_path):

@@ -1,11 +1,9 @@
 """The command line as a user meets it: exit codes, one sentence, whole files."""
 
 import json
-import signal
-import time
 
 import pytest
-from command_line import one_sentence, start
+from command_line import one_sentence
 
 from odm import build_map, load_map
 from sim import cli
@@ -192,15 +190,3 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
     assert text.startswith("before\n") and text.endswith("\nafter\n")
     with pytest.raises(Exception, match="no section"):
         fill_section(page, "build", "| new |")
-
-
-def test_ctrl_c_during_a_build_leaves_nothing_and_says_so(tmp_path):
-    urdf = tiny_recipe(tmp_path).robot.source
-    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", "240000")
-    process = start(["-m", "sim.cli", *words, "--out", "built/map"], tmp_path)
-    time.sleep(4.0)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "interrupted" in err and "Traceback" not in err
-    assert not list(tmp_path.glob("built/*")) and not list(tmp_path.glob("built/.*"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import one_sentence, start
+from command_line import one_sentence, started
 
 from odm import ReactivePlanner, build_map, load_map
 from sim.recording import BadRecording, read_recording
@@ -184,7 +184,7 @@ print("compiled", warmup.cache_misses())
 def test_after_a_warmup_a_new_process_compiles_nothing(map_dir, recording, tmp_path):
     np.savez(tmp_path / "f.npz", **recording)
     for words in (["-c", WARM], ["-c", PLAY, str(map_dir)]):
-        process = start(words, tmp_path)
-        out, err = process.communicate(timeout=600)
+        with started(words, tmp_path) as process:
+            out, err = process.communicate(timeout=600)
         assert process.returncode == 0, err
     assert out.splitlines()[-1] == "compiled 0"

@@ -1,12 +1,10 @@
 """`odm workspace`: maps on disk, told in words or JSON, drawn, refused in a line."""
 
 import json
-import signal
-import time
 
 import numpy as np
 import pytest
-from command_line import one_sentence, start
+from command_line import one_sentence, started
 from small import DATA
 
 from handover import ReachMap, load_reach_map
@@ -21,8 +19,8 @@ def built(tmp_path_factory):
     """Build a map in a process of its own; returns folder, output and JSON."""
     folder = tmp_path_factory.mktemp("reach")
     words = ["-m", "sim.cli", "workspace", "build", ARM, *QUICK, "--json=facts.json"]
-    process = start([*words, "--plot", "cut.png"], folder)
-    out, err = process.communicate(timeout=300)
+    with started([*words, "--plot", "cut.png"], folder) as process:
+        out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     return folder, out, json.loads((folder / "facts.json").read_text())
 
@@ -123,16 +121,6 @@ def test_what_is_no_reach_map_is_left_alone(odm, tmp_path):
     code, _, err = odm("workspace", "build", ARM, *QUICK, "--out", str(tmp_path))
     assert code == 1 and "left alone" in err
     assert [p.name for p in tmp_path.iterdir()] == ["letter.txt"]
-
-
-def test_ctrl_c_leaves_nothing_half_written(tmp_path):
-    words = ["-m", "sim.cli", "workspace", "build", "kawasaki_fs003n"]
-    process = start([*words, "--samples", "2000000000", "--out", "reach"], tmp_path)
-    time.sleep(12)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130 and "nothing half-written" in err
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_picture_shows_what_the_map_holds(built, tmp_path):

@@ -1,0 +1,70 @@
+"""Files and folders that are being written: gone unless they were finished.
+
+What is written here has a name of its own beside its target and is renamed in the
+end. Whoever ends the process from another thread removes the rest, see `remove_all`.
+"""
+
+import os
+import secrets
+import shutil
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_PATHS: set[Path] = set()  # a path is entered before anything is there
+_PUTTING = threading.Lock()  # for a moment the old folder has no other name
+
+
+@contextmanager
+def beside(path: Path) -> Iterator[Path]:
+    """Yield a free name beside `path`; what is still there at the end is removed."""
+    made = path.parent / f".{path.name}.{secrets.token_hex(6)}"
+    _PATHS.add(made)
+    try:
+        yield made
+    finally:
+        _remove(made)
+        _PATHS.discard(made)
+
+
+@contextmanager
+def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
+    """Yield an empty folder, in `parent` or the system's place, removed at the end."""
+    with beside(Path(parent or tempfile.gettempdir(), "odm")) as made:
+        made.mkdir(0o700)
+        yield made
+
+
+def put(made: Path, path: Path) -> None:
+    """Rename a finished folder to `path`; an old one there goes, but not before."""
+    with beside(path) as old, _PUTTING:
+        try:
+            if path.exists():
+                os.rename(path, old)
+            os.rename(made, path)
+        except BaseException:
+            if old.exists() and not path.exists():
+                os.rename(old, path)
+            raise
+
+
+def remove_all() -> None:
+    """Remove what is unfinished, as the last thing before the process is ended.
+
+    Other threads may still write it, but they can put nothing in its place any more.
+    """
+    _PUTTING.acquire(timeout=1.0)
+    for path in list(_PATHS):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    gone = path.with_name(f"{path.name}.gone")
+    with suppress(OSError):  # by another name nothing new is written into it
+        os.rename(path, gone)
+        if gone.is_dir():
+            shutil.rmtree(gone, ignore_errors=True)
+        else:
+            gone.unlink()

@@ -1,0 +1,15 @@
+"""The `odm` command from its first line on: Ctrl-C is heard before anything heavy."""
+
+from sim import interrupt
+
+
+def main() -> None:
+    """Run the command line, see `sim.cli.main`."""
+    interrupt.listen()
+    from sim.cli import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

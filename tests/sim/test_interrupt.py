@@ -1,0 +1,216 @@
+"""Ctrl-C ends a command: at any moment, whatever swallows it, with nothing left."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from command_line import started, wait_for
+
+from sim.bench import interrupts
+from sim.bench.interrupts import Command, commands, interrupted, moments
+
+HEAD = """
+import os, pathlib, signal, sys, time
+from sim import interrupt
+interrupt.listen()
+def ready():
+    print("ready", flush=True)
+"""
+SWALLOWED = """
+with interrupt.heeding():
+    ready()
+    while True:
+        try:
+            time.sleep(0.01)
+        except KeyboardInterrupt:
+            pass
+"""
+IN_A_POOL = """
+from concurrent.futures import ThreadPoolExecutor
+with interrupt.heeding(), ThreadPoolExecutor(2) as pool:
+    ready()
+    list(pool.map(time.sleep, [60, 60, 60]))
+"""
+IN_CALLBACK = """
+class Loud:
+    def __del__(self):
+        ready()
+        time.sleep(0.5)
+with interrupt.heeding():
+    Loud()
+    time.sleep(60)
+"""
+BEFORE_ANYTHING = """
+ready()
+try:
+    time.sleep(60)
+except BaseException:
+    print("never seen")
+"""
+WRITING = """
+from roadmap import unfinished
+with interrupt.heeding(), unfinished.beside(pathlib.Path("map")) as made:
+    made.mkdir()
+    for k in range(100000000):
+        try:
+            (made / f"{k}.npy").write_text("half")
+            if k == 5:
+                ready()
+            time.sleep(0.001)
+        except KeyboardInterrupt:
+            pass
+"""
+PUTTING = """
+from roadmap import unfinished
+rename = os.rename
+def slow(a, b):
+    rename(a, b)
+    if b.name != "map" and not b.name.endswith(".gone"):
+        ready()
+        time.sleep(0.5)
+unfinished.os.rename = slow
+with interrupt.heeding(), unfinished.beside(pathlib.Path("map")) as made:
+    made.mkdir()
+    (made / "new").touch()
+    unfinished.put(made, pathlib.Path("map"))
+    time.sleep(60)
+"""
+PATIENT = """
+with interrupt.heeding(), interrupt.patience(20.0):
+    try:
+        ready()
+        time.sleep(60)
+    except KeyboardInterrupt:
+        time.sleep(2.5)
+        print("all told", flush=True)
+        raise
+"""
+
+
+def end(process):
+    """Send Ctrl-C; return exit code, seconds, stdout and stderr."""
+    process.send_signal(signal.SIGINT)
+    begun = time.monotonic()
+    out, err = process.communicate(timeout=60)
+    return process.returncode, time.monotonic() - begun, out, err
+
+
+@pytest.mark.parametrize("script", [SWALLOWED, IN_A_POOL, IN_CALLBACK, BEFORE_ANYTHING])
+def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        code, seconds, out, err = end(process)
+    assert code == 130 and seconds < 2.0
+    assert err.count("interrupted") == 1 and "Traceback" not in err
+    assert "never" not in out
+
+
+def test_a_folder_that_is_still_being_written_goes_with_the_process(tmp_path):
+    with started(["-c", HEAD + WRITING], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        assert len(list(tmp_path.iterdir())) == 1
+        assert end(process)[0] == 130
+    assert not list(tmp_path.iterdir())
+
+
+def test_between_two_maps_there_is_always_one(tmp_path):
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "old").touch()
+    with started(["-c", HEAD + PUTTING], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        assert not (tmp_path / "map").exists()
+        assert end(process)[0] == 130
+    assert [p.name for p in tmp_path.iterdir()] == ["map"]
+    assert [p.name for p in (tmp_path / "map").iterdir()] == ["new"]
+
+
+def test_what_was_found_so_far_may_still_be_told(tmp_path):
+    with started(["-c", HEAD + PATIENT], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        code, seconds, out, _ = end(process)
+    assert code == 130 and seconds > 2.0 and "all told" in out
+
+
+def test_a_second_ctrl_c_does_not_wait(tmp_path):
+    with started(["-c", HEAD + PATIENT], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.6)
+        code, _, out, _ = end(process)
+    assert code == 130 and "all told" not in out
+
+
+def test_a_program_started_with_ctrl_c_ignored_keeps_ignoring_it(tmp_path):
+    script = HEAD + "with interrupt.heeding():\n    ready()\n    time.sleep(1.0)\n"
+    with started(["-c", script], tmp_path, signal.SIG_IGN) as process:
+        wait_for(process.stdout, "ready")
+        assert end(process)[0] == 0
+
+
+def test_a_build_ends_while_it_samples_and_leaves_nothing(tmp_path):
+    command = commands(tmp_path)[0]
+    with started(["-m", "sim", *command.words], tmp_path) as process:
+        wait_for(process.stderr, "edges and")
+        code, seconds, _, err = end(process)
+    assert code == 130 and seconds < 2.0, err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("moment", [0.0, 0.3, 1.0, 1.7, 2.3, 6.0])
+@pytest.mark.parametrize("k", [0, 2, 3])  # build, workspace build, with a cold cache
+def test_commands_end_at_any_moment(k, moment, tmp_path):
+    command = commands(tmp_path)[k]
+    ending = interrupted(command, moment, tmp_path)
+    assert ending.good, ending
+    assert "Traceback" not in ending.text and ending.text.count("interrupted") == 1
+
+
+def test_a_run_ends_at_any_moment(tmp_path):
+    from odm import build_map
+    from sim.warmup import tiny_recipe
+
+    folder = build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "sample")
+    words = ("run", "--map", str(folder), "--seconds", "3000")
+    for moment in (0.5, 2.0, 5.0):
+        ending = interrupted(Command("odm run", words), moment, tmp_path)
+        assert ending.good, ending
+
+
+def test_the_bench_sees_what_is_left_and_what_does_not_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(interrupts, "LOST_S", 1.0)
+    stubborn = (
+        "import signal, pathlib, time, subprocess\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "pathlib.Path('half').touch()\n"
+        "time.sleep(60)\n"
+    )
+    (tmp_path / "sim.py").write_text(stubborn)
+    monkeypatch.setattr(interrupts, "_listens", lambda pid: True)
+    monkeypatch.setattr(interrupts, "ROOT", tmp_path)
+    ending = interrupted(Command("stubborn", ()), 1.0, tmp_path)
+    assert not ending.good and {"a process", "half"} <= set(ending.left)
+
+
+def test_the_moments_are_many_at_the_beginning():
+    times = moments(40)
+    assert len(times) == 40 and times[0] == 0.02 and np.all(np.diff(times) > 0)
+    assert sum(t < 3.0 for t in times) > 15
+
+
+def test_no_command_line_test_hears_what_its_parent_ignores(tmp_path):
+    # a suite that nohup starts, or a script in the background, has SIGINT ignored
+    script = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "from command_line import started\n"
+        "say = 'import signal; print(signal.getsignal(signal.SIGINT))'\n"
+        "with started(['-c', say], '.') as process:\n"
+        "    print(process.communicate()[0])\n"
+    )
+    path = [str(interrupts.ROOT / "tests"), str(interrupts.ROOT)]
+    words = [sys.executable, "-c", f"import sys; sys.path[:0] = {path}\n{script}"]
+    found = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert re.search("default_int_handler", found.stdout), found.stderr
