@@ -16,7 +16,7 @@ from handover.target_choice import ChoiceSettings, TargetChoice
 from handover.target_goals import Goal, TargetGoals
 from handover.target_offers import TargetOffers
 from handover.workspace import InteractionWorkspace, Target
-from roadmap.errors import BadConfiguration, BadInput
+from roadmap.errors import BadConfiguration
 from roadmap.kinematics import difference
 from roadmap.ranges import check_settings
 

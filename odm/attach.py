@@ -165,7 +165,7 @@ class Attacher:
         self._fresh_key = self._room_key = b""
         m = self.planner.memory
         m.fresh.count[0] = 0
-        m.own.q_beside[:] = np.nan
+        m.beside.q[:] = np.nan
 
     def forget_all(self) -> None:
         """Attach everything again: the scenery has changed."""
@@ -223,12 +223,12 @@ class Attacher:
             q: (dof,) inside its limits, as `judge` found it.
         """
         m, static = self.planner.memory, self.planner.static
-        segment, own = int(m.own.numbers[kinds.N_WHERE]), m.own
-        own.q_beside[0] = q
-        own.q_beside[1:] = m.way.q[segment + 1], m.way.q[segment]
-        end, begin = own.q_beside[1:]
+        segment, beside = int(m.own.numbers[kinds.N_WHERE]), m.beside
+        beside.q[0] = q
+        beside.q[1:] = m.way.q[segment + 1], m.way.q[segment]
+        end, begin = beside.q[1:]
         along = end - begin
-        key = own.q_beside[1:].tobytes()
+        key = beside.q[1:].tobytes()
         if key != self._room_key:
             self._room_key = key
             self._has_room = static.motion_free(begin, along, _ROOM)
@@ -236,11 +236,9 @@ class Attacher:
         share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
         off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
         if self._has_room and off @ self._motion <= _ROOM:
-            own.beside[:] = 1
+            beside.free[:] = 1
         else:
-            own.beside[:] = static.motions_free(
-                np.stack([q, q]), own.q_beside[1:] - q
-            )
+            beside.free[:] = static.motions_free(np.stack([q, q]), beside.q[1:] - q)
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.

@@ -51,7 +51,9 @@ class Calm:
         it is looked for among all that `recent` leaves free, then by the points alone.
         """
         planner = self.planner
-        code = planner.judge(points, q)
+        code = step.judge(planner.memory.table, points, q, False)
+        if code == step.BESIDE:
+            code = planner.judge(points, q)
         if code != step.LOOK:
             return code
         around = self.recent.around()
@@ -146,6 +148,7 @@ class Recent:
         """Nothing was seen."""
         self.planner = planner
         self.memory_s, self.margin = memory_s, margin
+        self._apart = 0.9 * memory_s / (_KEPT - 1)  # between kept frames; clocks round
         self._ring = np.zeros((_KEPT, _MOST, 3))
         self._count = np.zeros(_KEPT, np.int64)
         self._time = np.zeros(_KEPT)
@@ -173,8 +176,7 @@ class Recent:
         if now < self._now:  # a clock that was set back: another beginning
             self._time[:] = -np.inf
         self._now, self._points = now, points
-        last = self._time[self._next - 1]
-        if now - last < 0.9 * self.memory_s / (_KEPT - 1):  # 0.9: clocks round
+        if now - self._time.item(self._next - 1) < self._apart:
             return
         step = -(-len(points) // _MOST) or 1
         some = points[::step]

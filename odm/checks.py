@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
 
 MAX_GOALS = 32
-_FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
+FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
 
 
 def check_points(
@@ -24,7 +24,7 @@ def check_points(
 ) -> np.ndarray:
     """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
     kind = getattr(points, "dtype", None)
-    if type(points) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
+    if type(points) is not np.ndarray or (kind is not FLOAT and kind != FLOAT):
         points = as_floats("points", points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise BadInput(
@@ -91,7 +91,7 @@ def check_configuration(
 ) -> np.ndarray:
     """Return q as (dof,) float64; values are judged later, shapes now."""
     kind = getattr(q, "dtype", None)
-    if type(q) is not np.ndarray or (kind is not _FLOAT and kind != _FLOAT):
+    if type(q) is not np.ndarray or (kind is not FLOAT and kind != FLOAT):
         q = as_floats("q", q)
     if q.ndim != 1 or len(q) != robot.dof:
         raise BadInput(

@@ -21,7 +21,13 @@ from odm.answer import (
 from odm.braking import Braking
 from odm.carry import Carrier
 from odm.cell_map import CellMap
-from odm.checks import check_configuration, check_goals, check_points, goals_of
+from odm.checks import (
+    FLOAT,
+    check_configuration,
+    check_goals,
+    check_points,
+    goals_of,
+)
 from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
 from odm.last_phase import LastPhase, check_classes
@@ -215,22 +221,37 @@ class ReactivePlanner(Doors, Questions, Braking):
         memory = self._memory
         if get_ident() != memory.owner.thread:
             memory.owner.check()
-        points = check_points(points, labels, covering_radius, self.rho)
-        q = check_configuration(self.robot, q, dq)
+        # mostly both are what the compiled frame takes, which is seen at once here
+        if (
+            type(points) is not np.ndarray or points.dtype is not FLOAT
+            or points.ndim != 2 or points.shape[1] != 3 or not points.flags.carray
+            or labels is not None or covering_radius is not None
+        ):
+            points = check_points(points, labels, covering_radius, self.rho)
+        if (
+            type(q) is not np.ndarray or q.dtype is not FLOAT
+            or q.shape != self._q.shape or not q.flags.carray or dq is not None
+        ):
+            q = check_configuration(self.robot, q, dq)
         self.classes = None if classes is None else check_classes(classes, len(points))
         if not self.world.at_base:
             points = self.world.points(points)
-        points = self._keep(points)
         if self._rejoin:
             self.attacher.forget_all()
         if len(points) > len(memory.cloud.where):
             self._make_room(2 * len(points))
+        given, points = points, self.points
+        if self.seen_inside is not None or len(points) != len(given):
+            points = self._room_for(len(given))
         if (covering_radius, rounding) != self._sampled:
             self._set_radii(covering_radius, rounding)
         closed = closed or labels is not None
-        bad = frame.begin_step(memory.table, points)
+        odd = frame.begin_step(memory.table, given, points)
         marked = time.perf_counter_ns()
-        self.trouble = trouble = unfit(self, bad, stamp, now)
+        trouble = None
+        if odd or stamp is not None or now is not None:
+            trouble = unfit(self, stamp, now)
+        self.trouble = trouble
         if not (trouble or self.always_replan):
             self.calm.recent.take(points, now)
         code = step.NO_PATH if trouble else self._decide(points, q)
@@ -239,11 +260,11 @@ class ReactivePlanner(Doors, Questions, Braking):
         way, own = memory.way, memory.own
         if code == step.PLANNED and way.count.item(0) > 2:
             self.straightener.run()
-        numbers, end = own.numbers.tolist(), way.count.item(0)
-        at = numbers[N_SEGMENT]
-        path = way.q[at:end].copy()
-        path[0] = q
-        following = code == step.FOLLOWING or (numbers[N_SAME] and self._moving)
+        path = way.q[own.numbers.item(N_SEGMENT) : way.count.item(0)].copy()
+        if code == step.FOLLOWING:  # a new path begins at q
+            path[0] = q
+        same = self._moving and own.numbers.item(N_SAME)
+        following = code == step.FOLLOWING or same
         self._moving = True
         status = FOLLOWING if following else REPLANNED
         return self._answer(status, path, begun, marked, closed)
@@ -255,8 +276,10 @@ class ReactivePlanner(Doors, Questions, Braking):
         self._new_goals = False
         self._stood = self._stood + 1 if same and not first else 0
         numbers = self._memory.own.numbers
-        due = numbers[N_STEP] % step.IMPROVE_EVERY == 0 and not self.always_replan
-        found = numbers[N_BETTER]  # looks in a row
+        due = not self.always_replan and (
+            numbers.item(N_STEP) % step.IMPROVE_EVERY == 0
+        )
+        found = numbers.item(N_BETTER) if due else 0  # looks in a row
         stays = self._stood >= (_LINGERS if self._moving else _STAYS)
         look = same and (first or (attacher.quick and stays))
         if look and not attacher.is_fresh(q) and np.isfinite(q).all():
@@ -371,17 +394,21 @@ class ReactivePlanner(Doors, Questions, Braking):
         cloud, pick = grid.new_cloud(room), grid.new_cloud(room)
         self._memory._exchange(cloud=cloud, pick=pick)
         frame.take_points(self._memory.table, self.points)
-    def _keep(self, points: np.ndarray) -> np.ndarray:
+
+    def _keep(self, points: np.ndarray) -> None:
         """Copy (n, 3) points of a frame: the caller may fill the array anew."""
+        self._room_for(len(points))[...] = points
+
+    def _room_for(self, n: int) -> np.ndarray:
+        """Let `points` be an array (n, 3) of our own, and return it to be filled."""
         seen = self.seen_inside
         if seen is not None and seen[1] is self.points:
             self._room = 1 - self._room
-        kept, n = self._kept[self._room], len(points)
+        kept = self._kept[self._room]
         if len(kept) != n:
             if n > len(self._rooms[self._room]):
                 self._rooms[self._room] = np.empty((2 * n, 3))
             kept = self._kept[self._room] = self._rooms[self._room][:n]
-        kept[...] = points
         self.points = kept
         return kept
 

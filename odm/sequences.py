@@ -248,7 +248,7 @@ class Sequence:
             self.world.capsules[:, 3:6] += self.velocity[1]
 
     def approach_robot(self) -> None:
-        """Let the obstacles come as near to what lies ahead as they just may, or less."""
+        """Let the obstacles come as near to what lies ahead as they just may."""
         if len(self.world.capsules):
             q = self._ahead()
             self._shift(q, self.planner.keep + 10.0 ** self.rng.uniform(-4.0, -1.5))
@@ -425,5 +425,6 @@ def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
         return
     at = int(locate_on_way(planner.memory.table, way, 0, q, own.out))
     if at >= 0:
-        way.q[at] = way.begin[at] = q
-        way.end[at] = way.q[at + 1]
+        proof = planner.memory.proof
+        way.q[at] = proof.begin[at] = q
+        proof.end[at] = way.q[at + 1]

@@ -213,7 +213,8 @@ class Smoother:
         way, attacher = self.planner.memory.way, self.planner.attacher
         n, i, j = int(way.count[0]), change.i, change.j
         vertex, q, ref = way.vertex[:n].copy(), way.q[:n].copy(), way.ref[:n].copy()
-        begin, end = way.begin[:n].copy(), way.end[:n].copy()
+        proof = self.planner.memory.proof
+        begin, end = proof.begin[:n].copy(), proof.end[:n].copy()
         new = change.corners[1:-1]
         left, right = slice(0, i + 1), slice(j if change.to_vertex else j + 1, n)
         refs = [*ref[:i], *range(item, item + len(change.corners) - 1)]
@@ -233,7 +234,7 @@ class Smoother:
         way.vertex[:n], way.q[:n] = vertex, np.vstack([q[left], new, q[right]])
         way.ref[: n - 1] = refs
         ways.unwind(way, self.planner.robot.continuous)
-        ways.certify_whole(way)
+        ways.certify_whole(way, 0, proof)
         for k, was in enumerate(old):
             if was < 0:
                 continue
@@ -242,5 +243,5 @@ class Smoother:
             there = q[was] if was <= i else q[was + 1]
             turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
             turns *= self.planner.robot.continuous
-            way.begin[k], way.end[k] = begin[was] + turns, end[was] + turns
+            proof.begin[k], proof.end[k] = begin[was] + turns, end[was] + turns
 

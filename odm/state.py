@@ -30,7 +30,7 @@ class Memory:
         table: What the compiled frame takes.
         owner: The thread that may use it.
         arm, cloud, work, graph, pool, goals, search, direct, short, fresh, along, way,
-        spare, own, pick, past: The groups; see `_kernels/types.py`.
+        spare, own, pick, past, proof, beside: The groups; see `_kernels/types.py`.
     """
 
     table: np.ndarray
@@ -51,6 +51,8 @@ class Memory:
     own: kinds.Own
     pick: kinds.Cloud
     past: kinds.Past
+    proof: kinds.Proof
+    beside: kinds.Beside
 
     def __init__(self, groups: dict[str, tuple]) -> None:
         """Keep the groups and write the table; it belongs to this thread."""
@@ -99,6 +101,7 @@ def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:
 _ORDER = (
     "arm", "cloud", "work", "graph", "pool", "goals", "search", "direct", "short",
     "fresh", "along", "way", "spare", "own", "pick", "past",
+    "proof", "beside",
 )
 
 
@@ -126,8 +129,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
         cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
         robot.continuous, np.zeros(n), np.zeros(12, np.int64), np.zeros(dof),
         np.zeros(dof), np.zeros(dof), np.full(dof, np.nan), np.full(dof, np.nan),
-        robot.lower, robot.upper, np.zeros(2), np.full((3, dof), np.nan),
-        np.zeros(2, np.int64),
+        robot.lower, robot.upper, np.zeros(2),
     )
     return Memory(
         {
@@ -147,6 +149,10 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "own": own,
             "pick": cell_map.grid.new_cloud(max_points),
             "past": _past(),
+            "proof": kinds.Proof(
+                np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof))
+            ),
+            "beside": kinds.Beside(np.full((3, dof), np.nan), np.zeros(2, np.int64)),
         }
     )
 
@@ -202,7 +208,6 @@ def new_way(dof: int) -> kinds.Way:
     return kinds.Way(
         np.zeros(WAY_LENGTH, np.int64), np.zeros(WAY_LENGTH, np.int64),
         np.zeros((WAY_LENGTH, dof)), np.zeros(2, np.int64),
-        np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof)),
     )
 
 

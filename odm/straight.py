@@ -57,7 +57,7 @@ class Straightener:
         way.q[0], way.q[1] = q, q + dq
         way.ref[0] = NO_ITEM
         way.count[0] = 2
-        ways.certify_whole(way)
+        ways.certify_whole(way, 0, m.proof)
         m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
 
     def _length(self, dq: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels.occupancy import count_beyond, deepest
-from odm._kernels.types import N_INSIDE, N_OUTSIDE
+from odm._kernels.types import N_BAD, N_INSIDE, N_OUTSIDE
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -27,15 +27,16 @@ _UNITS = ((200.0, "millimetres", 1000), (20.0, "centimetres", 100))
 
 
 def unfit(
-    planner: "ReactivePlanner", bad: int, stamp: float | None, now: float | None
+    planner: "ReactivePlanner", stamp: float | None, now: float | None
 ) -> str | None:
     """Return why this frame's obstacle data cannot be used at all, or None.
 
     Args:
         planner: Its points were just marked.
-        bad: How many of them are not finite.
-        stamp, now: As in `ReactivePlanner.step` [s].
+        stamp: As in `ReactivePlanner.step` [s].
+        now: The same.
     """
+    bad = planner.memory.cloud.counts.item(N_BAD)
     if bad:
         return (
             f"{bad} obstacle points are NaN or infinite, so the person may be "

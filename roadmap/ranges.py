@@ -28,7 +28,8 @@ def check_number(
     Args:
         name: What it is, with its unit where it has one.
         value: The number.
-        low, high: Least and largest that is taken.
+        low: Least that is taken.
+        high: Largest that is taken.
         whole: Only whole numbers are.
         where: In what to change it; empty: in the call.
 

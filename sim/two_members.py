@@ -9,9 +9,9 @@ from odm.answer import HOLDING
 from odm.cell_map import CellMap
 from odm.planner import ReactivePlanner
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings, is_between
 from roadmap.kinematics import difference
 from roadmap.motion import Motion, time_path
+from roadmap.ranges import check_settings, is_between
 from sim.execution import ExecutionSettings, Executor
 from sim.robot_threat import Intent, intent_of
 from sim.run_result import STATUS

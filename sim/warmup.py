@@ -149,7 +149,7 @@ def exercise(cell_map: CellMap) -> None:
             planner.way_out(start, [(0.1, points)], 0.5)
             if planner.memory.way.count[0] >= 2:
                 planner.attacher.forget_start()
-                planner.straightener.run(step.FOLLOWING)
+                planner.straightener.run()
             planner.attacher.attach_start(start, quick=True)
             planner.invalid_nodes()
             planner.invalid_edges()

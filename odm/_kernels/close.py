@@ -48,7 +48,6 @@ def prepare_motion(arm, radii, dq, tolerance, work):
 
     Returns False where a radius is not finite: nothing can be proved then.
     """
-    total = 0.0  # of radii by nought
     motion_bounds(
         arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
     )
@@ -62,7 +61,8 @@ def prepare_motion(arm, radii, dq, tolerance, work):
             bend = max(bend, work.bend[i])
             widest = max(widest, radii[i])
             thinnest = min(thinnest, radii[i])
-            total += 0.0 * radii[i]
+            if not abs(radii[i]) < math.inf:
+                return False
         bottom = 0
         if widest > 0.0:
             # at least as deep as the cells of any of its spheres
@@ -77,7 +77,7 @@ def prepare_motion(arm, radii, dq, tolerance, work):
         work.body_speed[b] = fastest
         work.body_radius[b] = widest
         work.bottom[b] = bottom
-    return total == 0.0
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -185,10 +185,10 @@ def body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
 @njit(cache=True, nogil=True)
 def is_finite(q, dq):
     """Return False where a motion holds NaN or infinity: comparisons would lie."""
-    total = 0.0  # of numbers by nought: NaN as soon as one is not finite
     for j in range(q.shape[0]):
-        total += 0.0 * q[j] + 0.0 * dq[j]
-    return total == 0.0
+        if not (abs(q[j]) < math.inf and abs(dq[j]) < math.inf):
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

@@ -26,12 +26,14 @@ from odm._kernels.state import (
 from odm._kernels.types import (
     N_BAD,
     N_FRAME,
+    N_INSIDE,
     N_JOINT_COSTS,
+    N_OUTSIDE,
     N_RUN,
     N_RUNS,
     N_STEP,
 )
-from odm._kernels.ways import certify_whole, take_shortcuts, unwind, write_way
+from odm._kernels.ways import take_shortcuts, unwind, write_way
 
 
 @njit(cache=True, nogil=True)
@@ -51,10 +53,18 @@ def take_points(state, points):
 
 
 @njit(cache=True, nogil=True)
-def begin_step(state, points):
-    """Begin a step of the planner with its frame's points; as `take_points`."""
+def begin_step(state, given, points):
+    """Begin a step of the planner with its frame's points, copied to `points`.
+
+    Returns True where some are not finite or most lie outside the grid.
+    """
     own_of(state).numbers[N_STEP] += 1
-    return take_points(state, points)
+    for i in range(points.shape[0]):
+        points[i, 0], points[i, 1] = given[i, 0], given[i, 1]
+        points[i, 2] = given[i, 2]
+    bad = take_points(state, points)
+    counts = cloud_of(state).counts
+    return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
 
 
 @njit(cache=True, nogil=True)
@@ -91,7 +101,6 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             way.q[0] = q
             way.q[1] = goals.q[g]
             unwind(way, own.continuous)
-            certify_whole(way)
             return True
         if not leaves:
             continue
@@ -127,7 +136,6 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
             leaves = entry >= 0 or can_leave(starts, frame)
         if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
             take_shortcuts(state, way, own.weights)
-            certify_whole(way)
             return True
     if not joint:
         return False
@@ -136,6 +144,5 @@ def plan(state, points, q, starts, start_vertex, low, high, budget, way):
     entry = search_goals(state, points, starts, q, -1, frame)
     if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
         take_shortcuts(state, way, own.weights)
-        certify_whole(way)
         return True
     return False

@@ -21,6 +21,7 @@ from odm._kernels.state import (
     N_TOLERANCE,
     PICK,
     arm_of,
+    beside_of,
     cloud_at,
     cloud_of,
     goals_of,
@@ -146,7 +147,7 @@ def rest_free(state, points, way, segment, q, frame):
         ref = NO_ITEM if beside else way.ref[k]
         if ref_free(state, ref, frame):
             continue
-        if beside and own.beside[TO_END] != 1:
+        if beside and beside_of(state).free[TO_END] != 1:
             return k
         begin = q if k == segment else way.q[k]
         for j in range(q.shape[0]):

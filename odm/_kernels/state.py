@@ -15,6 +15,7 @@ from numba.extending import intrinsic
 
 from odm._kernels.types import (
     Arm,
+    Beside,
     Cloud,
     Direct,
     Goals,
@@ -22,6 +23,7 @@ from odm._kernels.types import (
     Own,
     Past,
     Pool,
+    Proof,
     Search,
     Shortcuts,
     Starts,
@@ -43,11 +45,13 @@ SHORT = DIRECT + 9
 FRESH = SHORT + 6
 ALONG = FRESH + 7
 WAY = ALONG + 7
-SPARE = WAY + 6
-OWN = SPARE + 6
-PICK = OWN + 17
+SPARE = WAY + 4
+OWN = SPARE + 4
+PICK = OWN + 15
 PAST = PICK + 11
-ROWS = PAST + 5
+PROOF = PAST + 5
+BESIDE = PROOF + 2
+ROWS = BESIDE + 2
 
 
 @intrinsic
@@ -354,9 +358,19 @@ def way_at(t, at):
         i8_1(t, at + 1),
         f8_2(t, at + 2),
         i8_1(t, at + 3),
-        f8_2(t, at + 4),
-        f8_2(t, at + 5),
     )
+
+
+@njit(cache=True, nogil=True)
+def proof_of(t):
+    """Return the group `Proof`."""
+    return Proof(f8_2(t, PROOF), f8_2(t, PROOF + 1))
+
+
+@njit(cache=True, nogil=True)
+def beside_of(t):
+    """Return the group `Beside`."""
+    return Beside(f8_2(t, BESIDE), i8_1(t, BESIDE + 1))
 
 
 @njit(cache=True, nogil=True)
@@ -379,6 +393,4 @@ def own_of(t):
         f8_1(t, at + 12),
         f8_1(t, at + 13),
         f8_1(t, at + 14),
-        f8_2(t, at + 15),
-        i8_1(t, at + 16),
     )

@@ -12,9 +12,11 @@ from odm._kernels.state import (
     FRESH,
     SPARE,
     WAY,
+    beside_of,
     goals_of,
     graph_of,
     own_of,
+    proof_of,
     starts_at,
     way_at,
 )
@@ -34,7 +36,7 @@ from odm._kernels.types import (
     TO_BEGIN,
     TO_END,
 )
-from odm._kernels.ways import is_on, locate_on_way, way_length
+from odm._kernels.ways import ON, certify_whole, is_on, locate_on_way, way_length
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -69,12 +71,12 @@ def along_way(state, way, segment, q, along):
     own = own_of(state)
     n = graph.adj_ptr.shape[0] - 1
     count = 0
-    beside = own.numbers[N_BESIDE] == 1
+    beside, free = own.numbers[N_BESIDE] == 1, beside_of(state).free
     ref = NO_ITEM if beside else way.ref[segment]
     for g in range(goals.count[0]):
         goals.direct_ref[g] = NO_WAY
     for k in (TO_END, TO_BEGIN):
-        if beside and own.beside[k] != 1:
+        if beside and free[k] != 1:
             continue
         v = way.vertex[segment + 1 - k]
         if v < n:
@@ -100,8 +102,6 @@ def copy_way(source, target):
         target.vertex[k] = source.vertex[k]
         target.ref[k] = source.ref[k]
         target.q[k] = source.q[k]
-        target.begin[k] = source.begin[k]
-        target.end[k] = source.end[k]
     target.count[0] = n
     target.count[1] = source.count[1]
 
@@ -150,7 +150,7 @@ def judge(state, points, q, always):
 
     With LOOK own.numbers[N_WHERE] is the segment that q is on, -1 for none, and
     own.numbers[N_REST] tells whether the rest of the way is free. With BESIDE it is
-    not on that segment but beside it, and own.beside is to be filled first.
+    not on that segment but beside it, and the group Beside is to be filled first.
     """
     own = own_of(state)
     way = way_at(state, WAY)
@@ -166,10 +166,12 @@ def judge(state, points, q, always):
     own.numbers[N_BESIDE] = 0
     if where < 0 and not is_fresh(own):
         return NOT_ATTACHED
-    if where >= 0 and not is_on(way, where, q, own.sway):
-        own.numbers[N_BESIDE] = 1
-        if not is_known_beside(own, way, where):
-            return BESIDE
+    # a segment may be a part of the motion that was certified
+    if where >= 0 and own.out[1] > ON:
+        if not is_on(proof_of(state), where, q, own.sway):
+            own.numbers[N_BESIDE] = 1
+            if not is_known_beside(beside_of(state), way, where, q):
+                return BESIDE
     if where < 0 or always or way.count[1] < 0:
         return LOOK
     frame = own.numbers[N_FRAME]
@@ -191,14 +193,14 @@ def judge(state, points, q, always):
 
 
 @njit(cache=True, nogil=True)
-def is_known_beside(own, way, segment):
-    """Return True if own.beside tells of this very q and segment."""
-    for j in range(own.q.shape[0]):
-        if own.q_beside[0, j] != own.q[j]:
+def is_known_beside(beside, way, segment, q):
+    """Return True if `beside` tells of this very q and segment."""
+    for j in range(q.shape[0]):
+        if beside.q[0, j] != q[j]:
             return False
-        if own.q_beside[1, j] != way.q[segment + 1, j]:
+        if beside.q[1, j] != way.q[segment + 1, j]:
             return False
-        if own.q_beside[2, j] != way.q[segment, j]:
+        if beside.q[2, j] != way.q[segment, j]:
             return False
     return True
 
@@ -225,8 +227,7 @@ def look(state, points, margin, budget, looks):
     where = own.numbers[N_WHERE]
     start_vertex = goals.count[1]
     starts = starts_at(state, FRESH)
-    fresh = is_fresh(own)
-    if fresh:
+    if is_fresh(own):
         for g in range(goals.count[0]):
             goals.direct_ref[g] = goals.fresh_ref[g]
     else:
@@ -237,10 +238,6 @@ def look(state, points, margin, budget, looks):
         goals.direct_length[g] = weighted(q, goals.q[g], state)
     n_goals = goals.count[0]
     found = plan(state, points, q, starts, start_vertex, 0, n_goals, budget, spare)
-    if found and not fresh and own.numbers[N_BESIDE] == 0:
-        # its first segment is another part of the motion that q is on
-        spare.begin[0] = way.begin[where]
-        spare.end[0] = way.end[where]
     if own.numbers[N_REST] == 1:
         rank = way.count[1]
         better = found and spare.count[1] <= rank
@@ -264,6 +261,14 @@ def adopt(state):
     own.numbers[N_SAME] = 1 if same_rest(way, own.numbers[N_WHERE], spare) else 0
     copy_way(spare, way)
     own.numbers[N_SEGMENT] = 0
+    first, where, proof = 0, own.numbers[N_WHERE], proof_of(state)
+    if where >= 0 and own.numbers[N_BESIDE] == 0 and not is_fresh(own):
+        # its first segment is another part of the motion that q is on
+        first = 1
+        for j in range(own.q.shape[0]):
+            proof.begin[0, j] = proof.begin[where, j]
+            proof.end[0, j] = proof.end[where, j]
+    certify_whole(way, first, proof)
 
 
 @njit(cache=True, nogil=True)

@@ -183,18 +183,30 @@ class Past(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A path as vertices and the certified motions between them.
-
-    Segment k leads from q[k] to q[k + 1]. It is all or a part of the motion from
-    begin[k] to end[k], which is the one that was tested: its cells are those of ref[k].
-    """
+    """A path as vertices and the items between them; see Proof, too."""
 
     vertex: np.ndarray  # (64,) node, or unique number of start or goal
     ref: np.ndarray  # (64,) item from vertex k to k + 1
     q: np.ndarray  # (64, dof)
     count: np.ndarray  # (2,) vertices, goal index
+
+
+class Proof(NamedTuple):
+    """The motions that were tested for the segments of a path.
+
+    Segment k leads from q[k] to q[k + 1] of the path. It is all or a part of the motion
+    from begin[k] to end[k], to which the cells of its item belong.
+    """
+
     begin: np.ndarray  # (64, dof)
     end: np.ndarray  # (64, dof)
+
+
+class Beside(NamedTuple):
+    """What is known of a robot beside its segment."""
+
+    q: np.ndarray  # (3, dof) where it is; the segment's end; its begin
+    free: np.ndarray  # (2,) 1: free of what stands still, to the end, to the begin
 
 
 class Shortcuts(NamedTuple):
@@ -226,13 +238,11 @@ class Own(NamedTuple):
     lower: np.ndarray  # (dof,)
     upper: np.ndarray  # (dof,)
     out: np.ndarray  # (2,) share of the segment that q is on
-    q_beside: np.ndarray  # (3, dof) configuration beside a segment; its end, its begin
-    beside: np.ndarray  # (2,) 1: free of what stands still, to the segment's end, begin
 
 
 N_POPPED, N_EDGE_TESTS, N_FLOODED, N_CLOSE, N_RUNS, N_COUNTED = range(6)
 N_FRAME, N_RUN, N_JOINT_COSTS, N_SEGMENT, N_SAME = range(5)
 N_JOINT, N_LOOK, N_BETTER, N_WHERE, N_REST, N_STEP, N_BESIDE = range(5, 12)
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4
-TO_END, TO_BEGIN = 0, 1  # entries of Own.beside
+TO_END, TO_BEGIN = 0, 1  # entries of Beside.free
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment

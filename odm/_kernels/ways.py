@@ -31,7 +31,7 @@ def locate_on_way(state, way, first, q, out):
 
     A point of the robot differs by at most sum_j |dq_j| sway_j between q and the
     nearest point of the segment; where that is too much, the spheres are asked. Writes
-    the share of the segment to out[0]; returns the segment, or -1.
+    the share of the segment and that bound to out; returns the segment, or -1.
     """
     own = own_of(state)
     best = -1
@@ -45,28 +45,31 @@ def locate_on_way(state, way, first, q, out):
             best_off = min(off, best_off)
             best = k
             out[0] = t
+    out[1] = best_off
     if best < 0:
+        out[1] = math.inf
         return locate_beside(state, way, first, q, out)
     return best
 
 
 @njit(cache=True, nogil=True)
-def is_on(way, k, q, sway):
+def is_on(proof, k, q, sway):
     """Return True if q is on the certified motion of segment k, but for rounding.
 
     Only then what was certified of that motion holds for the one from q to an end of
     the segment: it is a part of it. Beside it, that is a motion of its own.
     """
-    a, b = way.begin[k], way.end[k]
+    a, b = proof.begin[k], proof.end[k]
     return off_motion(a, b, nearest_share(a, b, q), q, sway) <= ON
 
 
 @njit(cache=True, nogil=True)
-def certify_whole(way):
-    """Say that each segment of a way is the whole motion that was certified."""
-    for k in range(way.count[0] - 1):
-        way.begin[k] = way.q[k]
-        way.end[k] = way.q[k + 1]
+def certify_whole(way, first, proof):
+    """Say that each segment from `first` on is the whole motion that was certified."""
+    for k in range(first, way.count[0] - 1):
+        for j in range(way.q.shape[1]):
+            proof.begin[k, j] = way.q[k, j]
+            proof.end[k, j] = way.q[k + 1, j]
 
 
 @njit(cache=True, nogil=True)

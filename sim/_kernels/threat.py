@@ -59,7 +59,8 @@ def follow(ends, before, rate, slack, count, passed, limits, after):
     was not its own, or it was pushed; the next frame tells whether this one is.
 
     Args:
-        ends, before: (k, 2, 3) ends of the capsules now and `passed` [s] ago [m].
+        ends: (k, 2, 3) ends of the capsules now [m].
+        before: (k, 2, 3) the same `passed` ago [m].
         rate: (k, 2, 3) their velocities then, 0 where they are not known [m/s].
         slack: (k,) bound on the errors of `rate` [m/s].
         count: (k,) frames that each part has been followed for.

@@ -78,7 +78,8 @@ def test_a_robot_pushed_into_its_scenery_is_not_led_on(small_map):
         fresh.step(points, q=q)
         for a, b in zip(answer.path, answer.path[1:], strict=False):
             assert fresh.is_free(wrapped(small_map, a), wrapped(small_map, b))
-        q = np.clip(q + [0.0, 0.003, 0.003], small_map.robot.lower, small_map.robot.upper)
+        robot = small_map.robot
+        q = np.clip(q + [0.0, 0.003, 0.003], robot.lower, robot.upper)
     assert held  # it came to the floor
 
 
@@ -89,15 +90,16 @@ def test_a_steady_error_is_measured_from_what_was_certified(small_map):
     first = planner.step(points, q=HOME)
     way = planner.memory.way
     k = int(way.count[0]) - 1
-    assert np.array_equal(way.begin[0], first.path[0])
-    ends = way.begin[:k].copy(), way.end[:k].copy()
+    assert np.array_equal(planner.memory.proof.begin[0], first.path[0])
+    proof = planner.memory.proof
+    ends = proof.begin[:k].copy(), proof.end[:k].copy()
     error = np.array([1e-4, 5e-4, -5e-4])
     for share in np.linspace(0.0, 0.5, 20):
         a, b = first.path[:2]
         answer = planner.step(points, q=a + share * (b - a) + error)
         assert answer.status == "following"
-        assert np.array_equal(way.begin[:k], ends[0])
-        assert np.array_equal(way.end[:k], ends[1])
+        assert np.array_equal(planner.memory.proof.begin[:k], ends[0])
+        assert np.array_equal(planner.memory.proof.end[:k], ends[1])
 
 
 def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
