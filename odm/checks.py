@@ -115,7 +115,7 @@ def check_numbers(robot: Robot, q: np.ndarray, name: str = "q") -> np.ndarray:
 
 def check_path(robot: Robot, path: np.ndarray) -> np.ndarray:
     """Return corners as C-contiguous (k, dof) float64, k >= 1, finite or not."""
-    path = as_floats("a path", path)
+    path = as_floats("the path", path)
     if path.ndim != 2 or not len(path) or path.shape[1] != robot.dof:
         raise BadInput(
             f"a path of shape {path.shape} is none; give (k, {robot.dof}) corners, at "

@@ -122,7 +122,8 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
         np.zeros(2 * WAY_LENGTH + 2, np.int64), np.zeros(WAY_LENGTH, np.int64),
     )
     safety = cell_map.safety
-    # a robot that tracks and blends within its shares of m is on its way
+    # a robot so far beside its path is on its way. That spends nothing of m: from
+    # there its first leg is tested with all of m, which the executor then spends
     share = safety.tracking + safety.blending
     terms = np.array([cell_map.motion_tolerance, safety.h, share, 0.0])
     own = kinds.Own(

@@ -27,7 +27,6 @@ from odm import (
     sample_capsules,
     surface_of,
 )
-from odm._kernels import step
 from odm.cameras import look_at
 from odm.recipe import PayloadRecipe, RobotRecipe, Safety
 from roadmap.build import RoadmapSettings

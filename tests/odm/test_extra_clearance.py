@@ -172,7 +172,7 @@ def test_a_bad_clearance_is_refused(small_map, extra):
     planner = odm.ReactivePlanner(small_map)
     with pytest.raises(BadInput, match="extra clearance"):
         planner.set_extra_clearance(extra)
-    with pytest.raises(BadInput, match="between 0 and 0.5 m"):
+    with pytest.raises(BadInput, match="extra_clearance .m. is .* from 0 to 0.5"):
         odm.ReactivePlanner(
             small_map, settings=odm.PlannerSettings(extra_clearance=extra)
         )

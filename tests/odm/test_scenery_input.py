@@ -60,7 +60,8 @@ def test_each_row_of_a_recipe_has_three_numbers(table, key, wrong):
 
 @pytest.mark.parametrize("table", [None, 3, "plane", {"type": []}, {"type": None}, {}])
 def test_a_table_of_no_known_type_is_refused(table):
-    with pytest.raises(BadRecipe, match="choose one of plane, box, mesh"):
+    told = "choose one of plane, box, mesh" if isinstance(table, dict) else "scenery 0"
+    with pytest.raises(BadRecipe, match=told):
         parse_scenery((table,))
 
 

@@ -1,0 +1,176 @@
+"""Calls that must end in a sentence or in a no; each is made in a process of its own.
+
+Run as a script with the folder of a map and one of its goals: prints one JSON object,
+the outcome of each call by its name.
+"""
+
+import copy
+import json
+import os
+import pickle
+import sys
+import threading
+
+import numpy as np
+
+from odm.answer import Freedom
+from roadmap.errors import PlanningError
+
+FREE = "free"
+
+
+def calls(odm, planner, hand, home):
+    """Return the calls by name; each returns what it was told, or raises."""
+    from odm.scenery import parse_scenery
+    from odm.shapes import Box
+    from roadmap.motion import time_path
+    from sim.braking import BrakingTest
+    from sim.threat import Threat, ThreatSettings
+
+    nan, robot = np.nan, planner.robot
+    still = time_path(robot, home[None])
+
+    def elsewhere(question):
+        told = []
+
+        def ask():
+            try:
+                told.append(question())
+            except PlanningError as error:
+                told.append(error)
+
+        thread = threading.Thread(target=ask)
+        thread.start()
+        thread.join()
+        if isinstance(told[0], Exception):
+            raise told[0]
+        return told[0]
+
+    def after(points, question, **how):
+        """Ask a question behind a frame of a hand in the arm and another frame."""
+        planner.step(hand, q=home, stamp=1.0, now=1.0)
+        answer = planner.step(points, q=home, **how)
+        return answer.reason if question is None else question()
+
+    def in_motion(points, velocity, age):
+        threat = Threat(points, velocity, age, ThreatSettings())
+        return BrakingTest(planner).passes(still, 0.0, 0.0, still, threat)
+
+    def refilled():
+        mine = hand.copy()
+        planner.step(mine, q=home)
+        mine[:] = 5.0
+        return planner.is_free(home, home)
+
+    broken = hand.copy()
+    broken[3, 1] = nan
+    empty = np.zeros((0, 3))
+    late = {"stamp": 0.5}
+    return {
+        "deepcopy": lambda: copy.deepcopy(planner),
+        "copy": lambda: copy.copy(planner),
+        "pickle": lambda: pickle.dumps(planner),
+        "pickle of its memory": lambda: pickle.dumps(planner.memory),
+        "another cloud": lambda: setattr(planner.memory, "cloud", None),
+        "is_free in a thread": lambda: elsewhere(lambda: planner.is_free(home, home)),
+        "step in a thread": lambda: elsewhere(lambda: planner.step(hand, q=home)),
+        "separation in a thread": lambda: elsewhere(lambda: planner.separation(home)),
+        "blocked_leg, extra NaN": lambda: planner.blocked_leg(home[None], nan),
+        "blocked_leg, path NaN": lambda: planner.blocked_leg(home[None] * nan),
+        "blocked_leg, points (n, 2)": lambda: planner.blocked_leg(
+            home[None], 0.0, np.zeros((4, 2))
+        ),
+        "blocked_leg, points NaN": lambda: planner.blocked_leg(
+            home[None], 0.0, np.full((4, 3), nan)
+        ),
+        "braking, age unknown": lambda: in_motion(hand, None, None),
+        "braking, age NaN": lambda: in_motion(hand, np.zeros_like(hand), nan),
+        "braking, velocity NaN": lambda: in_motion(hand + 9.0, hand * nan, 0.0),
+        "stands_clear, q NaN": lambda: planner.stands_clear(home * nan),
+        "separation, q NaN": lambda: planner.separation(home * nan),
+        "separation, q short": lambda: planner.separation(home[:-1]),
+        "is_free, q of text": lambda: planner.is_free(["a"] * robot.dof, home),
+        "separation behind NaN": lambda: after(
+            broken * nan, lambda: planner.separation(home) > 0.0
+        ),
+        "is_free behind NaN": lambda: after(broken, lambda: planner.is_free(home, home)),
+        "is_free behind a stale frame": lambda: after(
+            empty, lambda: planner.is_free(home, home), **late
+        ),
+        "blocked_leg behind a stale frame": lambda: after(
+            empty, lambda: planner.blocked_leg(home[None]), **late
+        ),
+        "a frame older than the last": lambda: after(empty, None, **late),
+        "a frame of no age": lambda: after(empty, None, stamp=nan, now=2.0),
+        "millimetres": lambda: after(1000.0 * hand, None),
+        "centimetres": lambda: after(100.0 * (hand + 1.0), None),
+        "a buffer filled anew": refilled,
+        "no goals": lambda: planner.set_goals([]),
+        "a goal of NaN": lambda: planner.set_goals([home * nan]),
+        "ragged goals": lambda: planner.set_goals([home, home[:-1]]),
+        "goals of text": lambda: planner.set_goals("home"),
+        "polish of NaN": lambda: planner.polish(nan),
+        "a plane of NaN": lambda: parse_scenery(
+            ({"type": "plane", "offset": nan},)
+        ),
+        "a box at NaN": lambda: parse_scenery(
+            ({"type": "box", "size": [1, 1, 1], "position": [nan, 0, 0]},)
+        ),
+        "a shape of NaN": lambda: planner.set_static([Box([1.0, nan, 1.0])]),
+        "start_attachments 0": lambda: odm.PlannerSettings(start_attachments=0),
+        "max_points -1": lambda: odm.PlannerSettings(max_points=-1),
+        "kept_goals -1": lambda: odm.PlannerSettings(kept_goals=-1),
+        "waypoints beyond the limits": lambda: time_path(
+            robot, np.stack([home, home + 9.0])
+        ),
+        "a base that shears": lambda: planner.set_base(np.triu(np.ones((4, 4)))),
+        "clearance NaN": lambda: planner.set_extra_clearance(nan),
+    }
+
+
+def outcome(odm, call):
+    """Return what a user learns: a sentence, "no", or FREE."""
+    try:
+        told = call()
+    except PlanningError as error:
+        return str(error)
+    if isinstance(told, str):
+        return told  # the reason of a hold
+    if isinstance(told, Freedom) and not told:
+        return told.reason
+    # a leg's number, or False: blocked
+    blocked = isinstance(told, int) and (told is not True) and told == 0
+    return "no" if blocked else f"{FREE}: {told!r}"
+
+
+def main(folder, home):
+    """Make each call in a fork of this process; print the outcomes."""
+    import odm
+
+    planner = odm.ReactivePlanner(odm.load_map(folder, verify=False))
+    home = np.array(home)
+    planner.set_goals([home])
+    centers = planner.robot.spheres[planner.robot.moving][:1, :3] * 0.0
+    hand = odm.sample_capsules(
+        np.array([[*centers[0], 0.0, 0.0, 1.6, 0.2]]), 0.03
+    )
+    planner.step(hand, q=home)
+    outcomes = {}
+    for name in calls(odm, planner, hand, home):
+        read, write = os.pipe()
+        child = os.fork()
+        if child == 0:
+            text = outcome(odm, calls(odm, planner, hand, home)[name])
+            os.write(write, text.encode())
+            os._exit(0)
+        os.close(write)
+        with os.fdopen(read, "rb") as stream:
+            text = stream.read().decode()
+        _, status = os.waitpid(child, 0)
+        code = os.waitstatus_to_exitcode(status)
+        outcomes[name] = text if code == 0 else f"ended with {code}"
+    print(json.dumps(outcomes))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], [float(x) for x in sys.argv[2:]])
