@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from odm.cell_map import CellMap
-from odm.exact import ExactRobot
+from odm.exact import ExactRobot, obstacles_of
 from odm.fcl_robot import FclRobot
 from odm.planner import ReactivePlanner
 from odm.shapes import Box, Capsule, Shape
@@ -23,7 +23,7 @@ from roadmap.kinematics import difference
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
 TOLERANCE = 1e-6  # [m] of exact distances
 NEAR = 0.005  # [m] a leg that could not keep so much more is a near miss
-STEP = 0.004  # [m] least advance along a leg between two exact distances
+STEP = 0.006  # [m] least advance along a leg between two exact distances
 FAR = 0.3  # [m] distances beyond are not resolved
 EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start so far outside its limits is tolerated
@@ -112,6 +112,7 @@ class Judge:
     def begin(self) -> None:
         """Begin with another planner, around which nothing stands."""
         self._side, self._dirty = self._plain, True
+        self._stand_free: set[bytes] = set()  # legs free of all that stands still
 
     def changed(self) -> None:
         """Take up the world anew: its base, scenery, clearance or hand has changed."""
@@ -145,15 +146,20 @@ class Judge:
         over = np.clip(path[0], robot.lower, robot.upper) - path[0]
         tolerated = ~robot.continuous & (np.abs(over) <= LIMIT_TOLERANCE)
         path[0] += np.where(tolerated, over, 0.0)
+        # what keeps NEAR more from the frame's points keeps enough
+        verdict.near = self.fresh.blocked_leg(path, NEAR) is not None
         for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
+            key = a.tobytes() + b.tobytes()
+            if key in self._stand_free and not verdict.near:
+                continue
             freedom = self.fresh.is_free(a, b)
             if freedom:
+                self._stand_free.add(key)
                 continue
             if self._refuses_a_place(a, b):
                 verdict.wrong.append(f"leg {k}: {freedom.failed}: {freedom.reason}")
             else:
                 verdict.unproved += 1
-        verdict.near = self.fresh.blocked_leg(path, NEAR) is not None
         if exact or verdict.near or verdict.wrong or verdict.unproved:
             self._measure(world, path, verdict)
         return verdict
@@ -166,6 +172,7 @@ class Judge:
 
     def _take_up(self, world: World) -> None:
         fresh, self._dirty = self.fresh, False
+        self._stand_free.clear()
         if fresh.attached is not None:
             fresh.detach()
         if world.held is not None:
@@ -184,12 +191,11 @@ class Judge:
         moving: list[Shape] = [
             Capsule.between(row[:3], row[3:6], row[6]) for row in world.capsules
         ]
-        near = [(shape, m + world.extra) for shape in moving]
-        near += [(box.moved(T), m + world.extra) for box in world.boxes]
+        self._side.stand_around([*moving, *(box.moved(T) for box in world.boxes)])
         verdict.exact = True
         for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
             dq = difference(self.cell_map.robot, a, b)
-            found = self._side.leg(a, dq, near, m)
+            found = self._side.leg(a, dq, m + world.extra, m)
             if found.gap < verdict.gap:
                 verdict.gap, verdict.distance = found.gap, found.distance
             if found.gap < -TOLERANCE or found.touches:
@@ -217,7 +223,7 @@ class _ExactSide:
         self.sway = joint_sway(cell_map.arm, robot.dof)
         scenery = cell_map.scenery
         self.scenery = [
-            (solid_of(row), name, self._heeds(name, scenery.dropped))
+            (obstacles_of([solid_of(row)]), name, self._heeds(name, scenery.dropped))
             for row, name in zip(scenery.solids, scenery.names, strict=True)
         ]
 
@@ -227,30 +233,34 @@ class _ExactSide:
         moving = self.robot.link_body[self.robot.solid_link] > 0
         return moving & ~np.isin(self.robot.solid_link, links)
 
-    def leg(
-        self, q: np.ndarray, dq: np.ndarray, near: list[tuple[Shape, float]], m: float
-    ) -> _Found:
-        """Return the smallest distance on q + t dq, less what must be kept."""
-        best = _Found(np.inf, np.inf, "nothing")
-        if near:
-            self.fcl.set_obstacles([shape for shape, _ in near])
+    def stand_around(self, shapes: list[Shape]) -> None:
+        """Take the obstacles of a frame and the scenery of the place, base frame."""
+        self.fcl.set_obstacles(shapes)
+        self._near = obstacles_of(shapes) if shapes else None
+
+    def leg(self, q: np.ndarray, dq: np.ndarray, kept: float, m: float) -> _Found:
+        """Return the smallest distance on q + t dq, less what must be kept.
+
+        `kept` from what stands around [m], m from the map's own scenery.
+        """
+        best, near = _Found(np.inf, np.inf, "nothing"), self._near
         bound = max(float(np.abs(dq) @ self.sway), 1e-12)
         t, k = 0.0, 0
         while True:
             at = q + t * dq
             here = np.inf
-            for shape, kept in near:
-                found = self.exact.distance(at, [shape], cap=FAR)
-                here = min(here, found.distance - kept)
+            if near is not None:
+                found = self.exact.distance(at, near, cap=FAR)
+                here = found.distance - kept
                 best = _least(best, found.distance, kept, found.link)
-            for shape, name, use in self.scenery:
-                found = self.exact.distance_of(use, at, _obstacles(shape), FAR)
+            for part, name, use in self.scenery:
+                found = self.exact.distance_of(use, at, part, FAR)
                 here = min(here, found.distance - m)
                 best = _least(best, found.distance, m, f"{name} ({found.link})")
             if k % EVERY == 0 or t == 1.0:
                 own = self.exact.self_distance(at)
                 best = _least(best, own.distance, 0.0, f"itself ({own.link})")
-                best.touches |= bool(near) and self.fcl.collides(at)
+                best.touches |= near is not None and self.fcl.collides(at)
             if t == 1.0:
                 return best
             t, k = min(1.0, t + max(here, STEP) / bound), k + 1
@@ -260,12 +270,6 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
     if distance - kept >= best.gap:
         return best
     return _Found(distance - kept, distance, what, best.touches)
-
-
-def _obstacles(shape: Shape) -> object:
-    from odm.exact import obstacles_of
-
-    return obstacles_of([shape])
 
 
 def solid_of(row: np.ndarray) -> Box:
