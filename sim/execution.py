@@ -6,15 +6,14 @@ grown by how far the person can come meanwhile. Where the test fails the robot s
 down; where that does not help it takes the stop it holds.
 
 A robot that is pushed is not on the motion that was tested (`Executor.locate`). Within
-the tracking share of m, less what its encoders may be wrong by, it goes on. Beyond it
-stops, as quickly as it can on its way: there is no quicker stop, so none is looked for,
-whatever the way beside the tested one leads to. This is the one thing that it does
-untested; a push takes it some centimetres, too, and nobody asks for those. What it may
-do instead of stopping is to go on getting out of somebody's way, if that is free *beside*
-the motion: from the person with balls that are larger by how far off it is, from scenery
-and from itself at the very offset. At rest, and as soon as it is held still, it takes the
-place where it is for its set-point. From there the planner plans, and tests the first leg
-in full.
+the tracking share of m, less what its encoders may be wrong by, it goes on. Farther off
+it stops, as quickly as it can on its way. There is no quicker stop, so none is looked
+for, whatever the way beside the tested one leads to: this, with the centimetres of the
+push itself, is the one thing that it does untested. What it may do instead is to go on
+getting out of somebody's way, if that is free *beside* the motion: from the person by
+balls that are larger by how far it is off, from itself and its scenery at the very
+offset. At rest, and once it is held still, it takes the place where it is for its
+set-point: the planner plans from there, and tests the first leg in full.
 """
 
 import math
@@ -305,7 +304,7 @@ class Executor:
         self._gap = np.inf
 
     def _get_away_or_stop(self, threat: Threat | None) -> None:
-        """Go on out of somebody's way if that is free where the robot is; else stop."""
+        """Go on out of somebody's way if that is free beside the motion; else stop."""
         if self.state == RETREATING and not self.at_rest:
             free = self._wise() and self._free_beside()
             if free and self._untouched(self.motion, self.t, threat):
@@ -316,7 +315,7 @@ class Executor:
         self.state = STANDING if self.at_rest else BRAKED
 
     def _free_beside(self) -> bool:
-        """Whether what is left of the motion is free of what stands still, beside it."""
+        """Whether all that stands still is clear of the motion, moved by the offset."""
         static = getattr(self.planner, "static", None)
         if static is None or not math.isfinite(self.off):
             return False

@@ -12,13 +12,16 @@ The controller brings what its encoders say to the set-point, so their steady er
 seen by nobody: the true robot is beside the set-point by it.
 
 Where the set-point jumps to where the robot is (`Executor.locate`), the robot does not
-jump: it goes on from where it is, and settles within a fifth of a second. A robot that
-is held down and takes that for its set-point gives way farther.
+jump: it goes on from where it is, and settles within a fifth of a second or so. A robot
+that is held down and takes that for its set-point gives way farther.
 
 What no push does, as with a real robot: it does not lead past the limits of the joints
-nor into the robot itself or its scenery, for there are mechanical stops. And it does not
-press the robot against the person: nearer than `keep_off` they push back. The way back
-to the set-point, when a push ends, is the controller's own and knows no such mercy.
+nor into the robot itself or its scenery, for there are mechanical stops. And it does
+not press the robot against the person: nearer than `keep_off` they push back. The way
+back to the set-point, when a push ends, is the controller's own and knows no mercy.
+
+A contact is counted while the set-point moves: then the robot moves by itself. What a
+push does to a robot that stands is nobody's plan.
 """
 
 import math
@@ -37,6 +40,7 @@ _OFTEN = (0.5, 0.3, 0.2)  # share of each kind
 _SETTLES = 0.2  # time in which what a jump of the set-point left fades [s]
 _SLIPPED = 4.0  # a slip that nobody heeds ends after this [s]
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # shares of a movement that are tried
+_LEVER = 0.02  # a joint that moves no point by more is not pushed [m by rad or m]
 _ROUNDING = 1e-9  # [rad or m]
 _JUMPED = 1e-6  # a set-point that moves by more between two frames was set anew
 
@@ -149,12 +153,12 @@ class Pushes:
         return Push(kind, begin, rise, hold, fall, dq)
 
     def _drawn(self, size: float, joints: int) -> np.ndarray:
-        """Return (dof,) a displacement of some joints; no point moves by more [m]."""
+        """Return (dof,) a movement of some joints, of any point by `size` at most."""
         rng, sway = self._rng, self._sway
-        chosen = rng.permutation(len(sway))[:joints]
+        chosen = rng.permutation(np.flatnonzero(sway > _LEVER))[:joints]
         dq = np.zeros(len(sway))
         shares = rng.dirichlet(np.ones(len(chosen))) * rng.choice((-1, 1), len(chosen))
-        dq[chosen] = size * shares / np.maximum(sway[chosen], 1e-3)
+        dq[chosen] = size * shares / sway[chosen]
         return dq
 
 
