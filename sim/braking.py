@@ -31,6 +31,7 @@ class BrakingTest:
         stop: Motion,
         threat: Threat,
         closer: float = 0.0,
+        beside: float = 0.0,
     ) -> bool:
         """Whether the way to the end of a stop is free, whenever the robot is where.
 
@@ -44,7 +45,10 @@ class BrakingTest:
             stop: The stop on the same way.
             threat: The person.
             closer: How much nearer than m the robot may come [m].
+            beside: How far from the motion any point of the robot may be [m]: the
+                points are grown by that, too.
         """
+        closer = closer - beside
         go = max(begin - t, 0.0)  # a motion may be over
         points, radius = threat.between(0.0, go + stop.duration)
         way = motion.path_from(t, stop.length)

@@ -375,12 +375,19 @@ def bench(
             metavar="kinematic|timed", help="How the robot moves (motions, targets)."
         ),
     ] = None,
+    pushed: Annotated[
+        bool,
+        typer.Option("--pushed", help="Push the robot meanwhile (motions)."),
+    ] = False,
     seconds: Annotated[
         float | None,
         typer.Option(help="Simulated time of each run (motions, targets)."),
     ] = None,
     seeds: Annotated[
         int | None, typer.Option(help="Runs of each motion (motions).")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Runs at a time (motions).")
     ] = None,
     motion: Annotated[
         list[str] | None,
@@ -415,6 +422,7 @@ def bench(
 
     options = {"map_dir": map_dir, "seed": seed, "short": short or None}
     options |= {"execution": execution, "seconds": seconds, "seeds": seeds}
+    options |= {"pushed": pushed or None, "processes": processes}
     options |= {"motions": motion or None, "files": file or None, "plot": plot}
     options |= {"reach": reach, "distances": distance or None}
     run_bench(name, options, json, markdown)

@@ -4,6 +4,16 @@ At every moment there is a stop that was tested: before a set-point is passed on
 way up to the end of the stop that could begin behind it is tested against the points
 grown by how far the person can come meanwhile. Where the test fails the robot slows
 down; where that does not help it takes the stop it holds.
+
+A robot that is pushed is not on the motion that was tested (`Executor.locate`). Within
+the tracking share of m, less what its encoders may be wrong by, it goes on. Farther off
+it stops, as quickly as it can on its way. There is no quicker stop, so none is looked
+for, whatever the way beside the tested one leads to: this, with the centimetres of the
+push itself, is the one thing that it does untested. What it may do instead is to go on
+getting out of somebody's way, if that is free *beside* the motion: from the person by
+balls that are larger by how far it is off, from itself and its scenery at the very
+offset. At rest, and once it is held still, it takes the place where it is for its
+set-point: the planner plans from there, and tests the first leg in full.
 """
 
 import math
@@ -11,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.blend import joint_sway
 from roadmap.kinematics import difference
 from roadmap.motion import Commit, Motion, SetPoint, time_path
 from roadmap.ranges import check_settings
@@ -26,6 +37,10 @@ _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
+_STILL = 0.001  # a robot is held still while no point of it moves by more [m]
+_HELD = 0.1  # for so long [s]: then it takes where it is for its set-point
+_TRACKING = 0.002  # tracking share for planners without a map [m]
+_ROUNDING = 1e-9  # [m]
 
 
 @dataclass(frozen=True)
@@ -41,6 +56,9 @@ class ExecutionSettings:
             much later [s]: a rounded corner needs some way.
         stand_below: It does not even retreat where, two frames on, its cover would be
             nearer to a sample than this [m].
+        encoder: No point of the robot is farther from where its measured q says than
+            this [m]; it takes from the tracking share of m. Nobody can see it, so
+            the caller has to know.
     """
 
     speed_scale: float = 0.5
@@ -48,6 +66,7 @@ class ExecutionSettings:
     blend: float = 0.004
     ahead: float = 0.05
     stand_below: float = 0.022
+    encoder: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -61,6 +80,7 @@ class ExecutionSettings:
             "blend": (0.0, 1.0, "m"),
             "ahead": (0.0, 10.0, "s"),
             "stand_below": (0.0, np.inf, "m"),
+            "encoder": (0.0, 0.1, "m"),
         }
         check_settings(self, ranges)
 
@@ -80,6 +100,8 @@ class Executor:
         state: "moving", "slowed", "braked", "retreating" or "standing".
         reason: One sentence while it is slowed or braked.
         brakes: Whether the planner can test the way of a stop.
+        off: How far any point of the robot may be from its set-point [m]; 0 while
+            that is within what the tracking share leaves.
     """
 
     def __init__(
@@ -98,10 +120,17 @@ class Executor:
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend = 0.0, self.settings.blend
+        tracking = _TRACKING
         if self.brakes:
             safety = planner.cell_map.safety
-            self._clearance = safety.m
+            self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
+        self._share = max(tracking - self.settings.encoder, 0.0) + _ROUNDING
+        self._sway = joint_sway(robot)
+        self.off = 0.0
+        self._beside = np.zeros(robot.dof)  # from the set-point to where it is
+        self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
+        self._said = ""  # of a push, in this frame
         self._test = BrakingTest(planner)
         self._level = 0
         self._frame = 0
@@ -173,6 +202,9 @@ class Executor:
         """
         self._frame += 1
         self._heeded = True
+        if self.off:
+            self._get_away_or_stop(threat)
+            return
         if self._yields(threat):
             return
         if answer.status == "holding":
@@ -195,6 +227,7 @@ class Executor:
                 self.state = MOVING
         if self.state != RETREATING and self._on_path:
             self._brake(threat)
+        self.reason = self._said or self.reason
 
     def _goes_on(self, path: np.ndarray) -> bool:
         """Whether a path leads over what is left of the corners of the one in use."""
@@ -215,6 +248,80 @@ class Executor:
         self._heeded = False
         self.t += self.period
         self._held_t += self.period
+
+    # --- pushed -----------------------------------------------------------------
+
+    def locate(self, q: np.ndarray) -> None:
+        """Tell where the robot is measured to be now; before `commit`, if at all.
+
+        Off its set-point by more than the tracking share of m leaves, it stops. At rest
+        and held still for a tenth of a second, it takes q for its set-point: it may
+        differ then from the one before. In between it heeds no answer.
+
+        Args:
+            q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.
+        """
+        far, beside = math.inf, self._beside
+        if np.isfinite(q).all():
+            beside = difference(self.robot, self.set_point.q, q)
+            far = float(self._sway @ np.abs(beside))
+        if self._said:
+            self._said = self.reason = ""
+        self.off = far if far > self._share else 0.0
+        if not self.off:
+            self._still = None
+            return
+        self._beside = beside
+        self._said = "nobody knows where it is; stopped"
+        if far < math.inf:
+            self._said = f"pushed {1e3 * far:.0f} mm off its path; stopped"
+        if not self.at_rest:
+            self._still = None
+            if self.state not in (RETREATING, BRAKED):
+                self._stop_as_tested()
+        elif self._held_still(q):
+            self._seat(q)
+
+    def _held_still(self, q: np.ndarray) -> bool:
+        """Whether the robot has been near q for a while."""
+        if not math.isfinite(self.off):
+            return False
+        where, long = self._still or (q, 0.0)
+        moved = self._sway @ np.abs(difference(self.robot, where, q))
+        if moved > _STILL:
+            where, long = q, 0.0
+        self._still = np.array(where), long + self.period
+        return long >= _HELD
+
+    def _seat(self, q: np.ndarray) -> None:
+        """Take q, where the robot is, for its set-point."""
+        robot = self.robot
+        within = np.where(robot.continuous, q, np.clip(q, robot.lower, robot.upper))
+        self._take(time_path(robot, within[None]))
+        self._on_path, self._yielding, self._held = False, False, None
+        self.state, self._level, self.off, self._still = STANDING, 0, 0.0, None
+        self._said = self._said.replace("stopped", "goes on from there")
+        self._gap = np.inf
+
+    def _get_away_or_stop(self, threat: Threat | None) -> None:
+        """Go on out of somebody's way if that is free beside the motion; else stop."""
+        if self.state == RETREATING and not self.at_rest:
+            free = self._wise() and self._free_beside()
+            if free and self._untouched(self.motion, self.t, threat):
+                return
+            self._stop_as_tested()
+        self._yielding = self._on_path = False
+        self.reason = self._said
+        self.state = STANDING if self.at_rest else BRAKED
+
+    def _free_beside(self) -> bool:
+        """Whether all that stands still is clear of the motion, moved by the offset."""
+        static = getattr(self.planner, "static", None)
+        if static is None or not math.isfinite(self.off):
+            return False
+        way = self.motion.path_from(self.t) + self._beside
+        legs = np.diff(way, axis=0) if len(way) > 1 else np.zeros_like(way)
+        return bool(static.motions_free(way[: len(legs)], legs).all())
 
     # --- hold, back off, escape -------------------------------------------------
 
@@ -311,7 +418,7 @@ class Executor:
         q = self.set_point.q
         before, self._gap = self._gap, self.planner.separation(q)
         closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
-        return self._gap - 2 * closing >= self.settings.stand_below
+        return self._gap - 2 * closing >= self.settings.stand_below + self.off
 
     # --- braking ----------------------------------------------------------------
 
@@ -379,16 +486,18 @@ class Executor:
     ) -> bool:
         """Test the way from `t` to the end of a stop behind the next set-point.
 
-        Afterwards the robot rests. It may come `closer` than m [m].
+        Afterwards the robot rests. It may come `closer` than m [m]. It may be `off` its
+        motion by more than m allows for; the balls grow by that.
         """
         begin = min(t + self.period + ahead, motion.duration)
         stop = motion.stop(begin)
-        if not self._test.passes(motion, t, begin, stop, threat, closer):
+        how = (threat, closer, self.off)
+        if not self._test.passes(motion, t, begin, stop, *how):
             return False
         if ahead > 0.0:  # the stop that is held begins behind the next set-point
             begin = min(t + self.period, motion.duration)
             stop = motion.stop(begin)
-            if not self._test.passes(motion, t, begin, stop, threat, closer):
+            if not self._test.passes(motion, t, begin, stop, *how):
                 return False
         self._held = stop
         self._held_t = -self.period

@@ -35,6 +35,7 @@ class KinematicMover:
 
     at_rest = True  # it can stop at once
     brakes = False
+    off = 0.0  # it is taken to be where it is measured
 
     def __init__(
         self,
@@ -60,6 +61,11 @@ class KinematicMover:
     def set_point(self) -> SetPoint:
         """The set-point of this moment."""
         return SetPoint(self._q, self._dq, np.zeros_like(self._q))
+
+    def locate(self, q: np.ndarray) -> None:
+        """Go on from q, where the robot is measured to be [rad or m]."""
+        if np.isfinite(q).all():
+            self._q = np.array(q, float)
 
     def new_goal(self) -> None:
         """Nothing is kept from goal to goal."""

@@ -15,6 +15,7 @@ from roadmap.robot import Robot
 from sim.execution import RETREATING, ExecutionSettings, Executor
 from sim.human_motion import HumanMotion
 from sim.kinematic import KinematicMover
+from sim.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.threat import Watcher
 
@@ -86,13 +87,14 @@ class Frame:
 
     Attributes:
         index: Number of the frame.
-        q: (dof,) configuration [rad or m].
+        q: (dof,) configuration [rad or m]; of a pushed robot, where it truly is.
         capsules: (k, 7) person [m].
         answer: What the planner said.
         place: Index of the work place the robot is on its way to.
         separation: Exact distance of robot and person [m].
         joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
-            the robot [m/s] since the frame before.
+            the robot [m/s] since the frame before; the joint is the set-point's, the
+            point the robot's: a push alone is no movement of its own.
         dq, ddq: (dof,) velocity and acceleration of the set-point.
         pace: What the executor does: "moving", "slowed", "braked", ...
         brake: Why it is slowed or braked.
@@ -132,6 +134,8 @@ class Loop:
         motion: The person; None runs without one.
         settings: Rate, speeds and spacing.
         audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
+        pushed: How the robot is pushed, by the seed and the motion's name; None: it
+            is not, and is where its set-point is.
     """
 
     def __init__(
@@ -142,6 +146,7 @@ class Loop:
         motion: HumanMotion | None,
         settings: LoopSettings | None = None,
         audit: Audit | None = None,
+        pushed: PushSettings | None = None,
     ) -> None:
         """Put the robot at the first place and send it to the second."""
         self.settings = settings or LoopSettings()
@@ -151,7 +156,10 @@ class Loop:
         self._audit = audit or exact_audit(robot)
         s = self.settings
         shares = ExecutionSettings(
-            s.speed_scale, s.retreat_scale, stand_below=s.stand_below
+            s.speed_scale,
+            s.retreat_scale,
+            stand_below=s.stand_below,
+            encoder=pushed.encoder if pushed else 0.0,
         )
         self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
@@ -164,6 +172,9 @@ class Loop:
         self._retreats = self._escape = False
         self._fresh = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
+        self.body = self._pushed_body(pushed) if pushed else None
+        if self.body is not None:
+            self._q = self.body.q
         self._centers = sphere_centers(robot, self._q)
         _optional(planner, "reset")
         planner.set_goals([self.places[1]])
@@ -174,6 +185,8 @@ class Loop:
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
         guess = self._guess(now)
         points = sample_capsules(capsules, self.settings.spacing)
+        if self.body is not None:
+            self.executor.locate(self.body.measured)
         point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
         commit = self.executor.commit()
@@ -184,6 +197,7 @@ class Loop:
         if len(capsules) and self.executor.brakes:
             centers = self._centers[self._moving]
             margin = self._widest + getattr(self.planner, "keep", 0.0)
+            margin += self.executor.off
             threat = self._watcher.look(
                 capsules, points, centers, now, margin=margin
             )
@@ -213,13 +227,14 @@ class Loop:
             escape=escape,
             guess=guess,
         )
+        self._capsules = capsules
         self._move()
         return frame
 
     def _move(self) -> None:
         self._advance()
-        executor, q = self.executor, self._q
-        off = difference(self.robot, q, self.places[self.place])
+        executor = self.executor
+        off = difference(self.robot, executor.set_point.q, self.places[self.place])
         if executor.at_rest and np.abs(off).max() <= ARRIVED:
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
@@ -228,11 +243,27 @@ class Loop:
 
     def _advance(self) -> None:
         """Let one period pass."""
+        before = self._q if self.body is None else self.executor.set_point.q
         self.executor.advance()
         q = self.executor.set_point.q
-        self._moved = difference(self.robot, self._q, q) * self.settings.rate_hz
-        self._q = q
+        self._moved = difference(self.robot, before, q) * self.settings.rate_hz
+        self._q = q if self.body is None else self._pushed_to(before, q)
         self.index += 1
+
+    def _pushed_body(self, settings: PushSettings) -> PushedRobot:
+        """Return the body that is pushed beside the set-point, by seed and motion."""
+        name = "none" if self.motion is None else self.motion.name
+        seed = [self.settings.seed, *name.encode()]
+        pushes = Pushes(self.robot, 1.0 / self.settings.rate_hz, seed, settings)
+        stop = mechanical_stop(self.planner, self.robot)
+        return PushedRobot(self.robot, self.places[0], pushes, stop)
+
+    def _pushed_to(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Return where the body is when the set-point has moved on."""
+        near = self._capsules
+        gap = (lambda q: self._audit(q, near)) if len(near) else None
+        self.body.follow(before, after, gap)
+        return self.body.q
 
     def _guess(self, now: float) -> np.ndarray | None:
         """Return where the person is, not only might be, for motions that know it."""
@@ -276,6 +307,7 @@ def run_loop(
     settings: LoopSettings | None = None,
     audit: Audit | None = None,
     on_frame: Callable[[Frame], None] | None = None,
+    pushed: PushSettings | None = None,
 ) -> RunResult:
     """Run the loop for its whole duration; the arguments are those of `Loop`.
 
@@ -285,7 +317,8 @@ def run_loop(
         Every frame and the figures; the same input gives the same result but for
         the clock's figures.
     """
-    return run_frames(Loop(planner, robot, places, motion, settings, audit), on_frame)
+    loop = Loop(planner, robot, places, motion, settings, audit, pushed)
+    return run_frames(loop, on_frame)
 
 
 def run_frames(
@@ -375,6 +408,7 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         polish_cpu_s=[frame.polish_cpu_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
+        pushed=None if loop.body is None else loop.body.figures(),
         **rows,
     )
 

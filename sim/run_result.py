@@ -70,6 +70,9 @@ class RunResult:
         paths: Frame -> (k, dof) planned path, where they were kept.
         polish_cpu_s: (F,) computing time of the polishing [s]; None: as `polish_s`.
         retreat: (F,) index into `RETREATS`: whether the robot got out of the way.
+        pushed: What happened to a robot that was pushed, see `PushedRobot.figures`;
+            then `q`, `separation` and `point_speed` are the true robot's, and
+            `joint_speed` its set-point's: it moves where it is told to move.
     """
 
     motion: str
@@ -92,6 +95,7 @@ class RunResult:
     paths: dict[int, np.ndarray] = field(default_factory=dict)
     polish_cpu_s: np.ndarray | None = None
     retreat: np.ndarray | None = None
+    pushed: dict | None = None
 
     def __post_init__(self) -> None:
         """Freeze every array."""
@@ -174,6 +178,7 @@ class RunResult:
             "escaping_s": self._retreat_s("escaping"),
             "hold_reasons": self.hold_reasons(most=10),
             "trajectory_sha256": self.fingerprint(),
+            **({"pushed": self.pushed} if self.pushed else {}),
         }
 
     def timing(self) -> dict:

@@ -93,7 +93,9 @@ def calls(odm, planner, hand, home):
         "separation behind NaN": lambda: after(
             broken * nan, lambda: planner.separation(home) > 0.0
         ),
-        "is_free behind NaN": lambda: after(broken, lambda: planner.is_free(home, home)),
+        "is_free behind NaN": lambda: after(
+            broken, lambda: planner.is_free(home, home)
+        ),
         "is_free behind a stale frame": lambda: after(
             empty, lambda: planner.is_free(home, home), **late
         ),

@@ -1,7 +1,14 @@
-"""`odm bench motions`: contacts, trips and calm beside every scripted motion."""
+"""`odm bench motions`: contacts, trips and calm beside every scripted motion.
+
+With `pushed` the robot is pushed in every run (`sim.pushed`), the one with nobody
+included, and no trips are asked. A contact counts, judged at the true robot by exact
+geometry, if the robot moves by itself meanwhile: if its set-point does. That somebody
+presses a robot that stands against a person is no contact of the planner's.
+"""
 
 import multiprocessing
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +20,7 @@ from sim.demo import DEMO, find_places
 from sim.human_motion import make_motion, motion_names
 from sim.loop import LoopSettings, exact_audit, run_loop
 from sim.person_place import before_work_places
+from sim.pushed import KINDS, PushSettings
 from sim.run_command import person_of
 from sim.run_result import RunResult
 from sim.scenes import SCENES
@@ -31,6 +39,7 @@ def run(
     motions: Sequence[str] | None = None,
     files: Sequence[str | Path] = (),
     execution: str = "kinematic",
+    pushed: bool = False,
     seed: int = 0,
     short: bool = False,
     processes: int = 2,
@@ -46,6 +55,7 @@ def run(
             staged so that the robot has to hold.
         files: Recorded motions (CSV, BVH), each played once for its length at most.
         execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
+        pushed: Push the robot, several times a minute; see `sim.pushed`.
         seed: The first seed.
         short: Few seconds: to see that it runs, not to measure.
         processes: Runs at a time; the figures do not depend on it.
@@ -64,7 +74,7 @@ def run(
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
     jobs += [(file, seed) for file in files]
-    shared = (str(map_dir), seconds, execution)
+    shared = (str(map_dir), seconds, execution, pushed)
     (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
     if processes > 1:
         with multiprocessing.get_context("spawn").Pool(processes) as pool:
@@ -75,9 +85,12 @@ def run(
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]
-        rows += _rows(name, own, alone["trips_per_minute"], execution)
+        rows += _rows(name, own, alone["trips_per_minute"], execution, pushed)
     setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
     setup["execution"] = execution
+    if pushed:
+        setup["pushed"] = asdict(PushSettings())
+        rows += _pushed_rows([alone, *runs], execution)
     return {
         "bench": "motions",
         "header": header(load_map(map_dir, verify=False)),
@@ -87,9 +100,9 @@ def run(
     }
 
 
-def _played(job: tuple[str, float, str, str | None, int]) -> dict:
+def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
     """Run once; a process of its own may do this."""
-    map_dir, seconds, execution, motion, seed = job
+    map_dir, seconds, execution, pushed, motion, seed = job
     planner = ReactivePlanner(load_map(map_dir, verify=False))
     settings = LoopSettings(
         rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
@@ -102,7 +115,10 @@ def _played(job: tuple[str, float, str, str | None, int]) -> dict:
     places = find_places(planner)
     if human is not None:
         human = before_work_places(human, planner.robot, places)
-    result = run_loop(planner, planner.robot, places, human, settings)
+    pushes = PushSettings() if pushed else None
+    result = run_loop(
+        planner, planner.robot, places, human, settings, pushed=pushes
+    )
     name = {"motion": Path(motion).stem} if recorded else {}
     return {
         **result.summary(),
@@ -138,14 +154,16 @@ def _occupied(planner: ReactivePlanner, places: np.ndarray, result: RunResult) -
     return float(np.mean(near))
 
 
-def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dict]:
+def _rows(
+    name: str, runs: list[dict], alone: float, execution: str, pushed: bool = False
+) -> list[dict]:
     contacts = sum(r["contacts"] for r in runs)
     asked = execution == "timed" or name not in FAST
     near = [r["closest_while_moving"] for r in runs if r["closest_while_moving"]]
     trips = sum(r["trips_per_minute"] for r in runs) / len(runs)
     share = 100.0 * trips / alone if alone else 0.0
     held = 100.0 * sum(r["held_s"] for r in runs) / sum(r["duration_s"] for r in runs)
-    least = {} if name in FAST else {"least": TRIPS}
+    least = {} if name in FAST or pushed else {"least": TRIPS}
     rows = [
         value_row(
             f"{name}: contacts while moving",
@@ -173,4 +191,29 @@ def _rows(name: str, runs: list[dict], alone: float, execution: str) -> list[dic
             1, value_row(f"{name}: smallest separation while moving", gap, "cm")
         )
         rows.insert(2, value_row(f"{name}: speed at it", speed, "m/s"))
+    return rows
+
+
+def _pushed_rows(runs: list[dict], execution: str) -> list[dict]:
+    """Return the figures of all runs together, with and without a person."""
+    minutes = sum(r["duration_s"] for r in runs) / MINUTE
+    contacts = sum(r["contacts"] for r in runs)
+    pushes = sum(r["pushed"][kind] for r in runs for kind in KINDS)
+    seats = sum(r["pushed"]["seats"] for r in runs)
+    far = 100.0 * max(r["pushed"]["farthest_m"] for r in runs)
+    asked = {"most": 0.0} if execution == "timed" else {}
+    near = [r["closest_while_moving"] for r in runs if r["closest_while_moving"]]
+    rows = [
+        value_row("all, pushed: simulated time", minutes, "min"),
+        value_row("all, pushed: pushes, bumps and slips", float(pushes), ""),
+        value_row("all, pushed: farthest from the set-point", far, "cm"),
+        value_row("all, pushed: contacts while moving", float(contacts), "", **asked),
+    ]
+    if near:
+        gap = 100.0 * min(moment["separation_m"] for moment in near)
+        rows.append(
+            value_row("all, pushed: smallest separation while moving", gap, "cm")
+        )
+    if execution == "timed":
+        rows.append(value_row("all, pushed: set-points set anew", float(seats), ""))
     return rows

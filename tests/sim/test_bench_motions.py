@@ -28,6 +28,29 @@ def test_every_motion_has_its_rows_and_processes_change_nothing(map_dir):
     assert len(one["runs"]) == 3 and one["runs"][0]["motion"] == "none"
 
 
+def test_pushed_runs_say_so_and_how_far_and_are_the_same_again(map_dir):
+    options = {"short": True, "processes": 1, "motions": ("hover",), "pushed": True}
+    one, again = (motions.run(map_dir, execution="timed", **options) for _ in range(2))
+    assert one["rows"] == again["rows"] and one["runs"] == again["runs"]
+    assert one["setup"]["pushed"]["encoder"] == 0.001
+    values = {row["name"]: row for row in one["rows"]}
+    assert values["all, pushed: contacts while moving"]["met"] is True
+    assert values["all, pushed: farthest from the set-point"]["value"] > 0.0
+    assert np.isclose(values["all, pushed: simulated time"]["value"], 4.0 / 60.0)
+    assert all("pushed" in run for run in one["runs"])
+
+
+def test_a_contact_of_a_pushed_run_is_one_too_many():
+    pushed = {"push": 1, "bump": 2, "slip": 0, "seats": 1, "farthest_m": 0.03}
+    run = {"contacts": 0, "duration_s": 60.0, "closest_while_moving": None}
+    run["pushed"] = pushed
+    rows = motions._pushed_rows([run, run | {"contacts": 1}], "timed")
+    values = {row["name"]: row for row in rows}
+    assert values["all, pushed: contacts while moving"]["met"] is False
+    assert values["all, pushed: pushes, bumps and slips"]["value"] == 6
+    assert np.isclose(values["all, pushed: farthest from the set-point"]["value"], 3.0)
+
+
 def test_the_rows_say_what_the_runs_were():
     moment = {"separation_m": 0.04, "point_speed_m_s": 0.5}
     run = {
