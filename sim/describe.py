@@ -285,7 +285,7 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     if report.answered_share < 0.5:
         console.print("less than half was answered with a path: too little to show")
     smallest = f"{1000 * report.smallest:.2f} mm" if report.exact else "-"
-    table = _table("Counts", "what", "", "")
+    table = _table("What was judged", "count of", "")
     for name, number in (
         ("steps", f"{report.steps:,}"),
         ("answered with a path", f"{report.answered:,}"),
@@ -296,7 +296,7 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
         ("legs refused as a whole, but at no place", f"{report.unproved:,}"),
         ("smallest exact distance beyond what is kept", smallest),
     ):
-        table.add_row(name, "", number)
+        table.add_row(name, number)
     console.print(table)
     for seed, step, fault in report.told:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
