@@ -10,7 +10,7 @@ from odm._kernels import types as kinds
 from odm._kernels.sweep import sweep_space
 from odm.cell_map import ROUNDING
 from odm.kept_goals import KeptGoals
-from odm.state import MAX_ATTACHMENTS, joint_sway
+from odm.state import MAX_ATTACHMENTS, point_motion
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner
@@ -51,9 +51,7 @@ class Attacher:
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
         words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
         self.scratch = (words, *sweep_space(n, len(arm.tree_i), planner.robot.dof))
-        turning = arm.tree_i[:, 2] == 1
-        reach = arm.reach + arm.spheres[:, 3:] * turning
-        self._motion = joint_sway(arm._replace(reach=reach), planner.robot.dof)
+        planner.memory.proof.motion[:] = point_motion(arm, planner.robot.dof)
 
     # --- goals -----------------------------------------------------------------
 
@@ -235,7 +233,7 @@ class Attacher:
         length2 = float(along @ along)
         share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
         off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
-        if self._has_room and off @ self._motion <= _ROOM:
+        if self._has_room and off @ m.proof.motion <= _ROOM:
             beside.free[:] = 1
         else:
             beside.free[:] = static.motions_free(np.stack([q, q]), beside.q[1:] - q)

@@ -151,7 +151,8 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "pick": cell_map.grid.new_cloud(max_points),
             "past": _past(),
             "proof": kinds.Proof(
-                np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof))
+                np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof)),
+                point_motion(arm, dof),
             ),
             "beside": kinds.Beside(np.full((3, dof), np.nan), np.zeros(2, np.int64)),
         }
@@ -202,6 +203,17 @@ def joint_sway(arm: kinds.Arm, dof: int) -> np.ndarray:
         factor = np.abs(arm.tree_f[bodies, 15])
         sway[joint] = (arm.reach[:, bodies] * factor).sum(axis=1).max(initial=0.0)
     return sway
+
+
+def point_motion(arm: kinds.Arm, dof: int) -> np.ndarray:
+    """Return (dof,) how far a joint moves any point of any sphere, per rad or m.
+
+    A joint whose axis goes through all its spheres' centres moves none of these, but
+    turns what the spheres cover.
+    """
+    turning = arm.tree_i[:, 2] == 1
+    reach = arm.reach + arm.spheres[:, 3:] * turning
+    return joint_sway(arm._replace(reach=reach), dof)
 
 
 def new_way(dof: int) -> kinds.Way:

@@ -110,6 +110,8 @@ class Threat:
         thick: Largest radius of the parts, and covering radius of the points [m].
         everywhere: Returns the same for all points, near or not; for times later than
             `settings.ahead`.
+        unknown: A part whose velocity is not known is no faster [m/s]: as fast as
+            the settings say, or as any part was lately, which may be this one.
     """
 
     points: np.ndarray
@@ -123,6 +125,7 @@ class Threat:
     stretch: float = 0.0
     thick: float = 0.0
     everywhere: "Callable[[], Threat] | None" = None
+    unknown: float = 0.0
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return points (n, 3) and the radius [m] of balls that hold the person.
@@ -139,7 +142,7 @@ class Threat:
         if end > self.settings.ahead and self.everywhere is not None:
             return self._all.between(begin, end)
         begin, end = begin + self.age, end + self.age
-        unknown = self.settings.noise + self.settings.speed * end
+        unknown = self.settings.noise + self._unknown * end
         if self.velocity is None:
             return self.points, unknown
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
@@ -160,6 +163,10 @@ class Threat:
         wrong = s.noise + self.error * t + grown * self.thick
         return wrong + 0.5 * s.acceleration * t * t
 
+    @property
+    def _unknown(self) -> float:
+        return max(self.settings.speed, self.unknown)
+
     @cached_property
     def _all(self) -> "Threat":
         return self.everywhere()
@@ -179,10 +186,10 @@ class Threat:
     def fastest(self) -> float:
         """The highest speed of any of the points [m/s]."""
         if self.velocity is None:
-            return self.settings.speed
+            return self._unknown
         squares = np.einsum("ij,ij->i", self.velocity, self.velocity)
         most = math.sqrt(squares.max(initial=0.0))
-        return max(most, self.settings.speed) if self.lost else most
+        return max(most, self._unknown) if self.lost else most
 
 
 class Watcher:
@@ -210,6 +217,7 @@ class Watcher:
         self._count = np.zeros(0, np.int64)  # frames each part was followed for
         self._rates = np.zeros((2, 0, 2, 3))  # velocity now, and drift [m/s]
         self._slack = np.zeros(0)  # bound on the errors of the first [m/s]
+        self._fastest = (-math.inf, 0.0)  # when a part was fastest, and its speed [m/s]
 
     def look(
         self,
@@ -235,17 +243,32 @@ class Watcher:
         self._measure(now)
         sure = self._count >= _CONFIRMED
         rates = np.where(sure[:, None, None], self._rates, 0.0)
+        unknown = self._lately(rates[0], sure, now)
         parts = _Parts(ends, np.ascontiguousarray(capsules[:, 6]), rates, sure)
         room = np.empty((len(points), 3))
-        far = margin + self._reach(parts, age or 0.0)
+        far = margin + self._reach(parts, age or 0.0, unknown)
         near = room[: near_points(points, centers, far, room)]
 
         def everywhere() -> Threat:
-            return self._threat(parts, slack, points, age)
+            return replace(self._threat(parts, slack, points, age), unknown=unknown)
 
         slack = self._slack
         threat = self._threat(parts, slack, near, age)
-        return replace(threat, everywhere=everywhere)
+        return replace(threat, everywhere=everywhere, unknown=unknown)
+
+    def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
+        """Return how fast a part that was lost may be by now, as any was lately [m/s].
+
+        The fastest of the last fifth of a second counts, faster by now by what its
+        velocity may be wrong and an acceleration can add.
+        """
+        fastest = math.sqrt(np.einsum("kei,kei->ke", rates, rates).max(initial=0.0))
+        fastest += self._slack[sure].max(initial=0.0)
+        before, speed = self._fastest
+        passed = now - before
+        if not 0.0 <= passed <= _DRIFT or fastest >= speed:
+            self._fastest, passed, speed = (now, fastest), 0.0, fastest
+        return speed + self.settings.acceleration * passed
 
     def _follow(self, ends: np.ndarray, now: float) -> None:
         """Take a frame: which parts are those of the frame before?"""
@@ -293,7 +316,7 @@ class Watcher:
             moved = past[-1][1][own] - past[first][1][own]
             self._rates[1, own] = moved / max(ages[first], _DRIFT)
 
-    def _reach(self, parts: "_Parts", age: float) -> float:
+    def _reach(self, parts: "_Parts", age: float, unknown: float) -> float:
         """Return how near a part can come in `ahead`, at most [m]."""
         s = self.settings
         t = s.ahead + age
@@ -302,7 +325,7 @@ class Watcher:
         slack = self._slack[sure].max(initial=0.0)
         moved = (known + slack + 0.5 * s.acceleration * t) * t
         if not sure.all():
-            moved = max(moved, s.speed * t)
+            moved = max(moved, max(s.speed, unknown) * t)
         turn, stretch = parts.turns()
         grown = math.hypot(1.0, turn.max(initial=0.0) * t) - 1.0
         grown += stretch.max(initial=0.0) * t

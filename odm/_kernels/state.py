@@ -50,7 +50,7 @@ OWN = SPARE + 4
 PICK = OWN + 15
 PAST = PICK + 11
 PROOF = PAST + 5
-BESIDE = PROOF + 2
+BESIDE = PROOF + 3
 ROWS = BESIDE + 2
 
 
@@ -364,7 +364,7 @@ def way_at(t, at):
 @njit(cache=True, nogil=True)
 def proof_of(t):
     """Return the group `Proof`."""
-    return Proof(f8_2(t, PROOF), f8_2(t, PROOF + 1))
+    return Proof(f8_2(t, PROOF), f8_2(t, PROOF + 1), f8_1(t, PROOF + 2))
 
 
 @njit(cache=True, nogil=True)

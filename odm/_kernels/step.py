@@ -36,7 +36,13 @@ from odm._kernels.types import (
     TO_BEGIN,
     TO_END,
 )
-from odm._kernels.ways import ON, certify_whole, is_on, locate_on_way, way_length
+from odm._kernels.ways import (
+    certify_whole,
+    is_on,
+    locate_on_way,
+    turns_back,
+    way_length,
+)
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -162,16 +168,16 @@ def judge(state, points, q, always):
     where = -1
     if way.count[0] >= 2:
         where = locate_on_way(state, way, 0, q, own.out)  # it may have slowed down
+    if where >= 0 and turns_back(way, where, q, own.continuous):
+        where = -1
     own.numbers[N_WHERE] = where
     own.numbers[N_BESIDE] = 0
     if where < 0 and not is_fresh(own):
         return NOT_ATTACHED
-    # a segment may be a part of the motion that was certified
-    if where >= 0 and own.out[1] > ON:
-        if not is_on(proof_of(state), where, q, own.sway):
-            own.numbers[N_BESIDE] = 1
-            if not is_known_beside(beside_of(state), way, where, q):
-                return BESIDE
+    if where >= 0 and not is_on(proof_of(state), where, q):
+        own.numbers[N_BESIDE] = 1
+        if not is_known_beside(beside_of(state), way, where, q):
+            return BESIDE
     if where < 0 or always or way.count[1] < 0:
         return LOOK
     frame = own.numbers[N_FRAME]

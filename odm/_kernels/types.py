@@ -200,6 +200,7 @@ class Proof(NamedTuple):
 
     begin: np.ndarray  # (64, dof)
     end: np.ndarray  # (64, dof)
+    motion: np.ndarray  # (dof,) most that joint j moves any point per unit [m]
 
 
 class Beside(NamedTuple):

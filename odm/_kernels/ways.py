@@ -31,7 +31,7 @@ def locate_on_way(state, way, first, q, out):
 
     A point of the robot differs by at most sum_j |dq_j| sway_j between q and the
     nearest point of the segment; where that is too much, the spheres are asked. Writes
-    the share of the segment and that bound to out; returns the segment, or -1.
+    the share of the segment to out[0]; returns the segment, or -1.
     """
     own = own_of(state)
     best = -1
@@ -45,22 +45,35 @@ def locate_on_way(state, way, first, q, out):
             best_off = min(off, best_off)
             best = k
             out[0] = t
-    out[1] = best_off
     if best < 0:
-        out[1] = math.inf
         return locate_beside(state, way, first, q, out)
     return best
 
 
 @njit(cache=True, nogil=True)
-def is_on(proof, k, q, sway):
+def is_on(proof, k, q):
     """Return True if q is on the certified motion of segment k, but for rounding.
 
     Only then what was certified of that motion holds for the one from q to an end of
     the segment: it is a part of it. Beside it, that is a motion of its own.
     """
     a, b = proof.begin[k], proof.end[k]
-    return off_motion(a, b, nearest_share(a, b, q), q, sway) <= ON
+    return off_motion(a, b, nearest_share(a, b, q), q, proof.motion) <= ON
+
+
+@njit(cache=True, nogil=True)
+def turns_back(way, k, q, continuous):
+    """Return True if a continuous joint has more than half a turn to go to the end.
+
+    Beside the begin of a segment of almost half a turn: the short way there is the
+    other way round.
+    """
+    for j in range(q.shape[0]):
+        if continuous[j] and abs(way.q[k + 1, j] - q[j]) > math.pi:
+            return True
+        if continuous[j] and abs(way.q[k, j] - q[j]) > math.pi:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

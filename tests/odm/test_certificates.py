@@ -5,6 +5,9 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 
 import odm
+from odm._kernels.beside import nearest_share, off_motion
+from odm._kernels.types import N_BESIDE, N_WHERE
+from odm._kernels.ways import is_on
 from odm.sequence_judge import Judge
 from odm.sequences import Sequence, reuse_certificate
 from roadmap.kinematics import sphere_centers
@@ -119,3 +122,52 @@ def test_sequences_find_a_certificate_that_is_used_for_a_shifted_motion(small_ma
         if any(step.verdict and step.verdict.wrong for step in steps):
             return
     raise AssertionError("the reused certificate was not found")
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_a_robot_that_creeps_is_measured_from_what_was_certified(small_map, always):
+    """Each frame's drift is below what counts as rounding; all together are not."""
+    planner = odm.ReactivePlanner(small_map, always_replan=always)
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    q = HOME.copy()
+    planner.step(points, q=q)
+    beside = []
+    for _ in range(40):
+        q = q + np.array([0.0, -1.5e-8, 0.0])
+        assert planner.step(points, q=q).status == "following"
+        beside.append(int(planner.memory.own.numbers[N_BESIDE]))
+        proof = planner.memory.proof
+        if not beside[-1]:
+            assert is_on(proof, int(planner.memory.own.numbers[N_WHERE]), q)
+    assert any(beside) or always  # a planner that replans may certify it anew
+    k = int(planner.memory.own.numbers[N_WHERE])
+    a, b = proof.begin[k], proof.end[k]
+    share = nearest_share(a, b, q)
+    off = off_motion(a, b, share, q, proof.motion)
+    assert off <= 1e-7 or beside[-1]
+
+
+def test_a_joint_that_moves_no_centre_of_a_sphere_is_off_its_motion_too(small_map):
+    """The small arm's last joint turns its tool about an axis through all centres."""
+    planner = odm.ReactivePlanner(small_map)
+    assert planner.memory.own.sway[2] < 1e-6
+    assert planner.memory.proof.motion[2] > 0.01
+    planner.set_goals([AWAY])
+    points = odm.sample_capsules(POST, 0.03)
+    planner.step(points, q=HOME)
+    planner.step(points, q=HOME + [0.0, 0.0, 0.5])
+    assert planner.memory.own.numbers[N_BESIDE] == 1
+
+
+def test_no_leg_turns_a_continuous_joint_by_more_than_half_a_turn(small_map):
+    """Beside the begin of a leg of half a turn, the short way is the other one."""
+    planner = odm.ReactivePlanner(small_map)
+    robot = small_map.robot
+    assert robot.continuous[2]
+    goal = HOME + [0.0, 0.0, np.pi - 1e-4]
+    planner.set_goals([goal])
+    planner.step(NOBODY, q=HOME)
+    for back in (5e-4, 1e-3, 2e-3):
+        answer = planner.step(NOBODY, q=HOME - [0.0, 0.0, back])
+        assert np.abs(np.diff(answer.path, axis=0)).max() <= np.pi + 1e-9

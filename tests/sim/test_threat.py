@@ -307,3 +307,17 @@ def test_a_stop_beside_a_person_of_unknown_age_does_not_pass(small_map, age):
 def test_settings_that_bound_nothing_are_refused(name, value):
     with pytest.raises(BadInput, match=name):
         ThreatSettings(**{name: value})
+
+
+def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
+    watcher = Watcher()
+    centers = np.zeros((1, 3))
+    speed, rate, hand = 3.0, 100.0, np.array([[0.0, 0, 1, 0, 0, 1.2, 0.05]])
+    for k in range(12):
+        jumped = 0.5 if k >= 10 else 0.0
+        at = hand + [*np.tile([speed * k / rate, jumped, 0.0], 2), 0.0]
+        threat = watcher.look(at, odm.sample_capsules(at), centers, k / rate)
+        if k == 0:  # nobody was seen before
+            assert threat.between(0.0, 0.2)[1] == pytest.approx(0.4)
+        if k >= 10:
+            assert threat.between(0.0, 0.2)[1] >= 0.2 * speed
