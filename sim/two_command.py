@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sim.two_result import TwoResult
 
 ALONE_S = 20.0  # simulated, to see how many trips a robot makes alone
-FAR = 20.0  # no robot of ours reaches so far [m]
+FAR = 15.0  # no robot of ours reaches so far, and points may be there [m]
 # bases face each other at this share of the first one's reach, so that they share
 # what lies in front of both
 APART, ASIDE = 1.36, 0.10  # share, and [m] added

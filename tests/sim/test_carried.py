@@ -30,7 +30,7 @@ def test_a_run_with_a_ball_has_no_contact_while_moving(
 ):
     file = tmp_path / "run.json"
     code, out, err = odm(
-        "run", "--map", map_dir, "--seconds", 4, "--carry", 0.07, "--json", file,
+        "run", "--map", map_dir, "--seconds", 8, "--carry", 0.07, "--json", file,
         "--execution", execution,
     )  # fmt: skip
     assert code == 0, err

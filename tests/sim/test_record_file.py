@@ -218,7 +218,8 @@ def test_odd_names_and_nested_values_survive_as_toml(tmp_path):
         ],
     }
     robot = RobotRecipe(source="my arm\n.urdf", locked={"joint 1.a": -0.5}, srdf="s")
-    recipe = parse_recipe(table, "näme")
+    (tmp_path / table["scenery"][0]["file"]).touch()
+    recipe = parse_recipe(table, "näme", tmp_path)
     recipe = Recipe(recipe.name, robot, recipe.roadmap, recipe.safety, recipe.scenery)
     (tmp_path / "again.toml").write_text(recipe_text(recipe), encoding="utf-8")
     assert load_recipe(tmp_path / "again.toml").as_dict() == recipe.as_dict()
