@@ -17,7 +17,7 @@ _STRAIGHT = 1e-9  # of two legs along one line, no corner can be told
 
 @njit(cache=True, nogil=True)
 def locate_beside(state, way, first, q, out):
-    """Find q beside a way, from segment `first` on, within what is on its way.
+    """Find q beside a way, from segment `first` on, within tracking and blending.
 
     The motions from q to both ends of the segment, which answers may begin with, stay
     within that share of it. Writes the share of the segment to out[0]; returns the

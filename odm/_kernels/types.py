@@ -225,7 +225,7 @@ class Own(NamedTuple):
     """What belongs to no other group."""
 
     radii: np.ndarray  # (n,) sphere radius + rho + m
-    terms: np.ndarray  # (4,) mu / 2, h, what is on its way, extra clearance [m]
+    terms: np.ndarray  # (4,) mu / 2, h, tracking and blending share, extra clearance
     sway: np.ndarray  # (dof,) most that joint j moves any sphere per unit
     weights: np.ndarray  # (dof,)
     continuous: np.ndarray  # (dof,)

@@ -27,7 +27,7 @@ ON = 1e-7  # [m] a tenth of what every swept radius is larger than it must be
 
 @njit(cache=True, nogil=True)
 def locate_on_way(state, way, first, q, out):
-    """Find q on a way, from segment `first` on, within what is on its way.
+    """Find q on a way, from segment `first` on, within tracking and blending.
 
     A point of the robot differs by at most sum_j |dq_j| sway_j between q and the
     nearest point of the segment; where that is too much, the spheres are asked. Writes
