@@ -8,6 +8,7 @@ stale, broken or huge. After each frame every leg of the answer is judged by
 `odm.sequence_judge`, which remembers nothing.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ AIMED = 8  # frames between two looks where a push should go
 MISREAD = 0.004  # [rad or m] steady error of a joint, at most
 FEW, HUGE = 4, 40_000  # goals at most; points of a frame that makes the memory grow
 BUMP = 0.04  # [rad or m] of a joint
+TRIED = 500  # configurations that are drawn before the scenery goes
 PATIENCE = 12  # frames without a path, then the obstacles leave
 
 # What happens between two frames, and how often relative to each other.
@@ -101,9 +103,15 @@ class Sequence:
     # --- what is drawn ----------------------------------------------------------
 
     def draw_valid(self) -> np.ndarray:
-        """Return a configuration that nothing standing still blocks."""
+        """Return a configuration that nothing standing still blocks.
+
+        Where the scenery of this place leaves hardly any, it is taken away.
+        """
         nodes, still = self.cell_map.roadmap.nodes, np.zeros(self.robot.dof)
-        while True:
+        for tried in itertools.count():
+            if tried and tried % TRIED == 0:
+                self.world.boxes = []
+                self._set_scenery()
             q = nodes[self.rng.integers(len(nodes))] + self.rng.normal(
                 0.0, 0.1 if self.rng.random() < 0.8 else 0.0, self.robot.dof
             )
@@ -336,6 +344,9 @@ class Sequence:
             p = self.draw_arm()[0, :3]
             turn = self.rng.uniform(-1.0, 1.0, 3)
             self.world.boxes = [Box(size).moved(pose_of(p, turn))]
+        self._set_scenery()
+
+    def _set_scenery(self) -> None:
         self.planner.set_static(self.world.boxes or np.zeros((0, 3)))
         self.judge.changed()
 
