@@ -80,7 +80,7 @@ def test_points_of_the_wrong_kind_are_refused_by_every_question(planner, points)
     [np.zeros((1, 2)), HOME, np.array([[None] * 3]), [["a", "b", "c"]], [[1], []]],
 )
 def test_paths_of_the_wrong_kind_are_refused(planner, path):
-    with pytest.raises(BadInput, match="a path"):
+    with pytest.raises(BadInput, match="path"):
         planner.blocked_leg(path)
 
 
