@@ -44,7 +44,7 @@ def restless(small_map):
     rng = np.random.default_rng(4)
     places = []
     while len(places) < 3:
-        place = rng.uniform([0.2, -0.5, 0.2], [0.8, 0.5, 0.9])
+        place = rng.uniform([0.65, 0.0, 0.2], [0.85, 0.15, 0.35])
         shake = partial(trembling, place=place)
         answers = played(small_map, NOWHERE_CALM, 120, shake)
         if changes(answers) >= 6:
