@@ -177,7 +177,14 @@ def run_sequence(
     tamper = reuse_certificate if sabotage else None
     report = SequenceReport(seed=seed, sabotage=sabotage)
     sequence = Sequence(cell_map, seed, judge, tamper)
-    for k, step in enumerate(sequence.run(steps, EXACT_EVERY)):
+    played = sequence.run(steps, EXACT_EVERY)
+    for k in range(steps):
+        try:
+            step = next(played)
+        except Exception as error:  # a crash is a fault like any other
+            report.wrong += 1
+            report.told.append((seed, k, f"raised {type(error).__name__}: {error}"))
+            break
         report.steps += 1
         verdict = step.verdict
         if verdict is None:

@@ -9,7 +9,7 @@ stale, broken or huge. After each frame every leg of the answer is judged by
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -405,19 +405,17 @@ class Sequence:
             self.q = self.inside(self.q + self.pushed)
         return Step(answer, verdict)
 
-    def run(self, steps: int, exact_every: int) -> list[Step]:
-        """Run so many frames with random events between them."""
+    def run(self, steps: int, exact_every: int) -> Iterator[Step]:
+        """Run so many frames with random events between them, one at a time."""
         names = list(EVENTS)
         share = np.array(list(EVENTS.values()))
         share = share / share.sum()
-        done = []
         for k in range(steps):
             for _ in range(1 + int(self.rng.integers(3))):
                 drawn = int(self.rng.choice(len(names), p=share))
                 if not self.pushes or names[drawn] in QUIET or self.rng.random() < 0.02:
                     self.happen(names[drawn])
-            done.append(self.frame(exact=k % exact_every == 0))
-        return done
+            yield self.frame(exact=k % exact_every == 0)
 
 
 def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:

@@ -56,6 +56,9 @@ def body_near_solids(arm, b, margin, f, half, solids, skip, work):
                 return 2
             if not d >= work.speed[i] * half:
                 result = 1
+                work.found[0] = i
+                work.found[1] = k
+                work.value[1] = d
     return result
 
 

@@ -124,3 +124,22 @@ def test_both_ends_of_a_question_are_checked(planner):
     for ends, name in (((nowhere, HOME), "q_a"), ((HOME, nowhere), "q_b")):
         with pytest.raises(BadInput, match=f"{name} holds NaN"):
             planner.is_free(*ends)
+
+
+def test_a_motion_only_just_not_free_of_a_solid_is_told_with_that_solid(small_map):
+    """Not in contact, but not proved to keep clear: the question must not fail."""
+    static = odm.ReactivePlanner(small_map).static
+    told = 0
+    for k in range(12):
+        q = np.array([0.1 * k, 0.6, 0.0])
+        dq = np.array([0.3, 1.3, 0.2])
+        low, high = 0.0, 1.0
+        if static.why(q, high * dq) is None or static.why(q, low * dq) is not None:
+            continue
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            free = static.why(q, middle * dq) is None
+            low, high = (middle, high) if free else (low, middle)
+        static.work.found[:2] = 10**6  # what another test left there
+        told += "floor" in static.why(q, high * dq)
+    assert told
