@@ -17,7 +17,6 @@ from odm.planner import ReactivePlanner
 from odm.shapes import Box, Capsule, Shape
 from odm.state import joint_sway
 from odm.surfaces import sample_capsules
-from roadmap.errors import BadInput
 from roadmap.kinematics import difference
 
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
@@ -291,6 +290,3 @@ def solid_of(row: np.ndarray) -> Box:
     T[:3, :3] = np.stack([x, np.cross(normal, x), normal], axis=1)
     T[:3, 3] = (offset - 0.5 * GROUND) * normal
     return Box(np.full(3, GROUND), T)
-
-
-__all__ = ["BadInput", "Judge", "Verdict", "World", "solid_of"]

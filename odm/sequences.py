@@ -19,14 +19,13 @@ from odm.answer import HOLDING, Answer
 from odm.cell_map import CellMap
 from odm.planner import ReactivePlanner
 from odm.planner_settings import PlannerSettings
-from odm.sequence_judge import Judge, Verdict, World
+from odm.sequence_judge import SPACING, Judge, Verdict, World
 from odm.shapes import Box
 from odm.surfaces import sample_capsules
 from roadmap.errors import BadInput
 from roadmap.kinematics import sphere_centers
 from roadmap.transforms import pose_of
 
-SPACING = 0.03  # [m] of the samples
 PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
 AIM = 0.05  # [m] pushes go where this brings the robot nearest to an obstacle
 AIMED = 8  # frames between two looks where a push should go
