@@ -55,7 +55,14 @@ class Answer:
     """
 
     __slots__ = (
-        "_counted", "_explain", "_led", "_times", "_told", "certified", "goal", "path",
+        "_counted",
+        "_explain",
+        "_led",
+        "_times",
+        "_told",
+        "certified",
+        "goal",
+        "path",
         "status",
     )
 
@@ -101,9 +108,7 @@ class Answer:
         blocks, inside, outside, bad, _ = counts
         popped, tests, flooded, close, runs = stats[:5]
         n_points = inside + outside + bad
-        return Work(
-            n_points, outside, blocks, tests, popped, flooded, close, runs
-        )
+        return Work(n_points, outside, blocks, tests, popped, flooded, close, runs)
 
     @property
     def reason(self) -> str | None:

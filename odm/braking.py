@@ -123,7 +123,14 @@ class Braking:
         if len(self._grown) != len(self.radii):  # with something in the hand
             self._grown = np.empty(len(self.radii))
         leg = first_blocked(
-            m.arm, self.radii, extra, path, cell_map.motion_tolerance, cloud, m.work,
-            self._grown, self._leg,
+            m.arm,
+            self.radii,
+            extra,
+            path,
+            cell_map.motion_tolerance,
+            cloud,
+            m.work,
+            self._grown,
+            self._leg,
         )
         return None if leg < 0 else leg

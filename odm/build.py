@@ -129,9 +129,7 @@ def _source_of(recipe: Recipe) -> str | Path:
 def _named(progress: Progress | None, layer: str = "") -> Progress | None:
     if progress is None:
         return None
-    return lambda stage, done, total: progress(
-        f"{layer}cells of {stage}", done, total
-    )
+    return lambda stage, done, total: progress(f"{layer}cells of {stage}", done, total)
 
 
 def _versions() -> dict[str, str]:

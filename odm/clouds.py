@@ -54,6 +54,5 @@ class SortedClouds:
         while len(self._rooms) < len(sets):
             self._rooms.append(SortedCloud(self._grid))
         return [
-            room.of(points)
-            for room, points in zip(self._rooms, sets, strict=False)
+            room.of(points) for room, points in zip(self._rooms, sets, strict=False)
         ]

@@ -46,7 +46,10 @@ def estimate(robot: Robot, recipe: Recipe) -> Estimate:
     entries = blocks * (1.6 * n_edges + settings.nodes)
     map_bytes = int(entries * 22)
     return Estimate(
-        n_edges, blocks, map_bytes, int(3 * map_bytes + 16 * n_blocks),
+        n_edges,
+        blocks,
+        map_bytes,
+        int(3 * map_bytes + 16 * n_blocks),
         int(64 * n_blocks),
     )
 

@@ -97,9 +97,7 @@ def build_payload(
         BadRecipe: The envelope touches the robot or the scenery at every node.
     """
     spheres = envelope_spheres(recipe)
-    loaded = with_payload(
-        robot, spheres, shell(envelope_solid(recipe.payload)), []
-    )
+    loaded = with_payload(robot, spheres, shell(envelope_solid(recipe.payload)), [])
     own = len(loaded.link_names) - 1
     alone = only_link(loaded, own)
     cells = sweep_roadmap(

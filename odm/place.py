@@ -36,9 +36,7 @@ def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
     return np.concatenate(found)
 
 
-def items_in_place(
-    graph: Graph, static: StaticTest, roadmap: Roadmap
-) -> np.ndarray:
+def items_in_place(graph: Graph, static: StaticTest, roadmap: Roadmap) -> np.ndarray:
     """Return which nodes and edges touch the place's scenery: cells, then closely.
 
     Args:
@@ -61,7 +59,13 @@ def items_in_place(
         start = roadmap.nodes[item if item < n else ends[item - n, 0]]
         way = still if item < n else dq[item - n]
         hit[item] = not close.motion_clear(
-            static.arm, static.place_radii, start, way, static.tolerance,
-            static.place_cloud, False, static.work,
+            static.arm,
+            static.place_radii,
+            start,
+            way,
+            static.tolerance,
+            static.place_cloud,
+            False,
+            static.work,
         )
     return hit

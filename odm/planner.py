@@ -223,14 +223,21 @@ class ReactivePlanner(Doors, Questions, Braking):
             memory.owner.check()
         # mostly both are what the compiled frame takes, which is seen at once here
         if (
-            type(points) is not np.ndarray or points.dtype is not FLOAT
-            or points.ndim != 2 or points.shape[1] != 3 or not points.flags.carray
-            or labels is not None or covering_radius is not None
+            type(points) is not np.ndarray
+            or points.dtype is not FLOAT
+            or points.ndim != 2
+            or points.shape[1] != 3
+            or not points.flags.carray
+            or labels is not None
+            or covering_radius is not None
         ):
             points = check_points(points, labels, covering_radius, self.rho)
         if (
-            type(q) is not np.ndarray or q.dtype is not FLOAT
-            or q.shape != self._q.shape or not q.flags.carray or dq is not None
+            type(q) is not np.ndarray
+            or q.dtype is not FLOAT
+            or q.shape != self._q.shape
+            or not q.flags.carray
+            or dq is not None
         ):
             q = check_configuration(self.robot, q, dq)
         self.classes = None if classes is None else check_classes(classes, len(points))
@@ -332,7 +339,12 @@ class ReactivePlanner(Doors, Questions, Braking):
         if not self.always_replan and s.memory_s:
             return self.calm.choose(points, q)
         code = step.step(
-            self._memory.table, points, q, self.always_replan, s.margin, s.close_tests,
+            self._memory.table,
+            points,
+            q,
+            self.always_replan,
+            s.margin,
+            s.close_tests,
             s.looks,
         )
         if code != step.BESIDE:

@@ -47,9 +47,7 @@ class Doors:
         self.memory.owner.check()
         return check_configuration(self.robot, q, None) in self.attacher.kept
 
-    def attach(
-        self, thing: object, T_tool_object: np.ndarray | None = None
-    ) -> None:
+    def attach(self, thing: object, T_tool_object: np.ndarray | None = None) -> None:
         """Take an object into the hand: from now on all motions heed it.
 
         Edges are judged by the cells of the map's payload envelope, all other motions

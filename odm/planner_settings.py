@@ -24,8 +24,13 @@ _RANGES = {
     "max_range_m": (0.1, 1e6, "m"),
 }
 _COUNTS = (
-    "attachments", "start_attachments", "close_tests", "looks", "patience",
-    "max_points", "kept_goals",
+    "attachments",
+    "start_attachments",
+    "close_tests",
+    "looks",
+    "patience",
+    "max_points",
+    "kept_goals",
 )
 
 

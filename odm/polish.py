@@ -59,8 +59,14 @@ class Polisher:
             return 0, 0
         dq = planner._difference(q_a, way.q[j])
         if not close.motion_clear(
-            m.arm, planner.radii, q_a, dq, planner.cell_map.motion_tolerance, m.cloud,
-            False, m.work,
+            m.arm,
+            planner.radii,
+            q_a,
+            dq,
+            planner.cell_map.motion_tolerance,
+            m.cloud,
+            False,
+            m.work,
         ):
             return 1, 0
         item = -1

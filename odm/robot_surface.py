@@ -43,9 +43,7 @@ class RobotSurface:
         BadInput: `spacing` is not above 0, or `parts` is unknown.
     """
 
-    def __init__(
-        self, robot: Robot, spacing: float = 0.03, parts: str = "all"
-    ) -> None:
+    def __init__(self, robot: Robot, spacing: float = 0.03, parts: str = "all") -> None:
         """Sample the solids, each in the frame of its body."""
         if parts not in PARTS:
             raise BadInput(
@@ -129,9 +127,7 @@ class RobotSurface:
     def _sway(self) -> np.ndarray:
         robot = self.robot
         span = joint_span(robot.tree_i, robot.tree_f, robot.lower, robot.upper)
-        reach = point_reach(
-            robot.tree_i, robot.tree_f, span, self._body, self._points
-        )
+        reach = point_reach(robot.tree_i, robot.tree_f, span, self._body, self._points)
         sway = np.zeros((len(reach), robot.dof))
         for joint in range(robot.dof):
             bodies = robot.tree_i[:, 1] == joint

@@ -42,9 +42,7 @@ def spoiled(cell_map: CellMap, term: str, nodes: int = _NODES) -> CellMap:
     else:
         arm = without_sphere(arm, most_needed_sphere(robot)[0], cell_map)
     cells = sweep_roadmap(robot, arm, roadmap, cell_map.grid, safety)
-    return replace(
-        cell_map, roadmap=roadmap, arm_cells=cells, payload=None, hash=""
-    )
+    return replace(cell_map, roadmap=roadmap, arm_cells=cells, payload=None, hash="")
 
 
 def part_of(roadmap: Roadmap, nodes: int) -> Roadmap:

@@ -73,8 +73,11 @@ class Scenery:
         """Make scenery again from `meta()` and `arrays()`."""
         dropped = tuple((a, b) for a, b in meta["dropped"])
         return cls(
-            arrays["solids"], arrays["points"], meta["covering_radius"],
-            tuple(meta["names"]), dropped,
+            arrays["solids"],
+            arrays["points"],
+            meta["covering_radius"],
+            tuple(meta["names"]),
+            dropped,
         )
 
 
@@ -180,9 +183,7 @@ def _number(
     return float(value)
 
 
-def _mesh_found(
-    table: dict, k: int, folder: Path | None
-) -> tuple[np.ndarray, float]:
+def _mesh_found(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, float]:
     """Return no points, where the file is there."""
     name = table.get("file")
     if not isinstance(name, str):
@@ -193,9 +194,7 @@ def _mesh_found(
     return np.zeros((0, 3)), 0.0
 
 
-def _mesh_points(
-    table: dict, k: int, folder: Path | None
-) -> tuple[np.ndarray, float]:
+def _mesh_points(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, float]:
     from odm.shapes import Mesh
     from odm.surfaces import surface_of
 

@@ -132,8 +132,17 @@ class Smoother:
         """Return the next change that is worth a test, of at most so many."""
         way = self.planner.memory.way
         self._drawn, found = smoothing.next_change(
-            way.q, self._at, int(way.count[0]) - 1, self._share, self._drawn, most,
-            _WORTH, self._robot, self._rounding, self._continuous, *self._scratch,
+            way.q,
+            self._at,
+            int(way.count[0]) - 1,
+            self._share,
+            self._drawn,
+            most,
+            _WORTH,
+            self._robot,
+            self._rounding,
+            self._continuous,
+            *self._scratch,
         )
         if not found:
             return None
@@ -244,4 +253,3 @@ class Smoother:
             turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
             turns *= self.planner.robot.continuous
             proof.begin[k], proof.end[k] = begin[was] + turns, end[was] + turns
-

@@ -75,7 +75,9 @@ class Memory:
         """Point at other groups, by name; only `Carrier` and `_make_room` may."""
         named = {n: groups[n] if n in groups else getattr(self, n) for n in _ORDER}
         rows = [
-            array for group in named.values() for array in group
+            array
+            for group in named.values()
+            for array in group
             if isinstance(array, np.ndarray)
         ]
         table = _table_of(rows, named["graph"].block.dtype)
@@ -99,9 +101,24 @@ def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:
 
 
 _ORDER = (
-    "arm", "cloud", "work", "graph", "pool", "goals", "search", "direct", "short",
-    "fresh", "along", "way", "spare", "own", "pick", "past",
-    "proof", "beside",
+    "arm",
+    "cloud",
+    "work",
+    "graph",
+    "pool",
+    "goals",
+    "search",
+    "direct",
+    "short",
+    "fresh",
+    "along",
+    "way",
+    "spare",
+    "own",
+    "pick",
+    "past",
+    "proof",
+    "beside",
 )
 
 
@@ -112,14 +129,20 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     cells = cell_map.arm_cells
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
     pool = kinds.Pool(
-        np.zeros(POOL_ITEMS, np.int64), np.zeros(POOL_ITEMS, np.int64),
-        np.zeros(POOL_ENTRIES, cells.block.dtype), np.zeros(POOL_ENTRIES, np.uint64),
-        np.zeros(4 * POOL_ITEMS, np.uint64), np.zeros(2, np.int64),
+        np.zeros(POOL_ITEMS, np.int64),
+        np.zeros(POOL_ITEMS, np.int64),
+        np.zeros(POOL_ENTRIES, cells.block.dtype),
+        np.zeros(POOL_ENTRIES, np.uint64),
+        np.zeros(4 * POOL_ITEMS, np.uint64),
+        np.zeros(2, np.int64),
     )
     short = kinds.Shortcuts(
-        np.full(SHORTCUTS, -1, np.int64), np.zeros(SHORTCUTS, np.int64),
-        np.zeros(1, np.int64), np.zeros(WAY_LENGTH),
-        np.zeros(2 * WAY_LENGTH + 2, np.int64), np.zeros(WAY_LENGTH, np.int64),
+        np.full(SHORTCUTS, -1, np.int64),
+        np.zeros(SHORTCUTS, np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(WAY_LENGTH),
+        np.zeros(2 * WAY_LENGTH + 2, np.int64),
+        np.zeros(WAY_LENGTH, np.int64),
     )
     safety = cell_map.safety
     # a robot so far beside its path is on its way. That spends nothing of m: from
@@ -127,10 +150,21 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     share = safety.tracking + safety.blending
     terms = np.array([cell_map.motion_tolerance, safety.h, share, 0.0])
     own = kinds.Own(
-        cell_map.swept_radii(), terms, joint_sway(arm, dof), roadmap.weights,
-        robot.continuous, np.zeros(n), np.zeros(12, np.int64), np.zeros(dof),
-        np.zeros(dof), np.zeros(dof), np.full(dof, np.nan), np.full(dof, np.nan),
-        robot.lower, robot.upper, np.zeros(2),
+        cell_map.swept_radii(),
+        terms,
+        joint_sway(arm, dof),
+        roadmap.weights,
+        robot.continuous,
+        np.zeros(n),
+        np.zeros(12, np.int64),
+        np.zeros(dof),
+        np.zeros(dof),
+        np.zeros(dof),
+        np.full(dof, np.nan),
+        np.full(dof, np.nan),
+        robot.lower,
+        robot.upper,
+        np.zeros(2),
     )
     return Memory(
         {
@@ -151,7 +185,8 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
             "pick": cell_map.grid.new_cloud(max_points),
             "past": _past(),
             "proof": kinds.Proof(
-                np.zeros((WAY_LENGTH, dof)), np.zeros((WAY_LENGTH, dof)),
+                np.zeros((WAY_LENGTH, dof)),
+                np.zeros((WAY_LENGTH, dof)),
                 point_motion(arm, dof),
             ),
             "beside": kinds.Beside(np.full((3, dof), np.nan), np.zeros(2, np.int64)),
@@ -168,9 +203,19 @@ def graph_on(
     sign = np.zeros(4 * n_items, np.uint64)
     signature.sign_items(cells.ptr, cells.block, region, sign)
     graph = kinds.Graph(
-        roadmap.adj_ptr, roadmap.adj_node, roadmap.adj_edge, roadmap.adj_length,
-        roadmap.edges, roadmap.nodes, cells.ptr, cells.block, cells.mask,
-        np.zeros(n_items, np.bool_), region, sign, direct.bits,
+        roadmap.adj_ptr,
+        roadmap.adj_node,
+        roadmap.adj_edge,
+        roadmap.adj_length,
+        roadmap.edges,
+        roadmap.nodes,
+        cells.ptr,
+        cells.block,
+        cells.mask,
+        np.zeros(n_items, np.bool_),
+        region,
+        sign,
+        direct.bits,
     )
     return graph, direct
 
@@ -188,10 +233,15 @@ def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
     n_blocks = len(cells.t_ptr) - 1
     longest = int(np.diff(cells.t_ptr).max(initial=0))
     return kinds.Direct(
-        cells.t_ptr, cells.t_item.view(np.int32), cells.t_mask,
-        np.zeros(n_blocks, np.uint64), np.zeros(n_items, np.int32),
-        np.zeros(n_blocks + 1, np.int32), np.zeros(n_items // 64 + 1, np.uint64),
-        np.zeros(longest + 1, np.int32), np.full(1, -100, np.int64),
+        cells.t_ptr,
+        cells.t_item.view(np.int32),
+        cells.t_mask,
+        np.zeros(n_blocks, np.uint64),
+        np.zeros(n_items, np.int32),
+        np.zeros(n_blocks + 1, np.int32),
+        np.zeros(n_items // 64 + 1, np.uint64),
+        np.zeros(longest + 1, np.int32),
+        np.full(1, -100, np.int64),
     )
 
 
@@ -219,16 +269,20 @@ def point_motion(arm: kinds.Arm, dof: int) -> np.ndarray:
 def new_way(dof: int) -> kinds.Way:
     """Return an empty way."""
     return kinds.Way(
-        np.zeros(WAY_LENGTH, np.int64), np.zeros(WAY_LENGTH, np.int64),
-        np.zeros((WAY_LENGTH, dof)), np.zeros(2, np.int64),
+        np.zeros(WAY_LENGTH, np.int64),
+        np.zeros(WAY_LENGTH, np.int64),
+        np.zeros((WAY_LENGTH, dof)),
+        np.zeros(2, np.int64),
     )
 
 
 def _past() -> kinds.Past:
     k = PAST_WAYS
     return kinds.Past(
-        np.full(k, -1, np.int64), np.zeros((k, WAY_LENGTH), np.int32),
-        np.zeros((k, WAY_LENGTH), np.int32), np.zeros((k, WAY_LENGTH)),
+        np.full(k, -1, np.int64),
+        np.zeros((k, WAY_LENGTH), np.int32),
+        np.zeros((k, WAY_LENGTH), np.int32),
+        np.zeros((k, WAY_LENGTH)),
         np.zeros(k + 2, np.int64),
     )
 
@@ -236,8 +290,12 @@ def _past() -> kinds.Past:
 def _starts() -> kinds.Starts:
     k = MAX_ATTACHMENTS
     return kinds.Starts(
-        np.zeros(k, np.int64), np.zeros(k), np.zeros(k, np.int64),
-        np.zeros(k, np.int64), np.zeros(k, np.int64), np.full(k, -1.0),
+        np.zeros(k, np.int64),
+        np.zeros(k),
+        np.zeros(k, np.int64),
+        np.zeros(k, np.int64),
+        np.zeros(k, np.int64),
+        np.full(k, -1.0),
         np.zeros(2, np.int64),
     )
 
@@ -245,24 +303,41 @@ def _starts() -> kinds.Starts:
 def _goals(n: int, dof: int) -> kinds.Goals:
     g, k = MAX_GOALS, MAX_ATTACHMENTS
     return kinds.Goals(
-        np.zeros((g, dof)), np.zeros(g), np.full((g, n), np.inf),
-        np.full((g, n), -1, np.int32), np.zeros((g, k), np.int64), np.zeros((g, k)),
-        np.zeros((g, k), np.int64), np.zeros((g, k), np.int64),
+        np.zeros((g, dof)),
+        np.zeros(g),
+        np.full((g, n), np.inf),
+        np.full((g, n), -1, np.int32),
+        np.zeros((g, k), np.int64),
+        np.zeros((g, k)),
+        np.zeros((g, k), np.int64),
+        np.zeros((g, k), np.int64),
         np.full((g, k), -1.0),
-        np.zeros(g, np.int64), np.zeros(g, np.int64),
-        np.full(g, kinds.NO_WAY, np.int64), np.zeros(g),
-        np.full(g, kinds.NO_WAY, np.int64), np.zeros(g, np.int64),
-        np.full(g, -1.0), np.zeros(3, np.int64),
+        np.zeros(g, np.int64),
+        np.zeros(g, np.int64),
+        np.full(g, kinds.NO_WAY, np.int64),
+        np.zeros(g),
+        np.full(g, kinds.NO_WAY, np.int64),
+        np.zeros(g, np.int64),
+        np.full(g, -1.0),
+        np.zeros(3, np.int64),
     )
 
 
 def _search(n: int, m: int) -> kinds.Search:
     room = 2 * m + MAX_ATTACHMENTS + MAX_GOALS * (MAX_ATTACHMENTS + 1)
     return kinds.Search(
-        np.full(n + m, -1, np.int64), np.zeros(n + MAX_GOALS, np.int64),
+        np.full(n + m, -1, np.int64),
+        np.zeros(n + MAX_GOALS, np.int64),
         np.zeros(n, np.int64),
-        np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n),
-        np.zeros(room, np.int32), np.zeros(room, np.int32),
-        np.zeros(room, np.int32), np.zeros(room), np.zeros(room),
-        np.zeros(room, np.int32), np.zeros(4, np.uint64), np.zeros(8, np.int64),
+        np.zeros(n, np.int64),
+        np.zeros(n, np.int64),
+        np.zeros(n),
+        np.zeros(room, np.int32),
+        np.zeros(room, np.int32),
+        np.zeros(room, np.int32),
+        np.zeros(room),
+        np.zeros(room),
+        np.zeros(room, np.int32),
+        np.zeros(4, np.uint64),
+        np.zeros(8, np.int64),
     )

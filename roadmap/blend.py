@@ -156,8 +156,16 @@ def blend_length(
     if far == 0.0:
         return d, 0.0
     longer, stray = longest_blend(
-        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
-        robot.sphere_reach, corner, u, w, float(room), float(blend),
+        robot.tree_i,
+        robot.tree_f,
+        robot.spheres,
+        robot.sphere_body,
+        robot.sphere_reach,
+        corner,
+        u,
+        w,
+        float(room),
+        float(blend),
     )
     if longer < d:
         return d, far * d

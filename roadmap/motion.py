@@ -246,9 +246,7 @@ class Motion:
         """Return this motion followed by another on the same way."""
         phases = tuple(p._replace(t=p.t + self.duration) for p in later._phases)
         total = self.duration + later.duration
-        return Motion(
-            total, later.speed_scale, way, self._phases + phases, later._end
-        )
+        return Motion(total, later.speed_scale, way, self._phases + phases, later._end)
 
     def _finish(self, profiles: Profiles, t: float) -> None:
         """Add what this motion does from time `t` to its end."""

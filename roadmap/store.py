@@ -191,9 +191,7 @@ def _opened(path: Path, name: str) -> Iterator[BinaryIO]:
         raise _damaged(path, name, error) from error
 
 
-def _check_header(
-    stream: BinaryIO, path: Path, name: str, row: dict, size: int
-) -> int:
+def _check_header(stream: BinaryIO, path: Path, name: str, row: dict, size: int) -> int:
     """Return where the numbers begin in a .npy file that is what its row says.
 
     The header is compared with what `numpy.save` writes, never read: it is Python.

@@ -164,7 +164,10 @@ def read_depth_png(path: Path) -> "np.ndarray":
     except BadInput:
         raise
     except (
-        UnidentifiedImageError, SyntaxError, ValueError, Image.DecompressionBombError
+        UnidentifiedImageError,
+        SyntaxError,
+        ValueError,
+        Image.DecompressionBombError,
     ) as error:
         raise BadInput(f"{path} is no image; give a 16-bit PNG") from error
     wide = mode.startswith("I;16") or mode == "I"

@@ -161,7 +161,11 @@ def audit(
 
 
 def _audit_sequences(
-    map_dir: Path, steps: int, seed: int, threads: int, sabotage: str | None,
+    map_dir: Path,
+    steps: int,
+    seed: int,
+    threads: int,
+    sabotage: str | None,
     json: str | None,
 ) -> None:
     """Run the audit by sequences and show it."""

@@ -198,9 +198,7 @@ class Loop:
             centers = self._centers[self._moving]
             margin = self._widest + getattr(self.planner, "keep", 0.0)
             margin += self.executor.off
-            threat = self._watcher.look(
-                capsules, points, centers, now, margin=margin
-            )
+            threat = self._watcher.look(capsules, points, centers, now, margin=margin)
         self.executor.heed(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)

@@ -91,9 +91,7 @@ def meet_command(
         meetings = []
         for d, who in zip(distances, people, strict=True):
             tell("meeting", len(meetings), len(people))
-            meetings.append(
-                _meeting(reach, who, obj, settings, arm_map, machine, d, k)
-            )
+            meetings.append(_meeting(reach, who, obj, settings, arm_map, machine, d, k))
         tell("meeting", len(people), len(people))
         facts = meet_facts(meetings, k)
         if plot is not None:
@@ -279,4 +277,3 @@ def _counted(row: dict) -> str:
     if row["missing_m"]:
         return f"{far}: nothing is shared; {100 * row['missing_m']:.0f} cm are missing"
     return f"{far}: nothing is shared, though lengths do not stand in the way"
-

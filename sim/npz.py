@@ -18,8 +18,14 @@ MOST_TIMES = 20  # as many times the size of the file; real data shrink to a thi
 PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others unpack without a bound
 
 Damage = (
-    zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError,
-    RuntimeError, OverflowError, MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    ValueError,
+    NotImplementedError,
+    RuntimeError,
+    OverflowError,
+    MemoryError,
 )
 
 

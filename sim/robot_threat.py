@@ -178,9 +178,7 @@ def limits_threat(
             "to keep to; give its true share of the limits"
         )
     acceleration = np.asarray(robot.max_acceleration)
-    return LimitsThreat(
-        surface, T_base_other, q, dq, age, speed_scale, acceleration
-    )
+    return LimitsThreat(surface, T_base_other, q, dq, age, speed_scale, acceleration)
 
 
 def _most(surface: RobotSurface, moved: np.ndarray) -> float:

@@ -90,9 +90,7 @@ def run_two(
         raise typer.Exit(1)
 
 
-def base_pose(
-    cell_map: "CellMap", base: tuple[float, float, float] | None
-) -> "object":
+def base_pose(cell_map: "CellMap", base: tuple[float, float, float] | None) -> "object":
     """Return T_world_base (4, 4) of the second robot, `base` or face to face.
 
     Raises:

@@ -59,9 +59,7 @@ class TwoSettings:
             if not is_between(value, 1e-6, 1):
                 raise BadInput(f"{name} is {value}; give a share in (0, 1]")
         if self.other not in (PLANNED, SCRIPTED):
-            raise BadInput(
-                f"other is {self.other!r}; choose {PLANNED} or {SCRIPTED}"
-            )
+            raise BadInput(f"other is {self.other!r}; choose {PLANNED} or {SCRIPTED}")
 
 
 class Planned:

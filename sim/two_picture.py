@@ -209,5 +209,3 @@ def _seen_from(camera: Camera, T_world_base: np.ndarray) -> Camera:
 
 def _moved(T: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ T[:3, :3].T + T[:3, 3]
-
-

@@ -196,5 +196,3 @@ def _ways_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarray
         ways.append(answer.path)
         planner.reset()
     return ways
-
-

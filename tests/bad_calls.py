@@ -112,9 +112,7 @@ def calls(odm, planner, hand, home):
         "ragged goals": lambda: planner.set_goals([home, home[:-1]]),
         "goals of text": lambda: planner.set_goals("home"),
         "polish of NaN": lambda: planner.polish(nan),
-        "a plane of NaN": lambda: parse_scenery(
-            ({"type": "plane", "offset": nan},)
-        ),
+        "a plane of NaN": lambda: parse_scenery(({"type": "plane", "offset": nan},)),
         "a box at NaN": lambda: parse_scenery(
             ({"type": "box", "size": [1, 1, 1], "position": [nan, 0, 0]},)
         ),
@@ -153,9 +151,7 @@ def main(folder, home):
     home = np.array(home)
     planner.set_goals([home])
     centers = planner.robot.spheres[planner.robot.moving][:1, :3] * 0.0
-    hand = odm.sample_capsules(
-        np.array([[*centers[0], 0.0, 0.0, 1.6, 0.2]]), 0.03
-    )
+    hand = odm.sample_capsules(np.array([[*centers[0], 0.0, 0.0, 1.6, 0.2]]), 0.03)
     planner.step(hand, q=home)
     outcomes = {}
     for name in calls(odm, planner, hand, home):

@@ -67,9 +67,7 @@ def cell_states(camera: DepthCamera, image, own, grid, noise=0.0) -> np.ndarray:
         v = camera.fy * p[:, 1] / p[:, 2] + camera.cy
         u0, u1 = np.ceil(u.min() - pads[0]), np.floor(u.max() + pads[0])
         v0, v1 = np.ceil(v.min() - pads[1]), np.floor(v.max() + pads[1])
-        whole = (
-            u0 >= 0 and v0 >= 0 and u1 < camera.width and v1 < camera.height
-        )
+        whole = u0 >= 0 and v0 >= 0 and u1 < camera.width and v1 < camera.height
         part = np.s_[
             int(max(v0, 0)) : int(max(v1, -1)) + 1,
             int(max(u0, 0)) : int(max(u1, -1)) + 1,

@@ -19,9 +19,18 @@ from sim.threat import ThreatSettings
 from sim.two_members import TwoSettings
 
 SETTINGS = [
-    odm.PlannerSettings, odm.SeenSettings, ApproachSettings, Safety, RoadmapSettings,
-    LiveSettings, ChoiceSettings, ReachSettings, ExecutionSettings, LoopSettings,
-    ThreatSettings, TwoSettings,
+    odm.PlannerSettings,
+    odm.SeenSettings,
+    ApproachSettings,
+    Safety,
+    RoadmapSettings,
+    LiveSettings,
+    ChoiceSettings,
+    ReachSettings,
+    ExecutionSettings,
+    LoopSettings,
+    ThreatSettings,
+    TwoSettings,
 ]
 
 
@@ -64,8 +73,11 @@ def test_numbers_of_numpy_are_as_good(kind):
 
 def test_zero_counts_that_crashed_late_are_refused_at_once(small_map):
     for field, value in (
-        ("start_attachments", 0), ("attachments", 0), ("max_points", -1),
-        ("max_points", 0), ("kept_goals", -1),
+        ("start_attachments", 0),
+        ("attachments", 0),
+        ("max_points", -1),
+        ("max_points", 0),
+        ("kept_goals", -1),
     ):
         with pytest.raises(BadInput, match=f"{field} is {value}, but must be a whole"):
             odm.PlannerSettings(**{field: value})

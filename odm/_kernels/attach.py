@@ -37,9 +37,21 @@ def sweep_into_pool(
         if item >= pool.begin.shape[0]:
             return -1
         inside = sweep_motion(
-            arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii,
-            q[k], dq[k], tolerance, cloud.origin, cloud.h, cloud.shape, words,
-            scratch, centers,
+            arm.tree_i,
+            arm.tree_f,
+            arm.spheres,
+            arm.body,
+            arm.reach,
+            radii,
+            q[k],
+            dq[k],
+            tolerance,
+            cloud.origin,
+            cloud.h,
+            cloud.shape,
+            words,
+            scratch,
+            centers,
         )
         if not inside:
             words[:] = 0

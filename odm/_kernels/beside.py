@@ -112,7 +112,19 @@ def stray_at(state, way, k, share, q, nearby):
     if total > nearby:
         return math.inf
     return legs_stray(
-        arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, work.point, own.spot,
-        share, own.dq, work.frames[0], work.frames[1], work.rates[0], work.rates[1],
-        work.body_speed, work.speed,
+        arm.tree_i,
+        arm.tree_f,
+        arm.spheres,
+        arm.body,
+        arm.reach,
+        work.point,
+        own.spot,
+        share,
+        own.dq,
+        work.frames[0],
+        work.frames[1],
+        work.rates[0],
+        work.rates[1],
+        work.body_speed,
+        work.speed,
     )

@@ -15,9 +15,7 @@ ROUNDING = 1.0 + 1e-9
 
 
 @njit(cache=True, nogil=True)
-def way_bound(
-    past, r, graph, pool, words, starts, goals, g, search, frame, best
-):
+def way_bound(past, r, graph, pool, words, starts, goals, g, search, frame, best):
     """Return the length of past way r to goal g where it is free and below `best`.
 
     A way counts from any vertex that the start is joined to.

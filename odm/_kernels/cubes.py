@@ -123,9 +123,7 @@ def open_eighths(pose, lens, near, origin, h, x, y, z, wanted, scratch):
         px = origin[0] + h * x + quarter * (1 + 2 * (k >> 2))
         py = origin[1] + h * y + quarter * (1 + 2 * ((k >> 1) & 1))
         pz = origin[2] + h * z + quarter * (1 + 2 * (k & 1))
-        how, limit = place_cube(
-            pose, lens, near, px, py, pz, quarter, scratch[0, 0, 0]
-        )
+        how, limit = place_cube(pose, lens, near, px, py, pz, quarter, scratch[0, 0, 0])
         if how == WHOLE and least(near, scratch, 0, 0, 0) > limit:
             free |= 1 << k
     return free

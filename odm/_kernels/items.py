@@ -53,9 +53,7 @@ def pool_free(pool, words, frame_sign, item):
     """Return True if no occupied cell is in the list of a pool item."""
     if apart(pool.sign, item, frame_sign):
         return True
-    return not list_hit(
-        words, pool.block, pool.mask, pool.begin[item], pool.end[item]
-    )
+    return not list_hit(words, pool.block, pool.mask, pool.begin[item], pool.end[item])
 
 
 @njit(cache=True, nogil=True)

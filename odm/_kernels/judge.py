@@ -126,9 +126,7 @@ def ref_free(state, ref, frame):
     pool = pool_of(state)
     search = search_of(state)
     if ref <= EDGE_BASE:
-        return edge_free(
-            graph, cloud.words, search, frame, EDGE_BASE - ref
-        )
+        return edge_free(graph, cloud.words, search, frame, EDGE_BASE - ref)
     if ref >= 0:
         return pool_free(pool, cloud.words, search.sign, ref)
     return False

@@ -290,9 +290,7 @@ def a_star(state, points, starts, q, only, frame, run):
             if tail < 0:
                 break
             if head < tail:
-                tail = flood_step(
-                    graph, words, search, frame, run, head, tail, counted
-                )
+                tail = flood_step(graph, words, search, frame, run, head, tail, counted)
                 head += 1
                 if tail == -1:
                     tail = -2

@@ -87,15 +87,23 @@ def place_cube(pose, lens, table, px, py, pz, half, out):
     y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
     sx, sy = x / z, y / z
     grow = half / (z - deep)
-    wide = lens[0] * grow * (
-        abs(pose[0] - sx * pose[6])
-        + abs(pose[1] - sx * pose[7])
-        + abs(pose[2] - sx * pose[8])
+    wide = (
+        lens[0]
+        * grow
+        * (
+            abs(pose[0] - sx * pose[6])
+            + abs(pose[1] - sx * pose[7])
+            + abs(pose[2] - sx * pose[8])
+        )
     )
-    tall = lens[1] * grow * (
-        abs(pose[3] - sy * pose[6])
-        + abs(pose[4] - sy * pose[7])
-        + abs(pose[5] - sy * pose[8])
+    tall = (
+        lens[1]
+        * grow
+        * (
+            abs(pose[3] - sy * pose[6])
+            + abs(pose[4] - sy * pose[7])
+            + abs(pose[5] - sy * pose[8])
+        )
     )
     u, v = lens[2] + lens[0] * sx, lens[3] + lens[1] * sy
     how = clip_image(u - wide, u + wide, v - tall, v + tall, lens, table, out)

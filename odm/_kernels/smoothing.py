@@ -158,7 +158,18 @@ def _short_way(corners, n, continuous):
 
 @njit(cache=True, nogil=True)
 def next_change(
-    q, at, last, first, drawn, most, worth, robot, rounding, continuous, new, corners,
+    q,
+    at,
+    last,
+    first,
+    drawn,
+    most,
+    worth,
+    robot,
+    rounding,
+    continuous,
+    new,
+    corners,
     ints,
 ):
     """Look for a change that saves the share `worth` of the rest of a way.

@@ -9,8 +9,23 @@ from roadmap._kernels.self_collision import motion_clear as keeps_apart
 
 @njit(cache=True, nogil=True)
 def motions_free(
-    arm, q, dq, itself, apart, fine, scratch, solids, skip, margin, radii, cloud,
-    place_radii, place, tolerance, work, result,
+    arm,
+    q,
+    dq,
+    itself,
+    apart,
+    fine,
+    scratch,
+    solids,
+    skip,
+    margin,
+    radii,
+    cloud,
+    place_radii,
+    place,
+    tolerance,
+    work,
+    result,
 ):
     """Write to `result` (k,) which motions q[k] + t dq[k] are free."""
     for k in range(q.shape[0]):

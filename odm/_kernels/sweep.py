@@ -121,8 +121,21 @@ def place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, c
 
 @njit(cache=True, nogil=True)
 def sweep_motion(
-    tree_i, tree_f, spheres, body, reach, radii, q, dq, tolerance,
-    origin, h, shape, words, scratch, centers,
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    dq,
+    tolerance,
+    origin,
+    h,
+    shape,
+    words,
+    scratch,
+    centers,
 ):
     """Mark in `words` all cells of the motion q + t dq; False: outside the grid.
 
@@ -138,9 +151,7 @@ def sweep_motion(
         level, _ = sample_level(radii[i], speed[i], bend[i], abs(tolerance))
         finest = max(finest, level)
     pieces = 1 << finest
-    place_samples(
-        tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers
-    )
+    place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers)
     for i in range(n):
         if body[i] == 0:
             continue
@@ -166,9 +177,7 @@ def sweep_motion(
 
 
 @njit(cache=True, nogil=True)
-def mark_samples(
-    centers, i, radius, bend, pieces, pieces_i, origin, h, shape, words
-):
+def mark_samples(centers, i, radius, bend, pieces, pieces_i, origin, h, shape, words):
     """Mark the balls of sphere i at its pieces_i + 1 samples; 0: at the first only."""
     step = pieces
     tube = radius
@@ -226,8 +235,20 @@ def remove_words(ptr, blocks, masks, item, words):
 
 @njit(cache=True, nogil=True)
 def sweep_nodes(
-    tree_i, tree_f, spheres, body, reach, radii, q, tolerance,
-    origin, h, shape, counts, blocks, masks,
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    tolerance,
+    origin,
+    h,
+    shape,
+    counts,
+    blocks,
+    masks,
 ):
     """Sweep configurations `q` (k, dof) into lists; returns the number of entries.
 
@@ -239,8 +260,21 @@ def sweep_nodes(
     end = 0
     for k in range(q.shape[0]):
         if not sweep_motion(
-            tree_i, tree_f, spheres, body, reach, radii, q[k], still, tolerance,
-            origin, h, shape, words, scratch, centers,
+            tree_i,
+            tree_f,
+            spheres,
+            body,
+            reach,
+            radii,
+            q[k],
+            still,
+            tolerance,
+            origin,
+            h,
+            shape,
+            words,
+            scratch,
+            centers,
         ):
             return -2
         start = end
@@ -253,8 +287,25 @@ def sweep_nodes(
 
 @njit(cache=True, nogil=True)
 def sweep_edges(
-    tree_i, tree_f, spheres, body, reach, radii, q, dq, ends, tolerance,
-    origin, h, shape, node_ptr, node_blocks, node_masks, counts, blocks, masks,
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    dq,
+    ends,
+    tolerance,
+    origin,
+    h,
+    shape,
+    node_ptr,
+    node_blocks,
+    node_masks,
+    counts,
+    blocks,
+    masks,
 ):
     """Sweep motions q[k] + t dq[k], less the cells of their two end nodes.
 
@@ -265,8 +316,21 @@ def sweep_edges(
     end = 0
     for k in range(q.shape[0]):
         if not sweep_motion(
-            tree_i, tree_f, spheres, body, reach, radii, q[k], dq[k], tolerance,
-            origin, h, shape, words, scratch, centers,
+            tree_i,
+            tree_f,
+            spheres,
+            body,
+            reach,
+            radii,
+            q[k],
+            dq[k],
+            tolerance,
+            origin,
+            h,
+            shape,
+            words,
+            scratch,
+            centers,
         ):
             return -2
         for side in range(2):

@@ -73,7 +73,14 @@ def lay_out_view(
     cell_kind, cell_rect, cell_limit, cell_low = _tables(cells)
     origin = np.array(grid.origin)
     seen.place_cubes(
-        pose, lens, near, origin, 4 * grid.h, block_kind, block_rect, block_limit,
+        pose,
+        lens,
+        near,
+        origin,
+        4 * grid.h,
+        block_kind,
+        block_rect,
+        block_limit,
         block_low,
     )
     seen.place_cubes(

@@ -140,8 +140,21 @@ def longest_blend(tree_i, tree_f, spheres, body, reach, corner, u, w, room, most
 
 @njit(cache=True, nogil=True)
 def legs_stray(
-    tree_i, tree_f, spheres, body, reach, q_leg, leg, share, off, frames, twist,
-    along, bend, rate, speed,
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    q_leg,
+    leg,
+    share,
+    off,
+    frames,
+    twist,
+    along,
+    bend,
+    rate,
+    speed,
 ):
     """Bound how far motions from beside a leg to its two ends stray from it [m].
 

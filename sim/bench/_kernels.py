@@ -122,8 +122,15 @@ def edge_free(race, arm, widest, rods, margin, frame, e):
     race.counts[1] += 1
     a = race.nodes[race.edges[e, 0]]
     free = motion_free(
-        arm, widest, a, race.edge_dq[e], race.edge_pieces[e], rods, margin,
-        race.frames, race.point,
+        arm,
+        widest,
+        a,
+        race.edge_dq[e],
+        race.edge_pieces[e],
+        rods,
+        margin,
+        race.frames,
+        race.point,
     )
     race.memo[n + e] = 2 * frame + (0 if free else 1)
     return free
@@ -134,8 +141,15 @@ def joint_free(race, arm, widest, rods, margin, k):
     """Test attachment k of the query: its whole motion but the two ends."""
     race.counts[2] += 1
     return motion_free(
-        arm, widest, race.join_q[k], race.join_dq[k], race.join_pieces[k], rods, margin,
-        race.frames, race.point,
+        arm,
+        widest,
+        race.join_q[k],
+        race.join_dq[k],
+        race.join_pieces[k],
+        rods,
+        margin,
+        race.frames,
+        race.point,
     )
 
 

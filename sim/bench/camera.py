@@ -157,9 +157,7 @@ def _measure(
     else:
         rows.append(value_row(f"... {name}readings, mean", round(np.mean(valid)), ""))
     rows.append(value_row(f"... {name}points, mean", round(np.mean(points)), ""))
-    rows.append(
-        plan.row(f"... {name}points -> answer", "planner.step with memory_s=0")
-    )
+    rows.append(plan.row(f"... {name}points -> answer", "planner.step with memory_s=0"))
     return rows
 
 

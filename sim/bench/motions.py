@@ -116,9 +116,7 @@ def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
     if human is not None:
         human = before_work_places(human, planner.robot, places)
     pushes = PushSettings() if pushed else None
-    result = run_loop(
-        planner, planner.robot, places, human, settings, pushed=pushes
-    )
+    result = run_loop(planner, planner.robot, places, human, settings, pushed=pushes)
     name = {"motion": Path(motion).stem} if recorded else {}
     return {
         **result.summary(),

@@ -168,9 +168,7 @@ class OmplPlanner:
         extent = self.space.getMaximumExtent()
         self.space.setLongestValidSegmentFraction(_RESOLUTION / extent)
 
-    def solve(
-        self, pair: Pair, rods: np.ndarray, limit_s: float
-    ) -> np.ndarray | None:
+    def solve(self, pair: Pair, rods: np.ndarray, limit_s: float) -> np.ndarray | None:
         """Plan one frame from scratch; the simplified path (k, dof) or None."""
         self.checker.set_obstacles(rods)
         setup = self.geometric.SimpleSetup(self.space)

@@ -39,9 +39,7 @@ class EdgeRule:
     passed: int
 
 
-def edge_rule(
-    cell_map: CellMap, occupied: np.ndarray, n: int, seed: int
-) -> EdgeRule:
+def edge_rule(cell_map: CellMap, occupied: np.ndarray, n: int, seed: int) -> EdgeRule:
     """Try the rule on `n` edges of a map.
 
     Args:

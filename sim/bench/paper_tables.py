@@ -56,8 +56,7 @@ def _uninflated(by_cell: list[dict]) -> dict:
     spacings = list(by_cell[0]["missed"]) if by_cell else []
     head = ("points apart", *(f"cells of {r['cell_cm']} cm" for r in by_cell))
     rows = [
-        (f"{100 * float(s):.0f} cm", *(_share(r, s) for r in by_cell))
-        for s in spacings
+        (f"{100 * float(s):.0f} cm", *(_share(r, s) for r in by_cell)) for s in spacings
     ]
     rows.append(("contacts of nodes", *(f"{r['contacts']:,}" for r in by_cell)))
     title = "Exact contacts that the paper's comparison without inflation misses"

@@ -127,9 +127,7 @@ def _head(path: str | Path, text: bytes) -> dict:
     try:
         head = json.loads(text)
         version, written = head["format"], head.pop("sha256")
-    except (
-        ValueError, KeyError, TypeError, AttributeError, RecursionError
-    ) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error

@@ -1,6 +1,5 @@
 """Reach maps in files: the same when loaded, refused when they are not theirs."""
 
-
 import json
 import shutil
 from dataclasses import replace

@@ -155,9 +155,7 @@ def test_a_solid_inside_another_is_in_contact():
 
 def random_scene(rng, n=4):
     kinds = rng.choice(KINDS, n)
-    return [
-        random_shape(k, rng, random_pose(rng, 0.35, (0, 0, 0.4))) for k in kinds
-    ]
+    return [random_shape(k, rng, random_pose(rng, 0.35, (0, 0, 0.4))) for k in kinds]
 
 
 def test_the_robot_agrees_with_fcl_about_contact(panda):

@@ -182,9 +182,7 @@ def test_an_edge_is_blocked_from_the_cell_next_door(small_map):
     """A point in a cell that no edge sweeps blocks those that come within `extra`."""
     grid, planner = small_map.grid, odm.ReactivePlanner(small_map)
     swept = item_cells(small_map, 0)
-    cell = next(
-        c for c in sorted(swept) if (c[0] - 1, c[1], c[2]) not in swept
-    )
+    cell = next(c for c in sorted(swept) if (c[0] - 1, c[1], c[2]) not in swept)
     p = grid.origin + grid.h * (np.array(cell) + [-0.1, 0.5, 0.5])
     planner.step(p[None], HOME)
     before = 0 in planner.invalid_nodes()

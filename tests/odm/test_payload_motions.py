@@ -1,6 +1,5 @@
 """What is carried: every motion and every question heeds it."""
 
-
 import numpy as np
 import pytest
 from carrying import BALLS, CENTER, HIGH, OVER, RADIUS, arm_points, capsules, exact_gap
@@ -157,9 +156,10 @@ def test_what_the_object_touches_is_named(planner):
     planner.attach(BALLS)
     planner.set_goals([AWAY])
     planner.set_static(odm.Box([0.1, 0.1, 0.1], _at(_outer(planner, AWAY))))
-    assert "payload would touch the scenery set by set_static" in planner.is_free(
-        AWAY, AWAY
-    ).reason
+    assert (
+        "payload would touch the scenery set by set_static"
+        in planner.is_free(AWAY, AWAY).reason
+    )
     planner.detach()
     planner.attach(BALLS)  # the scenery of the place outlives the hand
     assert not planner.is_free(AWAY, AWAY)

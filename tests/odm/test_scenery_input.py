@@ -11,12 +11,18 @@ from roadmap.errors import BadInput, BadRecipe
 
 PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}
 BOX = {
-    "type": "box", "size": [1.0, 2.0, 3.0], "position": [0.0, 1.0, 2.0],
+    "type": "box",
+    "size": [1.0, 2.0, 3.0],
+    "position": [0.0, 1.0, 2.0],
     "rpy": [0.0, 0.1, 0.2],
 }
 MESH = {
-    "type": "mesh", "file": "none.stl", "scale": 1.0, "position": [0.0, 1.0, 2.0],
-    "rpy": [0.0, 0.1, 0.2], "covering_radius": 0.01,
+    "type": "mesh",
+    "file": "none.stl",
+    "scale": 1.0,
+    "position": [0.0, 1.0, 2.0],
+    "rpy": [0.0, 0.1, 0.2],
+    "covering_radius": 0.01,
 }
 WRONG = [np.nan, np.inf, -np.inf, 1e9, None, "1", True, [1.0], {}]
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -82,10 +88,15 @@ def test_a_solid_that_blocks_nothing_is_no_scenery(column):
         Scenery(rows)
 
 
-@pytest.mark.parametrize("given", [
-    {"points": np.array([[0, np.nan, 0]])}, {"covering_radius": np.nan},
-    {"points": np.zeros((3, 2))}, {"solids": np.zeros((3, 15))},
-])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"points": np.array([[0, np.nan, 0]])},
+        {"covering_radius": np.nan},
+        {"points": np.zeros((3, 2))},
+        {"solids": np.zeros((3, 15))},
+    ],
+)
 def test_other_scenery_that_is_none_is_refused(given):
     with pytest.raises(BadRecipe):
         Scenery(**given)
@@ -102,42 +113,78 @@ def turned(at, value):
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -0.1, 1e9, "1", None])
-@pytest.mark.parametrize("make", [
-    Sphere, lambda x: Capsule(x, 1.0), lambda x: Capsule(1.0, x),
-    lambda x: Cylinder(x, 1.0), lambda x: Cylinder(1.0, x), lambda x: Box([1, x, 1]),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        Sphere,
+        lambda x: Capsule(x, 1.0),
+        lambda x: Capsule(1.0, x),
+        lambda x: Cylinder(x, 1.0),
+        lambda x: Cylinder(1.0, x),
+        lambda x: Box([1, x, 1]),
+    ],
+)
 def test_each_size_of_a_shape_must_be_one(make, wrong):
     with pytest.raises(BadInput):
         make(wrong)
 
 
-@pytest.mark.parametrize("T", [
-    turned((0, 3), np.nan), turned((1, 1), np.nan), turned((2, 2), -1.0),
-    turned((0, 0), 1.1), turned((3, 0), 0.5), turned((3, 3), 0.0), turned((3, 3), 2.0),
-    np.eye(3), "here", None,
-])
+@pytest.mark.parametrize(
+    "T",
+    [
+        turned((0, 3), np.nan),
+        turned((1, 1), np.nan),
+        turned((2, 2), -1.0),
+        turned((0, 0), 1.1),
+        turned((3, 0), 0.5),
+        turned((3, 3), 0.0),
+        turned((3, 3), 2.0),
+        np.eye(3),
+        "here",
+        None,
+    ],
+)
 def test_each_pose_of_a_shape_must_be_rigid(T):
     for make in (
-        lambda: Sphere(1.0, T), lambda: Capsule(1.0, 1.0, T), lambda: Box([1, 1, 1], T),
+        lambda: Sphere(1.0, T),
+        lambda: Capsule(1.0, 1.0, T),
+        lambda: Box([1, 1, 1], T),
         lambda: Mesh(CORNERS, FACES, T),
     ):
         with pytest.raises(BadInput):
             make()
 
 
-@pytest.mark.parametrize(("vertices", "faces"), [
-    (CORNERS * np.nan, FACES), (CORNERS, FACES + 1), (CORNERS, FACES - 1),
-    (CORNERS, FACES * np.nan), (CORNERS, FACES + 0.5), (CORNERS, "abc"), ([], []),
-])
+@pytest.mark.parametrize(
+    ("vertices", "faces"),
+    [
+        (CORNERS * np.nan, FACES),
+        (CORNERS, FACES + 1),
+        (CORNERS, FACES - 1),
+        (CORNERS, FACES * np.nan),
+        (CORNERS, FACES + 0.5),
+        (CORNERS, "abc"),
+        ([], []),
+    ],
+)
 def test_a_mesh_of_no_numbers_is_refused(vertices, faces):
     with pytest.raises(BadInput):
         Mesh(vertices, faces)
 
 
-@pytest.mark.parametrize("place", [
-    [np.zeros((4, 3))], [None], ["box"], 3, "box", np.array(["a"]), np.zeros((2, 2)),
-    np.array([[0.0, np.inf, 0.0]]),
-])
+@pytest.mark.parametrize(
+    "place",
+    [
+        [np.zeros((4, 3))],
+        [None],
+        ["box"],
+        3,
+        "box",
+        np.array(["a"]),
+        np.zeros((2, 2)),
+        np.array([[0.0, np.inf, 0.0]]),
+    ],
+)
 def test_a_place_of_no_shapes_is_refused_and_forgotten(planner, place):
     with pytest.raises(BadInput):
         planner.set_static(place)

@@ -56,8 +56,12 @@ def machine_on(cell_map, judge):
 
 def test_no_order_of_events_makes_it_answer_what_is_not_free(carrying_map, judge):
     few = settings(
-        max_examples=12, stateful_step_count=25, deadline=None, derandomize=True,
-        suppress_health_check=list(HealthCheck), database=None,
+        max_examples=12,
+        stateful_step_count=25,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+        database=None,
     )
     case = machine_on(carrying_map, judge).TestCase
     case.settings = few

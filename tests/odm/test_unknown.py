@@ -44,9 +44,7 @@ def test_an_extra_that_is_no_number_blocks(planner, extra, points):
 
 @pytest.mark.parametrize("value", [NAN, INF])
 @pytest.mark.parametrize("points", [POINTS, NOBODY])
-def test_a_path_that_is_no_number_blocks_at_the_leg_that_has_it(
-    planner, points, value
-):
+def test_a_path_that_is_no_number_blocks_at_the_leg_that_has_it(planner, points, value):
     planner.step(NOBODY, q=HOME)
     path = np.array([HOME, HOME, HOME, HOME])
     path[2, 1] = value
@@ -64,7 +62,9 @@ def test_an_extra_below_the_clearance_is_refused(planner):
 @pytest.mark.parametrize(
     "points",
     [
-        np.zeros((4, 2)), np.zeros(3), np.zeros((2, 3), object),
+        np.zeros((4, 2)),
+        np.zeros(3),
+        np.zeros((2, 3), object),
         np.zeros((1, 3), complex),
     ],  # fmt: skip
 )

@@ -38,8 +38,7 @@ def test_a_frame_is_the_same_wherever_the_base_stands(small_map, rng):
     for _ in range(4):
         arm, T = draw_arm(rng), draw_base(rng)
         scene = [
-            odm.sample_capsules(arm + 0.004 * k * np.eye(7)[0], 0.03)
-            for k in range(25)
+            odm.sample_capsules(arm + 0.004 * k * np.eye(7)[0], 0.03) for k in range(25)
         ]
         here, there = (odm.ReactivePlanner(small_map) for _ in range(2))
         there.set_base(T)

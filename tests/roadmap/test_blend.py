@@ -99,8 +99,10 @@ def mixed(robot, a, b):
     tree = robot.tree_i
     rate_a, rate_b = (
         np.array(
-            [abs(f[15] * d[j]) if k else 0 for (_, j, k), f in
-             zip(tree, robot.tree_f, strict=True)]
+            [
+                abs(f[15] * d[j]) if k else 0
+                for (_, j, k), f in zip(tree, robot.tree_f, strict=True)
+            ]
         )
         for d in (a, b)
     )
@@ -127,8 +129,16 @@ def bound_of(robot, q, u, w, d):
 
 def longest(robot, q, u, w, room, most):
     return kernels.longest_blend(
-        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
-        robot.sphere_reach, q, u, w, room, most,
+        robot.tree_i,
+        robot.tree_f,
+        robot.spheres,
+        robot.sphere_body,
+        robot.sphere_reach,
+        q,
+        u,
+        w,
+        room,
+        most,
     )
 
 
@@ -161,9 +171,19 @@ def test_the_blend_is_off_most_in_the_corner_even_with_the_way_to_it():
 def legs_stray(robot, q, leg, share, off):
     n, bodies = len(robot.spheres), len(robot.tree_i)
     return kernels.legs_stray(
-        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body,
-        robot.sphere_reach, q, leg, share, off, np.empty((bodies, 12)),
-        np.empty((bodies, 12)), *np.empty((3, bodies)), np.empty(n),
+        robot.tree_i,
+        robot.tree_f,
+        robot.spheres,
+        robot.sphere_body,
+        robot.sphere_reach,
+        q,
+        leg,
+        share,
+        off,
+        np.empty((bodies, 12)),
+        np.empty((bodies, 12)),
+        *np.empty((3, bodies)),
+        np.empty(n),
     )
 
 

@@ -17,7 +17,6 @@ def robot(request):
     return request.getfixturevalue(request.param)
 
 
-
 def test_chords_of_any_part_of_a_blend_are_nearer_to_it_than_the_corner_path(
     robot, rng
 ):
@@ -38,6 +37,7 @@ def test_chords_of_any_part_of_a_blend_are_nearer_to_it_than_the_corner_path(
 
 def chord_weight(a, b, x):
     """How far a chord over [a, b] is from the blend, weighed as the corner path is."""
+
     def curve(y):  # in w - u, beside the straight line through the first leg
         return 2.0 * y**3 * (1.0 - 0.5 * y)
 
@@ -51,7 +51,6 @@ def test_the_weighed_distance_of_chords_is_less_than_that_of_the_corner_path():
         for b in np.linspace(a, min(1.0, a + 0.5), 21):
             x = np.linspace(a, b, 101)
             assert chord_weight(a, b, x).max() < 0.9 * STRAY
-
 
 
 def test_all_limits_hold_on_longer_blends_and_through_joins(robot, rng):
@@ -118,8 +117,11 @@ def test_a_motion_may_be_left_behind_its_blends_and_goes_straight_on(panda, rng)
             if commit.s <= stands + 1e-6:
                 continue
             through += 1
-            ahead = [p.corner() for p in motion._way.pieces
-                     if p.d > 0.0 and p.begin >= commit.s - 1e-9]
+            ahead = [
+                p.corner()
+                for p in motion._way.pieces
+                if p.d > 0.0 and p.begin >= commit.s - 1e-9
+            ]
             rest = np.vstack([commit.q, *ahead, path[-1]])
             joined = motion.join(t, commit, rest, blend=0.01, speed_scale=0.5)
             assert joined.duration < 1.02 * (motion.duration - t) + 0.01

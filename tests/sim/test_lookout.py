@@ -153,9 +153,7 @@ def gap_to(planner, q, points):
 def test_where_velocities_lead_is_where_the_points_will_be():
     points = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     velocity = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
-    ahead = Threat(points, velocity, 0.1, ThreatSettings()).likely(
-        0.0, 0.1, 0.2, 0.3
-    )
+    ahead = Threat(points, velocity, 0.1, ThreatSettings()).likely(0.0, 0.1, 0.2, 0.3)
     assert ahead.shape == (8, 3)
     for k, t in enumerate((0.1, 0.2, 0.3, 0.4)):
         assert np.allclose(ahead[2 * k : 2 * k + 2], points + t * velocity)

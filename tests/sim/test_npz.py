@@ -108,9 +108,7 @@ def test_damaged_headers_end_in_one_kind_of_error(rng):
             pass
 
 
-def test_damaged_archives_are_refused_in_one_sentence(
-    small_map, tmp_path, frames, rng
-):
+def test_damaged_archives_are_refused_in_one_sentence(small_map, tmp_path, frames, rng):
     whole = archive(tmp_path / "run.npz", **frames).read_bytes()
     refused = 0
     for k in range(400):
