@@ -8,7 +8,7 @@ import numpy as np
 from handover.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_same_robot
 from handover.node_index import NodeIndex
 from handover.workspace import InteractionWorkspace, Target
-from odm.checks import check_valid
+from odm.goal_checks import check_valid
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics import difference
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from odm._kernels import audit as kernels
-from odm._kernels.types import make_work
+from odm._kernels.arm import make_work
 from odm.audit_library import FAMILIES, SHARP, Specimen, draw_specimens, library_of
 from odm.audit_report import AuditReport, Case, Tally
 from odm.audit_targets import audit_solids

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from odm.cell_map import CellMap, arm_of
+from odm.arm import arm_of
+from odm.cell_map import CellMap
 from odm.estimate import check_size
 from odm.grid import grid_for
 from odm.payload import build_payload, envelope_spheres

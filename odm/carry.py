@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels import types as kinds
+from odm._kernels.arm import make_work
 from odm.payload import (
     CarriedObject,
     carried_object,
@@ -71,7 +71,7 @@ class Carrier:
         planner.static = self.bare.carrying(robot)
         self.thing, self.robot = thing, robot
         m, arm = planner.memory, planner.static.arm
-        work = kinds.make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
+        work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         radii, sway = np.zeros(len(arm.spheres)), joint_sway(arm, robot.dof)
         own = m.own._replace(radii=radii, sway=sway)
         m._exchange(arm=arm, work=work, own=own, **self._groups)

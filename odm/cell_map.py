@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from odm._kernels.types import Arm
+from odm._kernels.arm import Arm
+from odm.arm import _moving_order, arm_of
 from odm.grid import WorkspaceGrid
-from odm.recipe import PayloadRecipe, Recipe, Safety, recipe_of_map
+from odm.recipe import PayloadRecipe, Recipe, recipe_of_map
+from odm.safety import Safety
 from odm.scenery import Scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadMap
@@ -251,36 +253,6 @@ def _load_again(path: str, verify: bool, wanted: str) -> CellMap:
             "pickled; pickle the map again, or store that one there"
         )
     return loaded
-
-
-def arm_of(robot: Robot) -> Arm:
-    """Return a robot's moving spheres, sorted by body, with bounding balls."""
-    order = _moving_order(robot)
-    spheres = robot.spheres[order]
-    body = robot.sphere_body[order]
-    n_bodies = len(robot.tree_i)
-    ptr = np.searchsorted(body, np.arange(n_bodies + 1)).astype(np.int64)
-    bound = np.zeros((n_bodies, 4))
-    for b in range(n_bodies):
-        own = spheres[ptr[b] : ptr[b + 1], :3]
-        if len(own):
-            center = 0.5 * (own.min(axis=0) + own.max(axis=0))
-            far = np.linalg.norm(own - center, axis=1).max() * (1 + 1e-12) + 1e-12
-            bound[b, :3], bound[b, 3] = center, far
-    return Arm(
-        robot.tree_i,
-        robot.tree_f,
-        frozen(spheres, float),
-        frozen(body, np.int32),
-        frozen(robot.sphere_reach[order], float),
-        frozen(ptr, np.int64),
-        frozen(bound, float),
-    )
-
-
-def _moving_order(robot: Robot) -> np.ndarray:
-    moving = np.flatnonzero(robot.sphere_body > 0)
-    return moving[np.argsort(robot.sphere_body[moving], kind="stable")]
 
 
 def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ from roadmap.ranges import is_between
 from roadmap.robot import Robot
 
 if TYPE_CHECKING:
-    from odm.planner import ReactivePlanner
+    pass
 
 MAX_GOALS = 32
 FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
@@ -187,21 +187,3 @@ def _bad_goal(goals: object) -> str:
         except BadInput:
             return f"goal {k} is no row of numbers but {_told(row)}"
     return f"the goals have rows of unequal shapes: {', '.join(map(str, lengths[:4]))}"
-
-
-def check_goals(planner: "ReactivePlanner", goals: np.ndarray) -> None:
-    """Raise BadConfiguration where a goal can never be reached in this place."""
-    for k, q in enumerate(goals):
-        check_valid(planner, q, f"goal {k}")
-
-
-def check_valid(planner: "ReactivePlanner", q: np.ndarray, name: str) -> None:
-    """Raise BadConfiguration where q can never be a goal in this place."""
-    if not np.isfinite(q).all():
-        raise BadConfiguration(f"{name} holds NaN or infinity: {q}; give numbers")
-    trouble = outside_limits(planner.robot, q, 0.0)
-    if trouble is not None:
-        raise BadConfiguration(f"{name} is out of limits: {trouble}; move it inside")
-    why = planner.static.why(q, np.zeros_like(q))
-    if why is not None:
-        raise BadConfiguration(f"{name} is not free: {why}; choose another one")

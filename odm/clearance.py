@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm._kernels import tax as kernels
+from odm._kernels.arm import make_work
 from odm._kernels.audit import Solids
 from odm._kernels.sweep import sweep_nodes
-from odm._kernels.types import make_work
 from odm.audit import Auditor
 from odm.audit_library import draw_arms
 from odm.cell_map import ROUNDING, CellMap

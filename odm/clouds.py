@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from odm._kernels import braking
+from odm._kernels.clouds import lay_out
 from odm.grid import WorkspaceGrid
 
 
@@ -30,7 +30,7 @@ class SortedCloud:
     def of_all(self, points: np.ndarray) -> tuple[object, int]:
         """Return the same and how many are not finite, which are left out."""
         self._make_room(points)
-        return self._cloud, braking.lay_out(points, self._cloud)
+        return self._cloud, lay_out(points, self._cloud)
 
     def _make_room(self, points: np.ndarray) -> None:
         if len(points) > len(self._cloud.where):

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close
-from odm._kernels.types import Cloud, make_work
-from odm.cell_map import arm_of
+from odm._kernels.arm import make_work
+from odm._kernels.cloud import Cloud
+from odm.arm import arm_of
 from odm.last_phase import Cover
 from odm.static import StaticTest
 from odm.surfaces import rounded_covering

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm._kernels.types import Cloud
+from odm._kernels.cloud import Cloud
 from roadmap.arrays import frozen
 from roadmap.robot import PRISMATIC, Robot
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from odm._kernels import close
-from odm._kernels.types import Arm, Work
+from odm._kernels.arm import Arm, Work
 from odm.clouds import SortedCloud
 from odm.grid import WorkspaceGrid
 from roadmap.arrays import frozen

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close
-from odm._kernels.types import Work
+from odm._kernels.arm import Work
 from odm.checks import outside_limits
 from odm.clouds import SortedCloud
 from odm.explain import link_of

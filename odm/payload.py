@@ -6,7 +6,8 @@ import numpy as np
 
 from odm import shapes
 from odm._kernels.layers import merge_lists
-from odm.cell_map import CellMap, PayloadLayer, arm_of
+from odm.arm import arm_of
+from odm.cell_map import CellMap, PayloadLayer
 from odm.grid import WorkspaceGrid
 from odm.recipe import PayloadRecipe, Recipe
 from odm.scenery import Scenery

@@ -9,7 +9,8 @@ import numpy as np
 
 from odm import approach, attach, calm, explain, polish, smooth, straight
 from odm._kernels import frame, occupancy, step
-from odm._kernels.types import IS_SORTED, N_BETTER, N_SAME, N_SEGMENT, N_STEP
+from odm._kernels.cloud import IS_SORTED
+from odm._kernels.types import N_BETTER, N_SAME, N_SEGMENT, N_STEP
 from odm.answer import (
     FOLLOWING,
     HOLDING,
@@ -21,15 +22,10 @@ from odm.answer import (
 from odm.braking import Braking
 from odm.carry import Carrier
 from odm.cell_map import CellMap
-from odm.checks import (
-    FLOAT,
-    check_configuration,
-    check_goals,
-    check_points,
-    goals_of,
-)
+from odm.checks import FLOAT, check_configuration, check_points, goals_of
 from odm.clouds import SortedCloud, SortedClouds
 from odm.direct import DirectMap
+from odm.goal_checks import check_goals
 from odm.last_phase import LastPhase, check_classes
 from odm.owner import refuse_copy
 from odm.planner_doors import Doors

@@ -8,7 +8,8 @@ import numpy as np
 from odm._kernels import frame
 from odm.attach import Attacher
 from odm.carry import Carrier
-from odm.checks import check_configuration, check_goals, goals_of
+from odm.checks import check_configuration, goals_of
+from odm.goal_checks import check_goals
 from odm.place import place_points
 from odm.planner_settings import MOST_EXTRA
 from odm.surfaces import rounded_covering

@@ -10,64 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from odm.safety import TERMS, Safety, between
 from odm.scenery import parse_scenery
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadInput, BadRecipe
-from roadmap.ranges import is_between
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
-_MARGINS = ("sensor", "tracking", "blending", "user")
-_TERMS = {"h": (0.002, 1.0), "rho": (0.0, 0.5), "mu": (0.0005, 0.2)}
 _LEAST_RHO = 0.0005  # [m] of a recipe; the audit tests maps that have none
-
-
-def _between(key: str, value: object, low: float, high: float) -> None:
-    if not is_between(value, low, high):
-        raise BadRecipe(
-            f"{key} is {value}, but must lie between {low} and {high}; "
-            "change it in the recipe"
-        )
-
-
-@dataclass(frozen=True)
-class Safety:
-    """The terms of the safety argument, all in metres.
-
-    Attributes:
-        h: Side of a cell.
-        rho: Largest covering radius of an obstacle's samples.
-        sensor, tracking, blending, user: The shares of the clearance m.
-        mu: Motion bound: no piece of a motion is inflated by more than mu / 2.
-    """
-
-    h: float = 0.04
-    rho: float = 0.03
-    sensor: float = 0.004
-    tracking: float = 0.002
-    blending: float = 0.004
-    user: float = 0.0
-    mu: float = 0.01
-
-    @property
-    def m(self) -> float:
-        """Clearance beyond contact: the sum of its shares [m]."""
-        return self.sensor + self.tracking + self.blending + self.user
-
-    def __post_init__(self) -> None:
-        """Check every term.
-
-        Raises:
-            BadRecipe: One out of range.
-        """
-        shares = {name: (0.0, 0.5) for name in _MARGINS}
-        for name, (low, high) in {**_TERMS, **shares}.items():
-            _between(f"safety.{name}", getattr(self, name), low, high)
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the terms and the clearance m."""
-        terms = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {**terms, "m": self.m}
 
 
 @dataclass(frozen=True)
@@ -236,8 +186,8 @@ def parse_recipe(
     roadmap = _section(RoadmapSettings, settings, "[roadmap]")
     terms = {k: v for k, v in table.get("safety", {}).items() if k != "m"}
     safety = _section(Safety, terms, "[safety]")
-    _between("safety.rho", safety.rho, _LEAST_RHO, _TERMS["rho"][1])
-    _between("robot.cover_excess", robot.cover_excess, 0.002, 0.2)
+    between("safety.rho", safety.rho, _LEAST_RHO, TERMS["rho"][1])
+    between("robot.cover_excess", robot.cover_excess, 0.002, 0.2)
     scenery = tuple(table.get("scenery", ()))
     if not stored:
         parse_scenery(scenery, folder, meshes=False)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm._kernels import close, kinematics_door
-from odm._kernels.types import N_OCCUPIED
+from odm._kernels.cloud import N_OCCUPIED
 from odm.checks import check_numbers, check_points
 from roadmap.errors import BadInput
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from odm._kernels.types import Arm
+from odm._kernels.arm import Arm
+from odm.arm import arm_of
 from odm.audit_targets import audit_solids
-from odm.cell_map import CellMap, arm_of
+from odm.cell_map import CellMap
 from odm.sweep import sweep_roadmap
 from roadmap.errors import BadInput
 from roadmap.graph import Roadmap

@@ -7,6 +7,8 @@ import numpy as np
 from odm._kernels import signature
 from odm._kernels import state as layout
 from odm._kernels import types as kinds
+from odm._kernels.arm import Arm, Work, make_work
+from odm._kernels.cloud import Cloud
 from odm.cell_map import CellLists, CellMap
 from odm.owner import Owner, refuse_copy
 from roadmap.errors import BadInput
@@ -35,9 +37,9 @@ class Memory:
 
     table: np.ndarray
     owner: Owner
-    arm: kinds.Arm
-    cloud: kinds.Cloud
-    work: kinds.Work
+    arm: Arm
+    cloud: Cloud
+    work: Work
     graph: kinds.Graph
     pool: kinds.Pool
     goals: kinds.Goals
@@ -49,7 +51,7 @@ class Memory:
     way: kinds.Way
     spare: kinds.Way
     own: kinds.Own
-    pick: kinds.Cloud
+    pick: Cloud
     past: kinds.Past
     proof: kinds.Proof
     beside: kinds.Beside
@@ -170,7 +172,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
         {
             "arm": arm,
             "cloud": cell_map.grid.new_cloud(max_points),
-            "work": kinds.make_work(len(arm.spheres), len(robot.tree_i), dof),
+            "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
             "graph": graph,
             "pool": pool,
             "goals": _goals(n, dof),
@@ -245,7 +247,7 @@ def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
     )
 
 
-def joint_sway(arm: kinds.Arm, dof: int) -> np.ndarray:
+def joint_sway(arm: Arm, dof: int) -> np.ndarray:
     """Return (dof,) how far a joint moves any sphere, per rad or m, at most."""
     sway = np.zeros(dof)
     for joint in range(dof):
@@ -255,7 +257,7 @@ def joint_sway(arm: kinds.Arm, dof: int) -> np.ndarray:
     return sway
 
 
-def point_motion(arm: kinds.Arm, dof: int) -> np.ndarray:
+def point_motion(arm: Arm, dof: int) -> np.ndarray:
     """Return (dof,) how far a joint moves any point of any sphere, per rad or m.
 
     A joint whose axis goes through all its spheres' centres moves none of these, but

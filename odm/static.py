@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from odm._kernels import close, layers, occupancy, solids
+from odm._kernels.arm import make_work
+from odm._kernels.cloud import Cloud
 from odm._kernels.static import motions_free
-from odm._kernels.types import Cloud, make_work
-from odm.cell_map import arm_of
+from odm.arm import arm_of
 from odm.grid import WorkspaceGrid, grid_for
-from odm.recipe import Safety
+from odm.safety import Safety
 from odm.scenery import Scenery
 from roadmap._kernels.self_collision import motion_clear
 from roadmap.carry import extended_collision

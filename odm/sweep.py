@@ -5,11 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from odm._kernels import direct, sweep
-from odm._kernels.types import Arm
+from odm._kernels import sweep
+from odm._kernels.arm import Arm
 from odm.cell_map import ROUNDING, CellLists
 from odm.grid import WorkspaceGrid
-from odm.recipe import Safety
+from odm.safety import Safety
 from roadmap.errors import BuildRefused
 from roadmap.graph import Roadmap
 from roadmap.kinematics import difference
@@ -80,7 +80,7 @@ def both_views(
     t_ptr = np.zeros(n_blocks + 1, np.int64)
     t_item = np.empty(len(block), np.uint32)
     t_mask = np.empty(len(block), np.uint64)
-    direct.transpose_lists(ptr, block, mask, t_ptr, t_item, t_mask)
+    sweep.transpose_lists(ptr, block, mask, t_ptr, t_item, t_mask)
     return CellLists(ptr, block, mask, t_ptr, t_item, t_mask)
 
 

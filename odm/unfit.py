@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from odm._kernels.cloud import N_BAD, N_INSIDE, N_OUTSIDE
 from odm._kernels.occupancy import count_beyond, deepest
-from odm._kernels.types import N_BAD, N_INSIDE, N_OUTSIDE
 
 if TYPE_CHECKING:
     from odm.planner import ReactivePlanner

@@ -7,9 +7,8 @@ import numpy as np
 from roadmap._kernels.ik import descend
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference, tool_pose
-from roadmap.robot import Robot
-from roadmap.self_collision import checked
+from roadmap.kinematics import checked, difference, tool_pose
+from roadmap.tree import JointTree
 
 
 class BadPose(BadInput):
@@ -32,7 +31,7 @@ class IkSolution:
 
 
 def solve(
-    robot: Robot,
+    robot: JointTree,
     T_base_tool: np.ndarray,
     q_seed: np.ndarray | None = None,
     *,
@@ -116,7 +115,9 @@ def checked_pose(T: np.ndarray) -> np.ndarray:
     return T
 
 
-def _add(robot: Robot, found: list[IkSolution], q: np.ndarray, T: np.ndarray) -> None:
+def _add(
+    robot: JointTree, found: list[IkSolution], q: np.ndarray, T: np.ndarray
+) -> None:
     turn = 2 * np.pi
     wrapped = q - turn * np.round(q / turn)
     q = np.where(robot.continuous, wrapped, q)

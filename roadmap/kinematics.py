@@ -3,10 +3,11 @@
 import numpy as np
 
 from roadmap._kernels import kinematics as kernels
-from roadmap.robot import Robot
+from roadmap.errors import BadConfiguration
+from roadmap.tree import JointTree
 
 
-def body_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
+def body_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return T_base_body of every body, (n_bodies, 4, 4) [m]."""
     flat = _flat_frames(robot, q)
     poses = np.zeros((len(flat), 4, 4))
@@ -16,12 +17,12 @@ def body_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
     return poses
 
 
-def tool_pose(robot: Robot, q: np.ndarray) -> np.ndarray:
+def tool_pose(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return T_base_tool, (4, 4) [m]."""
     return body_frames(robot, q)[robot.tip_body] @ robot.T_body_tip
 
 
-def sphere_centers(robot: Robot, q: np.ndarray) -> np.ndarray:
+def sphere_centers(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return the centres of the cover's spheres in the base frame, (n, 3) [m]."""
     out = np.empty((len(robot.spheres), 3))
     flat = _flat_frames(robot, q)
@@ -29,7 +30,7 @@ def sphere_centers(robot: Robot, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def jacobian(robot: Robot, q: np.ndarray) -> np.ndarray:
+def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return the (6, dof) Jacobian of the tool in the base frame: linear, angular."""
     poses = body_frames(robot, q)
     p_tool = (poses[robot.tip_body] @ robot.T_body_tip)[:3, 3]
@@ -49,14 +50,14 @@ def jacobian(robot: Robot, q: np.ndarray) -> np.ndarray:
     return result
 
 
-def difference(robot: Robot, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
+def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
     """Return `q_to - q_from`, (..., dof); a continuous joint goes the short way."""
     dq = np.asarray(q_to, float) - np.asarray(q_from, float)
     turns = np.round(dq / (2 * np.pi))
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
-def motion_bounds(robot: Robot, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bound speed and bending of the cover's centres while q moves by `dq`.
 
     Args:
@@ -80,8 +81,24 @@ def motion_bounds(robot: Robot, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return first, second
 
 
-def _flat_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
+def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
     frames = np.empty((len(robot.tree_i), 12))
     q = np.ascontiguousarray(q, dtype=np.float64)
     kernels.body_frames(robot.tree_i, robot.tree_f, q, frames)
     return frames
+
+
+def checked(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return `q` as a (dof,) float array, or raise BadConfiguration."""
+    try:
+        q = np.ascontiguousarray(q, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadConfiguration(f"q must be {robot.dof} numbers, not {q!r}") from error
+    if q.shape != (robot.dof,):
+        raise BadConfiguration(
+            f"q has the shape {q.shape}, but {robot.name} has {robot.dof} joints: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if not np.isfinite(q).all():
+        raise BadConfiguration(f"q holds NaN or infinity: {q.tolist()}")
+    return q

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from roadmap.arrays import frozen
+from roadmap.ik import solve
 
 FIXED, REVOLUTE, PRISMATIC = 0, 1, 2  # tree_i[:, KIND]
 PARENT, JOINT, KIND = 0, 1, 2  # columns of tree_i
@@ -158,6 +159,4 @@ class Robot:
         self, T_base_tool: np.ndarray, q_seed: np.ndarray | None = None, **options
     ) -> list:
         """Return configurations that reach a tool pose; see `roadmap.ik.solve`."""
-        from roadmap.ik import solve
-
         return solve(self, T_base_tool, q_seed, **options)

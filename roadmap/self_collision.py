@@ -13,8 +13,7 @@ import numpy as np
 
 from roadmap._kernels import self_collision as kernels
 from roadmap.arrays import frozen
-from roadmap.errors import BadConfiguration
-from roadmap.kinematics import difference
+from roadmap.kinematics import checked, difference
 from roadmap.robot import Robot
 
 # Shells are proved this far apart [m].
@@ -142,22 +141,6 @@ def motion_free(
         return True, None
     a, b = (robot.link_names[i] for i in tested.links[pair])
     return False, (a, b)
-
-
-def checked(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return `q` as a (dof,) float array, or raise BadConfiguration."""
-    try:
-        q = np.ascontiguousarray(q, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BadConfiguration(f"q must be {robot.dof} numbers, not {q!r}") from error
-    if q.shape != (robot.dof,):
-        raise BadConfiguration(
-            f"q has the shape {q.shape}, but {robot.name} has {robot.dof} joints: "
-            f"{', '.join(robot.joint_names)}"
-        )
-    if not np.isfinite(q).all():
-        raise BadConfiguration(f"q holds NaN or infinity: {q.tolist()}")
-    return q
 
 
 def with_pairs(

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sim.grips import grip_points
 from sim.terminal import JSON_HELP, guarded, show_json
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from handover import Human
 
 app = typer.Typer(
@@ -123,27 +122,6 @@ def reach_of(human: "Human", samples: int = 200_000) -> dict[str, float]:
         "up": float(high[2]),
         "down": float(-low[2]),
     }
-
-
-def grip_points(human: "Human", samples: int) -> "np.ndarray":
-    """Return (samples, 3) places the right grip can be at, shoulder frame [m].
-
-    Every second joint value is an end of its range; always the same samples.
-    """
-    import numpy as np
-
-    from handover._kernels.arm import arm_poses
-
-    arm, rng = human.arm("right"), np.random.default_rng(0)
-    q = rng.uniform(arm.lower, arm.upper, (samples, 7))
-    ends = np.where(rng.random(q.shape) < 0.5, arm.lower, arm.upper)
-    q = np.where(rng.random(q.shape) < 0.5, ends, q)
-    # straight arms reach furthest: let some be exactly that
-    q[: samples // 4, 3:] = [max(0.0, arm.lower[3]), 0.0, 0.0, 0.0]
-    q[: samples // 4, :3] = rng.uniform(arm.lower, arm.upper, (samples // 4, 7))[:, :3]
-    poses = np.empty((samples, 12))
-    arm_poses(arm.packed, q, poses)
-    return poses[:, 9:]
 
 
 def _segments(human: "Human") -> list[dict]:

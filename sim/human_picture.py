@@ -7,7 +7,7 @@ from scipy.ndimage import binary_closing, gaussian_filter
 
 from handover import POSTURES, Human, Part
 from handover.anthropometry import ARM_JOINTS
-from sim.human_command import grip_points
+from sim.grips import grip_points
 from sim.mocap.picture import LEFT, RIGHT, outline, part_colour
 from sim.pictures import FAINT, INK, LINE, set_title, tidy
 from sim.terminal import write_whole

@@ -7,7 +7,7 @@ import numpy as np
 from handover import Human
 from handover.workspace import InteractionWorkspace
 from odm import CellMap, ReactivePlanner
-from odm.checks import check_valid
+from odm.goal_checks import check_valid
 from roadmap.errors import BadConfiguration
 
 RANKED = 20  # targets that are tried, best first

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from odm import Answer, CellMap, ReactivePlanner
-from odm.checks import check_valid
+from odm.goal_checks import check_valid
 from roadmap.kinematics import difference
 from sim.follower import Follower
 from sim.recording import BadRecording, Recording, read_recording

@@ -28,7 +28,8 @@ from odm import (
     surface_of,
 )
 from odm.cameras import look_at
-from odm.recipe import PayloadRecipe, RobotRecipe, Safety
+from odm.recipe import PayloadRecipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 from roadmap.kinematics import tool_pose
 from roadmap.unfinished import temporary_folder
@@ -261,7 +262,7 @@ def _watch() -> None:
 def _person() -> None:
     from handover import ArmState, Human, QualitySettings, posture_quality
     from handover.places import qualities_at
-    from sim.human_command import grip_points
+    from sim.grips import grip_points
 
     human = Human()
     T, arm = human.T_world_hand("left"), human.arm("left")

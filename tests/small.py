@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import odm
-from odm.recipe import Recipe, RobotRecipe, Safety
+from odm.recipe import Recipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 
 DATA = Path(__file__).parent / "data"

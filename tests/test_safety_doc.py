@@ -51,11 +51,11 @@ def test_lines_are_short_but_for_tables_and_names():
 @pytest.mark.parametrize(
     ("file", "stands"),
     [
-        ("odm/recipe.py", "rho: float = 0.03"),
-        ("odm/recipe.py", "sensor: float = 0.004"),
-        ("odm/recipe.py", "tracking: float = 0.002"),
-        ("odm/recipe.py", "blending: float = 0.004"),
-        ("odm/recipe.py", "user: float = 0.0"),
+        ("odm/safety.py", "rho: float = 0.03"),
+        ("odm/safety.py", "sensor: float = 0.004"),
+        ("odm/safety.py", "tracking: float = 0.002"),
+        ("odm/safety.py", "blending: float = 0.004"),
+        ("odm/safety.py", "user: float = 0.0"),
         ("odm/attach.py", "_ROOM = 0.01 "),
         ("odm/_kernels/ways.py", "ON = 1e-7 "),
         ("odm/_kernels/step.py", "LIMIT_TOLERANCE = 1e-3 "),

@@ -10,7 +10,7 @@ from handover.live_targets import LiveSettings
 from handover.reach_build import ReachSettings
 from handover.target_choice import ChoiceSettings
 from odm.approach_answer import ApproachSettings
-from odm.recipe import Safety
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadInput, BadRecipe
 from sim.execution import ExecutionSettings

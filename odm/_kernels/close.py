@@ -11,8 +11,7 @@ import math
 
 from numba import njit
 
-from odm._kernels.sweep import MAX_LEVEL, sample_level
-from odm._kernels.types import N_OCCUPIED
+from odm._kernels.cloud import N_OCCUPIED
 from roadmap._kernels.kinematics import body_frames, motion_bounds
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
@@ -305,3 +304,25 @@ def separation(arm, q, cloud, limit, work):
                         work.found[0] = i
                         work.found[1] = cloud.order[p]
     return best
+
+
+MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead
+
+
+# All finer chords stay within 1 + 1/4 times the sag of a coarse one (see docs); the
+# cells take 4/3, so that what cells call free the close test calls free at any depth.
+SAG_SHARE = 4.0 / 3.0
+
+
+@njit(cache=True, nogil=True)
+def sample_level(radius, speed, bend, tolerance):
+    """Return (level, ball radius) for a sphere: 2**level pieces of its motion."""
+    level = 0
+    while True:
+        dt = 1.0 / (1 << level)
+        sag = SAG_SHARE * bend * dt * dt / 8.0
+        half = 0.5 * speed * dt
+        ball = math.sqrt((radius + sag) * (radius + sag) + half * half)
+        if ball - radius <= tolerance or level == MAX_LEVEL:
+            return level, ball
+        level += 1

@@ -4,29 +4,9 @@ import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
+from odm._kernels.cloud import N_OCCUPIED
 from odm._kernels.state import cloud_of, direct_of, graph_of, own_of
-from odm._kernels.types import N_FRAME, N_OCCUPIED
-
-
-@njit(cache=True, nogil=True)
-def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
-    """Turn item -> (block, mask) lists into block -> (item, mask) lists."""
-    n_blocks = t_ptr.shape[0] - 1
-    for b in range(n_blocks + 1):
-        t_ptr[b] = 0
-    for k in range(blocks.shape[0]):
-        t_ptr[blocks[k] + 1] += 1
-    for b in range(n_blocks):
-        t_ptr[b + 1] += t_ptr[b]
-    for item in range(ptr.shape[0] - 1):
-        for k in range(ptr[item], ptr[item + 1]):
-            at = t_ptr[blocks[k]]
-            t_items[at] = item
-            t_masks[at] = masks[k]
-            t_ptr[blocks[k]] = at + 1
-    for b in range(n_blocks, 0, -1):
-        t_ptr[b] = t_ptr[b - 1]
-    t_ptr[0] = 0
+from odm._kernels.types import N_FRAME
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,7 @@
 
 from numba import njit
 
+from odm._kernels.cloud import N_BAD, N_INSIDE, N_OUTSIDE
 from odm._kernels.judge import (
     can_leave,
     judge_direct,
@@ -23,16 +24,7 @@ from odm._kernels.state import (
     own_of,
     search_of,
 )
-from odm._kernels.types import (
-    N_BAD,
-    N_FRAME,
-    N_INSIDE,
-    N_JOINT_COSTS,
-    N_OUTSIDE,
-    N_RUN,
-    N_RUNS,
-    N_STEP,
-)
+from odm._kernels.types import N_FRAME, N_JOINT_COSTS, N_RUN, N_RUNS, N_STEP
 from odm._kernels.ways import take_shortcuts, unwind, write_way
 
 

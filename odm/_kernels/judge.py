@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from odm._kernels.close import displacement, motion_clear, set_point
+from odm._kernels.cloud import IS_SORTED
 from odm._kernels.items import (
     BLOCKED,
     FREE,
@@ -31,15 +32,7 @@ from odm._kernels.state import (
     search_of,
     work_of,
 )
-from odm._kernels.types import (
-    EDGE_BASE,
-    IS_SORTED,
-    N_BESIDE,
-    N_CLOSE,
-    NO_ITEM,
-    NO_WAY,
-    TO_END,
-)
+from odm._kernels.types import EDGE_BASE, N_BESIDE, N_CLOSE, NO_ITEM, NO_WAY, TO_END
 
 
 @njit(cache=True, nogil=True)

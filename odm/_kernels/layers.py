@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from odm._kernels.types import N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
+from odm._kernels.cloud import N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
 
 
 @njit(cache=True, nogil=True)

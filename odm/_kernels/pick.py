@@ -7,7 +7,7 @@ sphere along it, so points in other cells cannot be in its way.
 import numpy as np
 from numba import njit
 
-from odm._kernels.types import IS_SORTED, N_INSIDE, N_OCCUPIED
+from odm._kernels.cloud import IS_SORTED, N_INSIDE, N_OCCUPIED
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ need not be fetched from memory.
 import numpy as np
 from numba import njit
 
-from odm._kernels.types import N_OCCUPIED
+from odm._kernels.cloud import N_OCCUPIED
 
 
 @njit(cache=True, nogil=True)

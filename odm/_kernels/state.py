@@ -13,10 +13,10 @@ import numpy as np
 from numba import carray, njit, types
 from numba.extending import intrinsic
 
+from odm._kernels.arm import Arm, Work
+from odm._kernels.cloud import Cloud
 from odm._kernels.types import (
-    Arm,
     Beside,
-    Cloud,
     Direct,
     Goals,
     Graph,
@@ -28,7 +28,6 @@ from odm._kernels.types import (
     Shortcuts,
     Starts,
     Way,
-    Work,
 )
 
 N_TOLERANCE, N_H, N_TRACK, N_EXTRA = 0, 1, 2, 3  # entries of Own.terms

@@ -13,26 +13,8 @@ import math
 import numpy as np
 from numba import njit
 
+from odm._kernels.close import MAX_LEVEL, SAG_SHARE, sample_level
 from roadmap._kernels.kinematics import body_frames, motion_bounds, place_points
-
-MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead
-# All finer chords stay within 1 + 1/4 times the sag of a coarse one (see docs); the
-# cells take 4/3, so that what cells call free the close test calls free at any depth.
-SAG_SHARE = 4.0 / 3.0
-
-
-@njit(cache=True, nogil=True)
-def sample_level(radius, speed, bend, tolerance):
-    """Return (level, ball radius) for a sphere: 2**level pieces of its motion."""
-    level = 0
-    while True:
-        dt = 1.0 / (1 << level)
-        sag = SAG_SHARE * bend * dt * dt / 8.0
-        half = 0.5 * speed * dt
-        ball = math.sqrt((radius + sag) * (radius + sag) + half * half)
-        if ball - radius <= tolerance or level == MAX_LEVEL:
-            return level, ball
-        level += 1
 
 
 @njit(cache=True, nogil=True)
@@ -342,3 +324,24 @@ def sweep_edges(
             return -1
         counts[k] = end - start
     return end
+
+
+@njit(cache=True, nogil=True)
+def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
+    """Turn item -> (block, mask) lists into block -> (item, mask) lists."""
+    n_blocks = t_ptr.shape[0] - 1
+    for b in range(n_blocks + 1):
+        t_ptr[b] = 0
+    for k in range(blocks.shape[0]):
+        t_ptr[blocks[k] + 1] += 1
+    for b in range(n_blocks):
+        t_ptr[b + 1] += t_ptr[b]
+    for item in range(ptr.shape[0] - 1):
+        for k in range(ptr[item], ptr[item + 1]):
+            at = t_ptr[blocks[k]]
+            t_items[at] = item
+            t_masks[at] = masks[k]
+            t_ptr[blocks[k]] = at + 1
+    for b in range(n_blocks, 0, -1):
+        t_ptr[b] = t_ptr[b - 1]
+    t_ptr[0] = 0

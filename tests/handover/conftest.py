@@ -14,7 +14,8 @@ from handover import (
     wrench,
 )
 from odm import Recipe, build_map
-from odm.recipe import RobotRecipe, Safety
+from odm.recipe import RobotRecipe
+from odm.safety import Safety
 from roadmap import load_robot
 from roadmap.build import RoadmapSettings
 

@@ -6,7 +6,7 @@ from small import draw_arm, draw_valid
 
 import odm
 from odm._kernels import close, kinematics_door, occupancy
-from odm._kernels.types import make_work
+from odm._kernels.arm import make_work
 from roadmap.kinematics import difference
 
 

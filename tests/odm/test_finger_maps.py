@@ -9,7 +9,8 @@ import pytest
 import odm
 from odm.audit import audit
 from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import Recipe, RobotRecipe, Safety, load_recipe
+from odm.recipe import Recipe, RobotRecipe, load_recipe
+from odm.safety import Safety
 from roadmap import load_robot
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BuildRefused

@@ -5,7 +5,8 @@ import pytest
 
 import odm
 from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import PayloadRecipe, Recipe, RobotRecipe, Safety
+from odm.recipe import PayloadRecipe, Recipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 from roadmap.carry import PAYLOAD, with_payload
 from roadmap.errors import BadInput

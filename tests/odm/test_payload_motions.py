@@ -17,7 +17,8 @@ from odm._kernels import ways
 from odm.exact import ExactRobot
 from odm.fcl_robot import FclRobot
 from odm.payload import loaded_map
-from odm.recipe import PayloadRecipe, Recipe, RobotRecipe, Safety
+from odm.recipe import PayloadRecipe, Recipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 from roadmap.carry import with_payload
 from roadmap.kinematics import difference, tool_pose

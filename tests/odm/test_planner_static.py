@@ -7,7 +7,8 @@ from small import AWAY, HOME, NOBODY, small_recipe
 
 import odm
 from odm.exact import ExactRobot
-from odm.recipe import Recipe, RobotRecipe, Safety
+from odm.recipe import Recipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadInput
 

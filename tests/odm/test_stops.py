@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import odm
-from odm.recipe import Recipe, RobotRecipe, Safety
+from odm.recipe import Recipe, RobotRecipe
+from odm.safety import Safety
 from roadmap.build import RoadmapSettings
 
 URDF = """<robot name="scara">

@@ -5,7 +5,8 @@ import pytest
 
 import odm
 from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import Recipe, RobotRecipe, Safety, parse_recipe, recipe_of_map
+from odm.recipe import Recipe, RobotRecipe, parse_recipe, recipe_of_map
+from odm.safety import Safety
 from roadmap import load_robot
 from roadmap.build import RoadmapSettings
 from roadmap.errors import BadRecipe, BadRobot

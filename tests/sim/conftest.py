@@ -133,7 +133,8 @@ def meet_maps(tmp_path_factory):
     """Return the folders of a small map and a coarse reach map of the Kawasaki."""
     from handover import ReachSettings, build_reach_map, chain_of
     from odm import Recipe, build_map
-    from odm.recipe import RobotRecipe, Safety
+    from odm.recipe import RobotRecipe
+    from odm.safety import Safety
     from roadmap.build import RoadmapSettings
 
     folder = tmp_path_factory.mktemp("meet")
