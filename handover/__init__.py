@@ -1,31 +1,31 @@
 """Where robot and person meet: reach of both, the person's body and comfort."""
 
-from handover.arm import Arm, ArmSolutions
-from handover.body import Part
-from handover.chain import Chain, chain_of
-from handover.constraints import Above, Constraint, Inside, Upright
-from handover.find import Handover, find_handover
-from handover.fit import human_from_joints
-from handover.held_object import HeldObject, mallet, wrench
-from handover.human import Human
-from handover.live_targets import LiveSettings, LiveTargets, Pursuit
-from handover.meet_settings import MeetSettings
-from handover.node_index import NodeIndex
-from handover.postures import POSTURES
-from handover.quality import (
+from handover.human.body import Part
+from handover.human.fit import human_from_joints
+from handover.human.human import Human
+from handover.human.human_arm import Arm, ArmSolutions
+from handover.human.postures import POSTURES
+from handover.human.skeleton import Skeleton
+from handover.meet.constraints import Above, Constraint, Inside, Upright
+from handover.meet.find import Handover, find_handover
+from handover.meet.held_object import HeldObject, mallet, wrench
+from handover.meet.meet_settings import MeetSettings
+from handover.meet.quality import (
     ArmState,
     Quality,
     QualitySettings,
     posture_quality,
     total_quality,
 )
-from handover.reach_build import ReachSettings, build_reach_map
-from handover.reach_map import ReachMap, load_reach_map
-from handover.rotations import RotationGrid, rotation_grid
-from handover.skeleton import Skeleton
-from handover.target_choice import ChoiceSettings
-from handover.validity import PlannerValidity
-from handover.workspace import InteractionWorkspace, Target
+from handover.meet.validity import PlannerValidity
+from handover.meet.workspace import InteractionWorkspace, Target
+from handover.reach.chain import Chain, chain_of
+from handover.reach.reach_build import ReachSettings, build_reach_map
+from handover.reach.reach_map import ReachMap, load_reach_map
+from handover.reach.rotations import RotationGrid, rotation_grid
+from handover.targets.live_targets import LiveSettings, LiveTargets, Pursuit
+from handover.targets.node_index import NodeIndex
+from handover.targets.target_choice import ChoiceSettings
 
 __all__ = [
     "POSTURES",

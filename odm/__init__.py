@@ -1,16 +1,16 @@
 """Obstacle direct mapping: what is free now, from cells and a certified close test."""
 
 from odm.answer import Answer, Blockers, Freedom
-from odm.build import build_map
 from odm.cameras import DepthCamera, SeenSettings, SeenSpace
-from odm.cell_map import CellMap, load_map
-from odm.last_phase import AVOID, CONTACT, OBJECT
-from odm.payload import CarriedObject, carried_object
-from odm.planner import PlannerSettings, ReactivePlanner
-from odm.recipe import Recipe, load_recipe
-from odm.robot_surface import RobotSurface, robot_surface
-from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
-from odm.surfaces import Surface, sample_capsules, surface_of
+from odm.cell_map.build import build_map
+from odm.cell_map.cell_map import CellMap, load_map
+from odm.cell_map.payload import CarriedObject, carried_object
+from odm.cell_map.recipe import Recipe, load_recipe
+from odm.obstacles.robot_surface import RobotSurface, robot_surface
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
+from odm.planner.last_phase import AVOID, CONTACT, OBJECT
+from odm.planner.planner import PlannerSettings, ReactivePlanner
 
 __all__ = [
     "AVOID",

@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import is_between
-from roadmap.robot import Robot
+from roadmap.robot.robot import Robot
 
 if TYPE_CHECKING:
     pass

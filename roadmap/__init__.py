@@ -1,10 +1,11 @@
 """The robot and its graph: URDF, kinematics, sphere cover, self-collision, roadmap."""
 
-from roadmap.kinematics import tool_pose
-from roadmap.known import robot_names
-from roadmap.motion import Motion, SetPoint, time_path
-from roadmap.robot import Robot
-from roadmap.urdf import load_robot
+import roadmap.kernel_cache  # noqa: F401 (drops stale machine code)
+from roadmap.kinematics.forward import tool_pose
+from roadmap.loading.urdf import load_robot
+from roadmap.motion.motion import Motion, SetPoint, time_path
+from roadmap.robot.known import robot_names
+from roadmap.robot.robot import Robot
 
 __all__ = [
     "Motion",

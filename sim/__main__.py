@@ -1,12 +1,12 @@
 """The `odm` command from its first line on: Ctrl-C is heard before anything heavy."""
 
-from sim import interrupt
+from sim.terminal import interrupt
 
 
 def main() -> None:
-    """Run the command line, see `sim.cli.main`."""
+    """Run the command line, see `sim.cli.main.main`."""
     interrupt.listen()
-    from sim.cli import main as run
+    from sim.cli.main import main as run
 
     run()
 

@@ -21,11 +21,11 @@ FREE = "free"
 
 def calls(odm, planner, hand, home):
     """Return the calls by name; each returns what it was told, or raises."""
-    from odm.scenery import parse_scenery
-    from odm.shapes import Box
-    from roadmap.motion import time_path
-    from sim.braking import BrakingTest
-    from sim.threat import Threat, ThreatSettings
+    from odm.execution.stop_test import BrakingTest
+    from odm.execution.threat import Threat, ThreatSettings
+    from odm.obstacles.scenery import parse_scenery
+    from odm.obstacles.shapes import Box
+    from roadmap.motion.motion import time_path
 
     nan, robot = np.nan, planner.robot
     still = time_path(robot, home[None])

@@ -9,9 +9,9 @@ from small import (
 )
 
 import odm
-from odm.exact import ExactRobot
-from odm.recipe import PayloadRecipe
-from roadmap.kinematics import difference
+from odm.audit.exact import ExactRobot
+from odm.cell_map.recipe import PayloadRecipe
+from roadmap.kinematics.forward import difference
 
 CENTER, RADIUS = np.array([0.1, 0.0, 0.02]), 0.12  # the map's envelope
 BALLS = np.array([[0.1, 0.0, 0.02, 0.06], [0.16, 0.0, 0.0, 0.04]])

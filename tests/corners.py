@@ -4,7 +4,7 @@ import moving
 import numpy as np
 from moving import DT
 
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
 
 ROBOTS = ("panda", "gantry", "crane")  # of tests/roadmap/conftest.py
 

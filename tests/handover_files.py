@@ -3,7 +3,7 @@
 import numpy as np
 
 from handover import Human
-from handover.body import COLUMN
+from handover.human.body import COLUMN
 
 PARTS = {"hip": "hip", "neck": "neck", "head": "head"}
 FRAMES, TAKEN, RELEASED = 40, 20, 25
@@ -23,7 +23,7 @@ def two_people():
 
 def reaching(person, place):
     """Return the person with the right grip at a place, somehow."""
-    from handover.places import qualities_at
+    from handover.meet.places import qualities_at
 
     found = qualities_at(person, "right", place[None], rotations=576)
     return person.with_arm("right", found.q[0])

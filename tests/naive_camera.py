@@ -43,7 +43,7 @@ def cell_states(camera: DepthCamera, image, own, grid, noise=0.0) -> np.ndarray:
     """Return what one camera sees of every cell, by its definition.
 
     A cell is FREE if all readings of pixels as near to the image of its cube as
-    the argument of `odm/_kernels/seen.py` asks exceed what lies behind it.
+    the argument of `odm/cameras/_seen.py` asks exceed what lies behind it.
     """
     T = np.linalg.inv(camera.T_base_camera)
     kappa = 1.0 / min(camera.fx, camera.fy)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roadmap.kinematics import body_frames
+from roadmap.kinematics.forward import body_frames
 
 
 def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, int]]:

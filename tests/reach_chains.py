@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from handover import Chain
-from handover.reach_recall import random_poses
+from handover.reach.reach_recall import random_poses
 from roadmap.transforms import pose_of
 
 # parts of the arm's length: MMM's 0.188, 0.145 and half of 0.108 of the height

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.recipe import Recipe, RobotRecipe
-from roadmap.build import RoadmapSettings
-from sim.arm import HumanArm
-from sim.arm_path import Person
-from sim.human_motion import make_motion
-from sim.loop import Loop, LoopSettings
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from roadmap.graph.connecting import RoadmapSettings
+from sim.loop.loop import Loop, LoopSettings
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
+from sim.people.human_motion import make_motion
 from sim.record import Recorder, write_record
 
 PLACES = np.array([[0.9, 0.0], [-0.9, 0.3]])

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 import odm
-from odm.recipe import Recipe, RobotRecipe
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.close_test.safety import Safety
+from roadmap.graph.connecting import RoadmapSettings
 
 DATA = Path(__file__).parent / "data"
 FLOOR = {"type": "plane", "name": "floor"}

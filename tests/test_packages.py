@@ -98,5 +98,5 @@ def test_importing_the_planner_loads_no_heavy_package():
 
 
 def test_the_command_line_starts_without_the_planner():
-    loaded = loaded_after("import sim.cli")
+    loaded = loaded_after("import sim.cli.main")
     assert not loaded & (HEAVY | {"numba", "numpy", "roadmap", "odm"})

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from odm import build_map
-from sim.bench_command import fill_section
-from sim.warmup import tiny_recipe
+from sim.cli.bench_command import fill_section
+from sim.loop.warmup import tiny_recipe
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

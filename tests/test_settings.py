@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import odm
-from handover.live_targets import LiveSettings
-from handover.reach_build import ReachSettings
-from handover.target_choice import ChoiceSettings
-from odm.approach_answer import ApproachSettings
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
+from handover.reach.reach_build import ReachSettings
+from handover.targets.live_targets import LiveSettings
+from handover.targets.target_choice import ChoiceSettings
+from odm.approach.approach_answer import ApproachSettings
+from odm.close_test.safety import Safety
+from odm.execution.execution import ExecutionSettings
+from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput, BadRecipe
-from sim.execution import ExecutionSettings
-from sim.loop import LoopSettings
-from sim.threat import ThreatSettings
-from sim.two_members import TwoSettings
+from roadmap.graph.connecting import RoadmapSettings
+from sim.loop.loop import LoopSettings
+from sim.two.two_members import TwoSettings
 
 SETTINGS = [
     odm.PlannerSettings,

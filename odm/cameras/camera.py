@@ -82,7 +82,7 @@ class DepthCamera:
 
         A ball of that diameter, and so a union of such balls, meets a ray through the
         centre of a pixel wherever it is in view, even if single pixels have no
-        reading; see `odm._kernels.seen`.
+        reading; see `odm.cameras._seen`.
         """
         return 2.0 * depth_m * self.kappa / (1.0 - self.kappa)
 

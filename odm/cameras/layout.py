@@ -4,16 +4,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm._kernels.cubes import pack
-from odm._kernels.seen import BEYOND
+from odm.cameras._cubes import pack
+from odm.cameras._seen import BEYOND
 from odm.cameras.settings import SeenSettings
 from odm.cameras.view import View, lay_out_view
-from odm.cell_map import CellMap
-from odm.grid import bounding_ball
-from odm.payload import largest_robot
-from roadmap._kernels import kinematics
+from odm.cell_map.cell_map import CellMap
+from odm.cell_map.payload import largest_robot
+from odm.obstacles.grid import bounding_ball
 from roadmap.errors import BadInput
-from roadmap.robot import Robot
+from roadmap.kinematics import _forward as kinematics
+from roadmap.robot.robot import Robot
 
 if TYPE_CHECKING:
     from odm.cameras.space import SeenSpace
@@ -23,7 +23,7 @@ _NO_PAYLOAD = np.zeros((0, 4))
 
 
 class Room:
-    """Arrays over all cells, z fastest; see `odm/_kernels`.
+    """Arrays over all cells, z fastest; see `_seen.py`.
 
     A byte each (nx, ny, nz), or a bit (nx, ny, words). Names that end in 4 or 8 view
     the same memory so many cells at a time.

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from odm._kernels.remember import GO_FREE, GO_OCCUPIED, GO_ON
+from odm.cameras._remember import GO_FREE, GO_OCCUPIED, GO_ON
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 

@@ -5,14 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm._kernels import cubes, depth, remember, seen, windows
-from odm._kernels.seen import REMEMBERED, UNKNOWN
 from odm.answer import VISIBLE
+from odm.cameras import _cubes as cubes
+from odm.cameras import _depth as depth
+from odm.cameras import _remember as remember
+from odm.cameras import _seen as seen
+from odm.cameras import _windows as windows
 from odm.cameras import layout
+from odm.cameras._seen import REMEMBERED, UNKNOWN
 from odm.cameras.camera import DepthCamera
 from odm.cameras.settings import SeenSettings
 from odm.cameras.view import lift
-from odm.cell_map import CellMap
+from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
 

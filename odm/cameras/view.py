@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm._kernels import seen
-from odm._kernels.depth import TILE
-from odm._kernels.windows import COARSE
+from odm.cameras import _seen as seen
+from odm.cameras._depth import TILE
+from odm.cameras._windows import COARSE
 from odm.cameras.camera import DepthCamera
-from odm.grid import WorkspaceGrid
+from odm.obstacles.grid import WorkspaceGrid
 from roadmap.errors import BadInput
 
 _LEVELS = 8  # squares of up to 256 pixels
@@ -22,12 +22,12 @@ class View(NamedTuple):
     lens: np.ndarray
     pose: np.ndarray  # (12,) base to camera: rotation, row-major, and translation
     to_eighths: np.ndarray  # (12,) camera to eighths of cells from the grid's corner
-    near: np.ndarray  # (levels, rows, columns) uint16, see _kernels/depth.py
+    near: np.ndarray  # (levels, rows, columns) uint16, see odm/cameras/_depth.py
     seen: np.ndarray
     top_near: np.ndarray  # their largest values, coarse
     top_seen: np.ndarray
     block_kind: np.ndarray  # (blocks) uint8: is its image in the picture
-    block_rect: np.ndarray  # (blocks, 5) uint16: where, see _kernels/windows.py
+    block_rect: np.ndarray  # (blocks, 5) uint16: where, see odm/cameras/_windows.py
     block_limit: np.ndarray  # (blocks) uint16: reading behind it
     block_low: np.ndarray  # (blocks) uint16: reading in front of it
     cell_kind: np.ndarray  # the same for cells

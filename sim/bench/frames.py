@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm import Capsule, ReactivePlanner, sample_capsules
-from odm.cell_map import CellMap
-from odm.exact import ExactRobot
-from odm.static import StaticTest
+from odm.audit.exact import ExactRobot
+from odm.cell_map.cell_map import CellMap
+from odm.close_test.static import StaticTest
 from roadmap.arrays import frozen
 from roadmap.errors import PlanningError
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 LENGTHS = (0.30, 0.43)  # upper arm, forearm with hand: axes of the capsules [m]
 RADII = (0.05, 0.04)

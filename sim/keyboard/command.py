@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.arm import HumanArm
-from sim.arm_path import Person
 from sim.keyboard.control import KeyEvent
 from sim.keyboard.kept import KeptFrames
 from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.signals import ENDINGS
 from sim.keyboard.terminal import open_terminal
-from sim.loop import Frame, Loop, LoopSettings
-from sim.run_result import RunResult
+from sim.loop.loop import Frame, Loop, LoopSettings
+from sim.loop.run_result import RunResult
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
 
 if TYPE_CHECKING:
     from odm import CellMap, ReactivePlanner
@@ -103,7 +103,7 @@ def run_keyboard(
         quiet: Print no tables.
         make_loop: (planner, robot, places, motion, settings) -> loop.
         on_frame: Called with every frame.
-        execution: "kinematic" or "timed"; see `sim.loop.LoopSettings`.
+        execution: "kinematic" or "timed"; see `sim.loop.loop.LoopSettings`.
         record: File for the whole run, to be replayed; written however it ends.
 
     Raises:
@@ -112,9 +112,9 @@ def run_keyboard(
             recording cannot be written.
     """
     from odm import ReactivePlanner, load_map
-    from sim.demo import DEMO, find_places
     from sim.record import check_target, recording
-    from sim.terminal import Bars
+    from sim.run.demo import DEMO, find_places
+    from sim.terminal.output import Bars
 
     if record is not None:
         check_target(record)
@@ -160,7 +160,7 @@ def _warm_up(
     planner: "ReactivePlanner", places: np.ndarray, settings: LoopSettings
 ) -> None:
     """Compile all that a frame or the screen will call."""
-    from sim.demo import warm_up
+    from sim.run.demo import warm_up
 
     warm_up(planner, places, "reach", settings)
     planner.invalid_edges()
@@ -177,7 +177,7 @@ def _all(*listeners: Callable[[Frame], None] | None) -> Callable[[Frame], None]:
 
 
 def _report(run: KeyboardRun) -> None:
-    from sim.report import print_report
+    from sim.run.report import print_report
 
     if run.result is not None:
         print_report([run.result], None, run.cell_map.hash)

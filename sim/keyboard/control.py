@@ -7,9 +7,9 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from sim.arm import HumanArm
-from sim.arm_path import Person
 from sim.keyboard.bindings import HOME, LARGER, MOVES, SMALLER
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
 
 MAX_SPEED = 1.6  # of a person's arm, where nothing else is said [m/s]
 TICK = 0.01  # step of the control [s], whatever the rate of the frames

@@ -3,8 +3,8 @@
 from collections import deque
 from dataclasses import replace
 
-from sim.loop import Frame, Loop, light, result_of
-from sim.run_result import RunResult
+from sim.loop.loop import Frame, Loop, light, result_of
+from sim.loop.run_result import RunResult
 
 
 class KeptFrames:

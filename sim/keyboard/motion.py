@@ -6,14 +6,14 @@ from collections.abc import Iterable
 import numpy as np
 
 from roadmap.errors import BadInput
-from sim.arm import HumanArm, facing_robot
-from sim.arm_path import Person
 from sim.keyboard.bindings import ARM_KEYS
 from sim.keyboard.control import TICK, ArmLimits, ArmState, KeyEvent, advance, press
+from sim.people.arm import HumanArm, facing_robot
+from sim.people.arm_path import Person
 
 
 class KeyboardArm:
-    """An arm moved by keys; a `sim.human_motion.HumanMotion`.
+    """An arm moved by keys; a `sim.people.human_motion.HumanMotion`.
 
     The place at time t is a function of the keys pressed before t and of nothing
     else: the events of a live run, handed to a new arm, give the same bytes again.

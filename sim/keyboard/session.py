@@ -13,14 +13,14 @@ from sim.keyboard.signals import Signals
 from sim.keyboard.tally import Tally
 from sim.keyboard.terminal import Keys, PlainScreen, Screen, taken
 from sim.keyboard.view import View, plain_line
-from sim.loop import Frame
+from sim.loop.loop import Frame
 
 REDRAW = 0.1  # from picture to picture [s]
 RELINE = 1.0  # from line to line where there is no picture [s]
 
 
 class FrameSource(Protocol):
-    """Anything that answers one frame after the other, such as `sim.loop.Loop`."""
+    """Anything that answers one frame after the other, such as `sim.loop.loop.Loop`."""
 
     def frame(self) -> Frame:
         """Answer one frame and move on by one period."""

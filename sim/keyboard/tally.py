@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sim.loop import Frame
+from sim.loop.loop import Frame
 
 _FIRST, _STEP, _BINS = 1e-7, math.log(1.02), 1024  # 0.1 us to a minute, 2 % each
 

@@ -187,6 +187,6 @@ def _is_terminal(stream: object) -> bool:
 
 
 def _others() -> list[str]:
-    from sim.human_motion import motion_names
+    from sim.people.human_motion import motion_names
 
     return [name for name in motion_names() if name != "keyboard"]

@@ -6,11 +6,11 @@ from dataclasses import fields
 import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
-from odm.recipe import recipe_of_map
-from roadmap.carry import with_payload
+from odm.cell_map.recipe import recipe_of_map
 from roadmap.errors import BadInput
-from roadmap.robot import Robot
-from sim.loop import Loop, LoopSettings
+from roadmap.loading.held_link import with_payload
+from roadmap.robot.robot import Robot
+from sim.loop.loop import Loop, LoopSettings
 from sim.record.check import BadRecord
 from sim.record.recorder import Recorder
 from sim.record.run_record import NOBODY, RunRecord
@@ -19,7 +19,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class RecordedPerson:
-    """The person of a recording, frame by frame; a `sim.human_motion.HumanMotion`.
+    """The person of a recording, frame by frame, as a `HumanMotion`.
 
     Where the recording tells what was seen from what was guessed, it has `guess` too.
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.loop.recording import BadRecording
 from sim.record.run_record import OUTCOME
-from sim.recording import BadRecording
 
 
 class BadRecord(BadRecording):

@@ -13,10 +13,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from sim.npz import TooLarge, array_of, read_members
 from sim.record.check import BadRecord, check_arrays
 from sim.record.run_record import CARRYING, FORMAT, INPUTS, RunRecord
-from sim.terminal import write_whole
+from sim.terminal.npz import TooLarge, array_of, read_members
+from sim.terminal.output import write_whole
 
 HEAD = "recording.json"
 _START = (1980, 1, 1, 0, 0, 0)  # the earliest time an archive can name

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from odm.recipe import Recipe
+from odm.cell_map.recipe import Recipe
 
 _NOTE = "# The recipe of a recorded run's map; `odm build` makes the map from it.\n"
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from odm.cell_map import CellMap
+from odm.cell_map.cell_map import CellMap
+from odm.execution.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from roadmap.errors import BadInput
 from roadmap.unfinished import beside
-from sim import interrupt
-from sim.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
-from sim.loop import Frame, Loop
+from sim.loop.loop import Frame, Loop
+from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
 from sim.record.columns import Column
 from sim.record.file import write_record
 from sim.record.run_record import CARRYING, FORMAT, NOBODY, OUTCOME, RunRecord
-from sim.run_result import STATUS, holds_of, kind_of, new_paths
+from sim.terminal import interrupt
 
 PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"
 PACKAGES = ("odm-planner", "numpy", "numba", "scipy", "ruckig", "python-fcl")

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.execution import RETREATING
-from sim.run_result import Hold, RunResult
+from odm.execution.execution import RETREATING
+from sim.loop.run_result import Hold, RunResult
 
 FORMAT, CARRYING = 2, 3  # format of a recording, and of one with a payload
 NOBODY = "none"  # name of the motion of a run without a person

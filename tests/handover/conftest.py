@@ -14,10 +14,10 @@ from handover import (
     wrench,
 )
 from odm import Recipe, build_map
-from odm.recipe import RobotRecipe
-from odm.safety import Safety
+from odm.cell_map.recipe import RobotRecipe
+from odm.close_test.safety import Safety
 from roadmap import load_robot
-from roadmap.build import RoadmapSettings
+from roadmap.graph.connecting import RoadmapSettings
 
 SMALL = ReachSettings(cell=0.2, rotations=72, samples=40_000, seed=3)
 

@@ -7,11 +7,11 @@ from naive_arm import naive_fk, pinocchio_arm, swivels_that_work
 from numba import njit
 
 from handover import Arm, Human
-from handover._kernels.arm import arm_axes, arm_pose
-from handover._kernels.arm_ik import AXES, MAX_SPANS, SPANS, WORK_ROWS
-from handover._kernels.arm_solve import solve_arm
-from handover.anthropometry import ARM_RANGES
-from handover.arm import flat_pose
+from handover.human._arm_ik import AXES, MAX_SPANS, SPANS, WORK_ROWS
+from handover.human._arm_solve import solve_arm
+from handover.human._human_arm import arm_axes, arm_pose
+from handover.human.anthropometry import ARM_RANGES
+from handover.human.human_arm import flat_pose
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from mocap_files import STANDING
 
-from handover.body import COLUMN, JOINTS, BodySizes, Part, UpperBody, joint_places
+from handover.human.body import COLUMN, JOINTS, BodySizes, Part, UpperBody, joint_places
 from odm import sample_capsules
 from roadmap.errors import BadInput
 from roadmap.transforms import rotation_rpy

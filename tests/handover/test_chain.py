@@ -7,16 +7,16 @@ import pytest
 from reach_chains import person_pose, slow_dexterity
 
 from handover import chain_of
-from handover._kernels import chain as kernels
-from handover._kernels.touch import touches_itself
-from handover.reach_grid import reachable_box
-from handover.reach_touch import touch_of
-from handover.reach_work import work_of
+from handover.reach import _chain as kernels
+from handover.reach._reach_touch import touches_itself
+from handover.reach.reach_grid import reachable_box
+from handover.reach.reach_touch import touch_of
+from handover.reach.reach_work import work_of
 from roadmap import load_robot
-from roadmap._kernels.kinematics import body_frames
 from roadmap.errors import BadInput
-from roadmap.kinematics import jacobian, tool_pose
-from roadmap.self_collision import configuration_free
+from roadmap.geometry.self_collision import configuration_free
+from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics.forward import jacobian, tool_pose
 
 FLAP = """<robot name="flap">
 <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>

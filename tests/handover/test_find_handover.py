@@ -8,13 +8,13 @@ from meet_people import person, workspace
 
 import odm
 from handover import ReachSettings, build_reach_map, chain_of
-from handover.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, find_handover
-from handover.validity import PlannerValidity
-from odm.exact import ExactRobot
-from odm.shapes import Capsule
+from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, find_handover
+from handover.meet.validity import PlannerValidity
+from odm.audit.exact import ExactRobot
+from odm.obstacles.shapes import Capsule
 from roadmap import load_robot
 from roadmap.errors import BadInput
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 LONG = 60.0  # [s] tests do not wait for a clock
 

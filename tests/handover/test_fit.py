@@ -5,8 +5,8 @@ import pytest
 from mocap_files import STANDING
 
 from handover import Human, human_from_joints
-from handover.anthropometry import ARM_RANGES
-from handover.body import COLUMN, JOINTS, joint_places
+from handover.human.anthropometry import ARM_RANGES
+from handover.human.body import COLUMN, JOINTS, joint_places
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 

@@ -6,8 +6,8 @@ from small import AWAY, HOME
 
 import handover
 from handover import POSTURES, Human, Part, Skeleton
-from handover.anthropometry import ARM_RANGES, HEIGHTS, RADII
-from handover.body import COLUMN, BodySizes
+from handover.human.anthropometry import ARM_RANGES, HEIGHTS, RADII
+from handover.human.body import COLUMN, BodySizes
 from odm import sample_capsules
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of

@@ -8,8 +8,8 @@ import pytest
 from numba import njit
 from numba.core.errors import NumbaError
 
-import handover._kernels as kernels
-from handover._kernels.settle import settle_positions
+import handover.jit_options as kernels
+from handover.reach._reach_pack import settle_positions
 
 FILES = sorted(Path(kernels.__file__).parent.glob("[!_]*.py"))
 

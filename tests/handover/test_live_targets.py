@@ -6,7 +6,7 @@ from meet_people import person, workspace
 from small import small_recipe
 
 import odm
-from handover.live_targets import (
+from handover.targets.live_targets import (
     BLOCKED,
     NOBODY,
     THERE,
@@ -14,10 +14,10 @@ from handover.live_targets import (
     LiveSettings,
     LiveTargets,
 )
-from handover.node_index import NodeIndex
-from handover.target_goals import STARTS
+from handover.targets.node_index import NodeIndex
+from handover.targets.target_goals import STARTS
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference, tool_pose
+from roadmap.kinematics.forward import difference, tool_pose
 
 STEP = 0.05  # [rad] the joints move in a frame
 

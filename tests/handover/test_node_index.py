@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handover.node_index import RADIAN_M, NodeIndex
+from handover.targets.node_index import RADIAN_M, NodeIndex
 from roadmap.errors import BadInput
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 
 @pytest.fixture(scope="module")

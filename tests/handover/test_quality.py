@@ -9,10 +9,10 @@ import pytest
 from naive_arm import pinocchio_arm
 
 from handover import ArmState, Human, QualitySettings, posture_quality, total_quality
-from handover._kernels import quality as kernel
-from handover._kernels.arm import arm_axes
-from handover.anthropometry import ARM_RANGES
-from handover.quality import PARTS, gravity_torque_unit
+from handover.human._human_arm import arm_axes
+from handover.human.anthropometry import ARM_RANGES
+from handover.meet import _quality as kernel
+from handover.meet.quality import PARTS, gravity_torque_unit
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 

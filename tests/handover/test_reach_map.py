@@ -10,22 +10,22 @@ from scipy.spatial.transform import Rotation
 
 import handover
 from handover import ReachSettings, build_reach_map, chain_of
-from handover._kernels import reach as kernels
-from handover._kernels.chain import dexterity, forward, from_lattice, jacobian
-from handover.reach_build import MAX_BYTES
-from handover.reach_grid import reach_grid
-from handover.reach_map import ReachMap
-from handover.reach_recall import (
+from handover.reach import _reach_build as kernels
+from handover.reach._chain import dexterity, forward, from_lattice, jacobian
+from handover.reach.reach_build import MAX_BYTES
+from handover.reach.reach_grid import reach_grid
+from handover.reach.reach_map import ReachMap
+from handover.reach.reach_recall import (
     center_rate,
     measure_recall,
     random_poses,
     witness_precision,
 )
-from handover.reach_touch import touch_of
-from handover.reach_work import best_dexterity, work_of
+from handover.reach.reach_touch import touch_of
+from handover.reach.reach_work import best_dexterity, work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
-from roadmap.self_collision import configuration_free
+from roadmap.geometry.self_collision import configuration_free
 from roadmap.transforms import pose_of
 
 
@@ -129,7 +129,7 @@ def test_the_best_sample_of_a_cell_stays_whatever_the_split(arm, rng):
         if c >= 0 and v > best.get(c, (0, 0))[0]:
             best[c] = (v, 500 + i)
     for parts in (1, 3):
-        cells = handover.reach_build._empty_cells(grid.n_cells, 7)
+        cells = handover.reach.reach_build._empty_cells(grid.n_cells, 7)
         for part in range(parts):
             kernels.keep_best(part, parts, 72, 500, where, value, cells)
         found = np.flatnonzero(cells.sample)
@@ -158,7 +158,7 @@ def test_the_recall_is_that_of_poses_solved_elsewhere(robot, robot_map, rng):
     assert found.solvable > 60 and found.recall > 0.88
     assert found.margin < 0.1
     # the same poses, solved by the robot's own inverse kinematics
-    from handover.reach_grid import reachable_box
+    from handover.reach.reach_grid import reachable_box
 
     flat = random_poses(reachable_box(chain), 400, np.random.default_rng(4))
     solvable = marked = 0

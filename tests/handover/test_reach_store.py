@@ -9,8 +9,8 @@ import pytest
 from reach_chains import naive_cell, some_poses
 
 from handover import load_reach_map
-from handover._kernels import reach as kernels
-from handover.reach_map import ReachMap
+from handover.reach import _reach_build as kernels
+from handover.reach.reach_map import ReachMap
 from roadmap.errors import BadMap
 from roadmap.store import _manifest_hash
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from handover import rotation_grid
-from handover.rotations import SIZES, angles_between
+from handover.reach.rotations import SIZES, angles_between
 from roadmap.errors import BadInput
 
 WORST = {72: 57.0, 576: 32.0, 1944: 22.5}

@@ -2,8 +2,8 @@
 
 import pytest
 
-from handover.target_choice import ChoiceSettings, TargetChoice
-from handover.target_offers import Offer
+from handover.targets.target_choice import ChoiceSettings, TargetChoice
+from handover.targets.target_offers import Offer
 from roadmap.errors import BadInput
 
 SETTINGS = ChoiceSettings(

@@ -7,12 +7,12 @@ import pytest
 from meet_people import person, workspace
 
 import odm
-from handover.live_targets import LiveSettings, LiveTargets
-from handover.node_index import NodeIndex
-from handover.target_goals import MOST, STARTS, TargetGoals
-from handover.target_offers import Offer, TargetOffers
+from handover.targets.live_targets import LiveSettings, LiveTargets
+from handover.targets.node_index import NodeIndex
+from handover.targets.target_goals import MOST, STARTS, TargetGoals
+from handover.targets.target_offers import Offer, TargetOffers
 from odm import PlannerSettings
-from roadmap.kinematics import difference, sphere_centers, tool_pose
+from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 
 KEPT = PlannerSettings(attachments=4, start_attachments=4, looks=1, kept_goals=16)
 

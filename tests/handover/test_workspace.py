@@ -17,9 +17,9 @@ from handover import (
     mallet,
     wrench,
 )
-from handover._kernels import meet_bounds as bounds
-from handover._kernels.meet import NUDGE, UNREACHED, hand_value
-from handover.robot_cells import robot_cells
+from handover.meet import _meet_bounds as bounds
+from handover.meet._meet import NUDGE, UNREACHED, hand_value
+from handover.reach.robot_cells import robot_cells
 from roadmap.transforms import pose_of
 
 

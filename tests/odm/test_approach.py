@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 import odm
-from odm.approach import Approacher
-from odm.approach_answer import ApproachSettings
-from odm.exact import ExactRobot, obstacles_of
-from odm.face_samples import box_faces
-from odm.surfaces import rounded_covering
-from odm.tool_line import Line, ToolKinematics
+from odm.approach.approach import Approacher
+from odm.approach.approach_answer import ApproachSettings
+from odm.approach.tool_line import Line, ToolKinematics
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.obstacles.face_samples import box_faces
+from odm.obstacles.surfaces import rounded_covering
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference, tool_pose
-from roadmap.spheres import cover_excess, robot_solids
+from roadmap.geometry.spheres import cover_excess, robot_solids
+from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.transforms import pose_of
-from sim.bench.approach import bin_around
+from sim.bench.core.approach import bin_around
 
 NOBODY = np.zeros((0, 3))
 DOWN = pose_of([0.5, 0.1, 0.25], [np.pi, 0.0, 0.3])

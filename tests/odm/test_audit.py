@@ -7,18 +7,18 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from odm import audit as audits
-from odm.audit import Auditor, audit
-from odm.audit_library import FAMILIES, draw_specimens
-from odm.build import build_map
-from odm.exact import ExactRobot
-from odm.recipe import Recipe, RobotRecipe
-from odm.sabotage import most_needed_sphere, part_of, spoiled
-from odm.shapes import Mesh
-from odm.surfaces import surface_of
-from roadmap.build import RoadmapSettings
+from odm.audit import audit as audits
+from odm.audit.audit import Auditor, audit
+from odm.audit.audit_library import FAMILIES, draw_specimens
+from odm.audit.exact import ExactRobot
+from odm.audit.sabotage import most_needed_sphere, part_of, spoiled
+from odm.cell_map.build import build_map
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.obstacles.shapes import Mesh
+from odm.obstacles.surfaces import surface_of
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import difference
 
 ARM = """
 <robot name="stick">

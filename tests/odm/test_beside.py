@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from small import HOME, on_its_way
 
-from odm._kernels import beside, ways
-from odm._kernels.state import N_TRACK
+from odm.search import _beside as beside
+from odm.search import _paths as ways
+from odm.search._state import N_TRACK
 from roadmap import time_path
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
 
 
 def sum_off(planner, path, q):

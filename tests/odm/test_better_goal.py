@@ -5,7 +5,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 
 import odm
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 BETTER = np.array([1.2, -0.9, 0.4])
 

@@ -8,7 +8,7 @@ from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
 from odm import PlannerSettings
-from odm.calm import Recent
+from odm.planner.calm import Recent
 
 RATE = 100
 NOWHERE_CALM = PlannerSettings(memory_s=0.0)

@@ -178,7 +178,7 @@ def test_depths_in_metres_never_move_away(camera):
 
 
 def test_a_read_only_image_compiles_nothing_new(space, camera):
-    from odm._kernels import depth
+    from odm.cameras import _depth as depth
 
     image = picture(camera)
     space.update(image, Q, 0.0)

@@ -5,12 +5,12 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 
 import odm
-from odm._kernels.beside import nearest_share, off_motion
-from odm._kernels.types import N_BESIDE, N_WHERE
-from odm._kernels.ways import is_on
-from odm.sequence_judge import Judge
-from odm.sequences import Sequence, reuse_certificate
-from roadmap.kinematics import sphere_centers
+from odm.audit.sequence_judge import Judge
+from odm.audit.sequences import Sequence, reuse_certificate
+from odm.search._beside import nearest_share, off_motion
+from odm.search._paths import is_on
+from odm.search._types import N_BESIDE, N_WHERE
+from roadmap.kinematics.forward import sphere_centers
 
 
 def pushed_away(planner, q, toward, frames=120, push=0.003):

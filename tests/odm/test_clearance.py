@@ -5,11 +5,11 @@ import pytest
 from small import draw_arm, draw_valid
 
 import odm
-from odm.audit_robot import audit_robot, volume_points
-from odm.clearance import TERMS, clearance_tax
-from odm.exact import ExactRobot
-from roadmap.kinematics import difference
-from roadmap.robot import BOX, CYLINDER, SPHERE
+from odm.audit.audit_robot import audit_robot, volume_points
+from odm.audit.clearance import TERMS, clearance_tax
+from odm.audit.exact import ExactRobot
+from roadmap.kinematics.forward import difference
+from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 
 
 @pytest.fixture(scope="module")

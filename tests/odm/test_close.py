@@ -5,9 +5,11 @@ from naive_cells import edge_cells, occupied_cells, smallest_gap
 from small import draw_arm, draw_valid
 
 import odm
-from odm._kernels import close, kinematics_door, occupancy
-from odm._kernels.arm import make_work
-from roadmap.kinematics import difference
+from odm.close_test import _close as close
+from odm.close_test._arm import make_work
+from odm.obstacles import _occupancy as occupancy
+from odm.planner import _kinematics_door as kinematics_door
+from roadmap.kinematics.forward import difference
 
 
 def cloud_of(cell_map, points):

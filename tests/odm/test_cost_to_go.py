@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 import odm
-from odm._kernels import cost_to_go
+from odm.search import _cost_to_go as cost_to_go
 
 
 def joined(rng, n, k):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from odm._kernels import cubes
+from odm.cameras import _cubes as cubes
 
 H = 0.04
 E = np.sqrt(3.0) * H / 4.0

@@ -11,10 +11,10 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 import roadmap
-from odm import shapes
-from odm._kernels import exact as kernels
-from odm.exact import ExactRobot, flat_frames, obstacles_of
-from odm.fcl_robot import FclRobot, geometry_of
+from odm.audit import _exact as kernels
+from odm.audit.exact import ExactRobot, flat_frames, obstacles_of
+from odm.audit.fcl_robot import FclRobot, geometry_of
+from odm.obstacles import shapes
 
 seeds = st.integers(0, 2**32 - 1)
 laws = settings(deadline=None, max_examples=150)

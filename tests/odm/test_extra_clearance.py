@@ -6,11 +6,12 @@ from naive_cells import cells_near_ball, free_items, item_cells
 from small import HOME, NOBODY, ball_at, draw_arm, draw_valid
 
 import odm
-from odm._kernels import layers, occupancy
-from odm.exact import ExactRobot, obstacles_of
-from odm.fcl_robot import FclRobot
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.audit.fcl_robot import FclRobot
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles import _world_frame as layers
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference
+from roadmap.kinematics.forward import difference
 
 EXTRAS = (0.0, 0.004, 0.02, 0.05, 0.12)
 

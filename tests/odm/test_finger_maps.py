@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import odm
-from odm.audit import audit
-from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import Recipe, RobotRecipe, load_recipe
-from odm.safety import Safety
+from odm.audit.audit import audit
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.cell_map.recipe import Recipe, RobotRecipe, load_recipe
+from odm.close_test.safety import Safety
 from roadmap import load_robot
-from roadmap.build import RoadmapSettings
 from roadmap.errors import BuildRefused
-from roadmap.kinematics import difference
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import difference
 from roadmap.store import read_folder
-from sim.cli_build import check_target
+from sim.cli.build_command import check_target
 
 URDF = """<robot name="pincer">
 <link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>

@@ -8,7 +8,7 @@ from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 import odm
 from odm import PlannerSettings
 from roadmap.errors import BadConfiguration
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 KEPT = PlannerSettings(kept_goals=4)
 BETTER = np.array([1.2, -0.9, 0.4])

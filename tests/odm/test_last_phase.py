@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import odm
-from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import PayloadRecipe, Recipe, RobotRecipe
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
-from roadmap.carry import PAYLOAD, with_payload
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
+from odm.close_test.safety import Safety
 from roadmap.errors import BadInput
-from roadmap.kinematics import difference, tool_pose
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.loading.held_link import PAYLOAD, with_payload
 
 URDF = """<robot name="pincer">
 <link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
@@ -194,7 +194,7 @@ def test_the_search_heeds_all_classes(planner):
 
 @pytest.mark.parametrize("fine", [False, True])
 def test_an_approach_ends_at_the_hand_only_in_a_give(cell_map, fine):
-    from odm.approach import Approacher, ApproachSettings
+    from odm.approach.approach import Approacher, ApproachSettings
 
     planner = odm.ReactivePlanner(cell_map)
     planner.attach(HELD)

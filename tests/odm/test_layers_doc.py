@@ -9,7 +9,7 @@ import numpy as np
 from small import AWAY, HOME, NOBODY, small_recipe
 
 import odm
-from odm.recipe import PayloadRecipe, parse_recipe
+from odm.cell_map.recipe import PayloadRecipe, parse_recipe
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "layers.md"
 

@@ -8,10 +8,10 @@ from scipy.sparse.csgraph import dijkstra
 from small import small_recipe
 
 import odm
-from odm._kernels.search import LOOK_BACK, MANY_TESTS
-from odm._kernels.types import N_COUNTED, N_EDGE_TESTS, N_POPPED
-from odm.planner import PlannerSettings
-from roadmap.kinematics import tool_pose
+from odm.planner.planner import PlannerSettings
+from odm.search._astar import LOOK_BACK, MANY_TESTS
+from odm.search._types import N_COUNTED, N_EDGE_TESTS, N_POPPED
+from roadmap.kinematics.forward import tool_pose
 
 NO_WAY = -4
 SETTINGS = PlannerSettings(start_attachments=1, close_tests=0)

@@ -25,15 +25,16 @@ from small import (
 )
 
 import odm
-from odm._kernels import close, frame
-from odm.audit import audit
-from odm.exact import ExactRobot, obstacles_of
-from odm.fcl_robot import FclRobot
-from odm.payload import envelope_robot, loaded_map
-from odm.recipe import PayloadRecipe, parse_recipe
-from roadmap.carry import PAYLOAD, with_payload
+from odm.audit.audit import audit
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.audit.fcl_robot import FclRobot
+from odm.cell_map.payload import envelope_robot, loaded_map
+from odm.cell_map.recipe import PayloadRecipe, parse_recipe
+from odm.close_test import _close as close
+from odm.search import _frame as frame
 from roadmap.errors import BadInput, BadRecipe
-from roadmap.kinematics import difference
+from roadmap.kinematics.forward import difference
+from roadmap.loading.held_link import PAYLOAD, with_payload
 
 
 @pytest.fixture(scope="module")

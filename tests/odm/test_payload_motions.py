@@ -13,15 +13,15 @@ from small import (
 )
 
 import odm
-from odm._kernels import ways
-from odm.exact import ExactRobot
-from odm.fcl_robot import FclRobot
-from odm.payload import loaded_map
-from odm.recipe import PayloadRecipe, Recipe, RobotRecipe
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
-from roadmap.carry import with_payload
-from roadmap.kinematics import difference, tool_pose
+from odm.audit.exact import ExactRobot
+from odm.audit.fcl_robot import FclRobot
+from odm.cell_map.payload import loaded_map
+from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
+from odm.close_test.safety import Safety
+from odm.search import _paths as ways
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.loading.held_link import with_payload
 
 FOLDING = """<robot name="folding">
 <link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>

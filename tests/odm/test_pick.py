@@ -4,9 +4,9 @@ import numpy as np
 from small import draw_arm, draw_valid
 
 import odm
-from odm._kernels import judge
-from odm._kernels.types import EDGE_BASE
-from roadmap.kinematics import difference, sphere_centers
+from odm.search import _judge as judge
+from odm.search._types import EDGE_BASE
+from roadmap.kinematics.forward import difference, sphere_centers
 
 
 def clear_of(planner, q, dq, points):

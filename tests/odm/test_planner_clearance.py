@@ -6,7 +6,7 @@ from naive_cells import smallest_gap
 from small import AWAY, HOME, draw_arm, draw_valid, wrapped
 
 import odm
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
 
 
 def test_every_piece_of_a_path_keeps_its_distance(small_map, planner, rng):
@@ -30,7 +30,7 @@ def test_every_piece_of_a_path_keeps_its_distance(small_map, planner, rng):
 
 @pytest.mark.parametrize("rounding", [None, 0.04])
 def test_paths_keep_the_clearance_from_the_exact_arm(small_map, planner, rng, rounding):
-    from odm.exact import ExactRobot, obstacles_of
+    from odm.audit.exact import ExactRobot, obstacles_of
 
     robot = small_map.robot
     exact, paths = ExactRobot(robot), 0

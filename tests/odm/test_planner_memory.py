@@ -60,7 +60,8 @@ def test_nothing_is_allocated_in_a_frame_but_the_answer(small_map):
 
 
 def test_no_kernel_is_compiled_again_for_another_map(small_map, tmp_path):
-    from odm._kernels import frame, step
+    from odm.search import _frame as frame
+    from odm.search import _step as step
 
     small_map.save(tmp_path / "map")
     loaded = odm.load_map(tmp_path / "map")
@@ -76,7 +77,8 @@ def test_no_kernel_is_compiled_again_for_another_map(small_map, tmp_path):
 
 
 def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
-    from odm._kernels import frame, step
+    from odm.search import _frame as frame
+    from odm.search import _step as step
 
     planner.set_goals([AWAY])
     points = odm.sample_capsules(POST, 0.03)

@@ -11,7 +11,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
-from odm.approach import Approacher
+from odm.approach.approach import Approacher
 from roadmap.errors import BadInput, BadMap
 
 BALL = ball_at([0.3, 0.0, 0.35])  # in the arm at HOME

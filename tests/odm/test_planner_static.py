@@ -6,11 +6,11 @@ from naive_cells import smallest_gap
 from small import AWAY, HOME, NOBODY, small_recipe
 
 import odm
-from odm.exact import ExactRobot
-from odm.recipe import Recipe, RobotRecipe
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
+from odm.audit.exact import ExactRobot
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.close_test.safety import Safety
 from roadmap.errors import BadInput
+from roadmap.graph.connecting import RoadmapSettings
 
 # the fore arm turns without limit: half way round, the hand would pass through
 # the upper arm

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from small import AWAY, HOME, NOBODY, ball_at
 
-from odm._kernels import braking, close, kinematics_door
+from odm.close_test import _close as close
+from odm.planner import _braking as braking
+from odm.planner import _kinematics_door as kinematics_door
 from roadmap.errors import BadConfiguration, BadInput
 
 BALL = ball_at([0.3, 0.0, 0.9])

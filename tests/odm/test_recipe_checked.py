@@ -2,9 +2,9 @@
 
 import pytest
 
-import odm.build
+import odm.cell_map.build
 from odm import Recipe, load_recipe
-from odm.recipe import parse_recipe, recipe_of_map
+from odm.cell_map.recipe import parse_recipe, recipe_of_map
 from roadmap.errors import BadRecipe
 
 
@@ -41,7 +41,7 @@ def test_a_build_reads_its_scenery_before_the_robot(monkeypatch):
     def robot_of(recipe):
         raise AssertionError("the robot came first")
 
-    monkeypatch.setattr(odm.build, "robot_of", robot_of)
+    monkeypatch.setattr(odm.cell_map.build, "robot_of", robot_of)
     recipe = Recipe("bad", scenery=({"type": "box", "sizes": [1, 1, 1]},))
     with pytest.raises(BadRecipe, match="no key 'sizes'"):
         odm.build_map(recipe)

@@ -6,7 +6,7 @@ import pytest
 from small import DATA
 
 import odm
-from odm.build import robot_of
+from odm.cell_map.build import robot_of
 from roadmap.errors import BadInput, BadRobot
 
 RECIPE = """

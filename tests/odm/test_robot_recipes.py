@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import odm
-from odm.audit import audit
-from odm.recipe import load_recipe, recipe_names
+from odm.audit.audit import audit
+from odm.cell_map.recipe import load_recipe, recipe_names
 from roadmap import load_robot, robot_names
-from roadmap.kinematics import body_frames, difference
-from roadmap.known import known_robot
-from roadmap.self_collision import motion_free
+from roadmap.geometry.self_collision import motion_free
+from roadmap.kinematics.forward import body_frames, difference
+from roadmap.robot.known import known_robot
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,18 @@ from scipy.spatial import cKDTree
 from small import DATA
 
 import odm
-from odm.exact import ExactRobot
-from odm.mesh_surface import cover_densely
-from odm.robot_surface import RobotSurface, robot_surface, solids_of, standing_shapes
+from odm.audit.exact import ExactRobot
+from odm.obstacles.mesh_surface import cover_densely
+from odm.obstacles.robot_surface import (
+    RobotSurface,
+    robot_surface,
+    solids_of,
+    standing_shapes,
+)
 from roadmap import load_robot
 from roadmap.errors import BadInput
-from roadmap.kinematics import body_frames
-from roadmap.robot import BOX, CYLINDER, HULL
+from roadmap.kinematics.forward import body_frames
+from roadmap.robot.robot import BOX, CYLINDER, HULL
 from roadmap.transforms import pose_of
 
 MIXED = """<robot name="mixed">

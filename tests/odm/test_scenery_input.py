@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import odm
-from odm.scenery import Scenery, parse_scenery
-from odm.shapes import Box, Capsule, Cylinder, Mesh, Sphere
-from odm.surfaces import Surface, surface_of
+from odm.obstacles.scenery import Scenery, parse_scenery
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.errors import BadInput, BadRecipe
 
 PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}

@@ -14,7 +14,7 @@ from seen_scenes import (
 
 import odm
 from odm.cameras.space import CELL_NAMES
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
 
 STILL = odm.SeenSettings(memory_s=0.0)
 UNSEEN, FREE, SHADOW, OCCUPIED = range(4)
@@ -101,7 +101,7 @@ def test_only_cells_whose_neighbours_are_full_are_given_by_their_centres(small_m
 
 def in_reach(cell_map, points):
     """Return which points a centre of the robot's spheres can be at."""
-    from odm.grid import bounding_ball
+    from odm.obstacles.grid import bounding_ball
 
     center, radius = bounding_ball(cell_map.robot)
     largest = cell_map.arm.spheres[:, 3].max()

@@ -6,8 +6,8 @@ from seen_scenes import camera_at, draw_capsules, draw_inside, picture
 from small import AWAY, HOME, draw_valid
 
 import odm
-from odm.exact import ExactRobot
-from odm.grid import bounding_ball
+from odm.audit.exact import ExactRobot
+from odm.obstacles.grid import bounding_ball
 
 EYES = ([1.4, 0.3, 0.9], [-1.3, -0.4, 0.8])
 

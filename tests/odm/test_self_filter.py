@@ -7,7 +7,7 @@ from seen_scenes import camera_at, draw_camera, draw_capsules, picture
 
 import odm
 from odm.cameras.space import CELL_NAMES
-from roadmap.kinematics import body_frames, sphere_centers, tool_pose
+from roadmap.kinematics.forward import body_frames, sphere_centers, tool_pose
 
 Q = np.array([0.4, 0.7, 0.0])
 D_SELF = 0.006
@@ -141,7 +141,7 @@ def test_a_hand_2_cm_from_link_5_stays_visible_and_blocks_the_motion_into_it(pan
 
 def hand_beside(cell_map, q, link, gap):
     """Return an upright capsule (7,) `gap` from a link's solids, and the way to it."""
-    from odm.exact import ExactRobot
+    from odm.audit.exact import ExactRobot
 
     robot = cell_map.robot
     body = robot.link_body[robot.link_names.index(link)]

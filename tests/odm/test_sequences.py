@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from odm.sequence_audit import audit_sequences, run_sequence
-from odm.sequence_judge import Judge, solid_of
-from odm.sequences import EVENTS, Sequence
+from odm.audit.sequence_audit import audit_sequences, run_sequence
+from odm.audit.sequence_judge import Judge, solid_of
+from odm.audit.sequences import EVENTS, Sequence
 from roadmap.errors import BadInput
 
 ORDINARY = sorted(set(EVENTS) - {"grow"})

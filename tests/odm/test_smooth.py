@@ -5,7 +5,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, on_its_way
 
 import odm
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
 
 
 def smoothed(planner, points, q, rounds=40, ahead=None):
@@ -104,7 +104,7 @@ def nearest(planner, legs):
 
 
 def test_new_legs_keep_comfortable_or_save_much(small_map, monkeypatch):
-    monkeypatch.setattr("odm.smooth._MUCH", 9.0)  # nothing saves so much
+    monkeypatch.setattr("odm.planner.smooth._MUCH", 9.0)  # nothing saves so much
     comfort, near, made = 0.1, 0, 0
     for seed in range(12):
         _, points, first = on_its_way(small_map, seed)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import odm
-from odm.recipe import Recipe, RobotRecipe
-from odm.safety import Safety
-from roadmap.build import RoadmapSettings
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.close_test.safety import Safety
+from roadmap.graph.connecting import RoadmapSettings
 
 URDF = """<robot name="scara">
 <link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry>

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-import odm.shapes as shapes
-from odm.surfaces import (
+import odm.obstacles.shapes as shapes
+from odm.obstacles.surfaces import (
     Surface,
     require_covering,
     rounded_covering,

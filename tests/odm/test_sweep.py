@@ -16,11 +16,11 @@ from naive_cells import (
 from small import small_recipe
 
 import odm
-from odm._kernels import sweep
-from odm.cell_map import ROUNDING
-from odm.grid import grid_for
-from odm.sweep import sweep_roadmap
-from roadmap.kinematics import difference
+from odm.cell_map import _sweep as sweep
+from odm.cell_map.cell_map import ROUNDING
+from odm.cell_map.sweep import sweep_roadmap
+from odm.obstacles.grid import grid_for
+from roadmap.kinematics.forward import difference
 
 
 @settings(deadline=None, max_examples=60)

@@ -7,7 +7,8 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
-from odm._kernels import close, solids
+from odm.close_test import _close as close
+from odm.close_test import _solids as solids
 from roadmap.errors import BadInput
 
 NAN, INF = math.nan, math.inf

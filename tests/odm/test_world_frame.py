@@ -7,7 +7,7 @@ from small import AWAY, HOME, NOBODY, draw_arm, draw_valid
 
 import odm
 from roadmap.errors import BadInput
-from roadmap.kinematics import tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 
 def draw_base(rng):

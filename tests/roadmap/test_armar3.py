@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from roadmap import load_robot, tool_pose
-from roadmap.kinematics import body_frames
-from roadmap.self_collision import configuration_free
+from roadmap.geometry.self_collision import configuration_free
+from roadmap.kinematics.forward import body_frames
 
 DEGREES = {
     "hip_pitch": (-45, 45),

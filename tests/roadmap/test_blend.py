@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
 
-from roadmap._kernels import stray as kernels
-from roadmap.blend import STRAY, blend_length, joint_sway, lay_way
-from roadmap.kinematics import body_frames, motion_bounds, sphere_centers
+from roadmap.kinematics import _deviation as kernels
+from roadmap.kinematics.forward import body_frames, motion_bounds, sphere_centers
+from roadmap.motion.blending import STRAY, blend_length, joint_sway, lay_way
 
 
 @pytest.fixture(params=ROBOTS)

@@ -7,8 +7,8 @@ import pytest
 from corners import ROBOTS, check_limits, draw_corner, legs_at
 
 import roadmap
-from roadmap.blend import STRAY, lay_way
-from roadmap.kinematics import sphere_centers
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.motion.blending import STRAY, lay_way
 
 
 @pytest.fixture(params=ROBOTS)

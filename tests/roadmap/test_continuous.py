@@ -6,7 +6,7 @@ from urdf_parts import BALL, COARSE
 
 from roadmap import load_robot
 from roadmap.errors import BadRobot
-from roadmap.sampling import SAMPLERS, draw
+from roadmap.graph.sampling import SAMPLERS, draw
 
 
 @pytest.fixture

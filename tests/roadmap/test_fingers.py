@@ -6,12 +6,12 @@ from scipy.spatial import ConvexHull
 from urdf_parts import COARSE
 
 from roadmap import load_robot
-from roadmap.body_tree import build_tree
-from roadmap.description import read_description
 from roadmap.errors import BadRobot
-from roadmap.robot import BOX, CYLINDER, HULL
-from roadmap.self_collision import always_touching_pairs, crowded_pairs
-from roadmap.spheres import robot_solids
+from roadmap.geometry.self_collision import always_touching_pairs, crowded_pairs
+from roadmap.geometry.spheres import robot_solids
+from roadmap.loading.body_tree import build_tree
+from roadmap.robot.description import read_description
+from roadmap.robot.robot import BOX, CYLINDER, HULL
 
 ROD = '<geometry><cylinder radius="0.01" length="0.08"/></geometry>'
 BAR = '<origin xyz="{0} 0 0.002"/><geometry><box size="{1} 0.016 0.012"/></geometry>'

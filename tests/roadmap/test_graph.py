@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
 
-from roadmap.build import RoadmapSettings, build_roadmap
 from roadmap.errors import BadInput, BuildRefused
-from roadmap.sampling import SAMPLERS, draw
+from roadmap.graph.connecting import RoadmapSettings, build_roadmap
+from roadmap.graph.sampling import SAMPLERS, draw
 
 
 def everything_free(q, dq):

@@ -5,8 +5,8 @@ import pytest
 
 from roadmap import tool_pose
 from roadmap.errors import BadConfiguration
-from roadmap.ik import BadPose, solve
-from roadmap.kinematics import difference
+from roadmap.kinematics.forward import difference
+from roadmap.kinematics.inverse import BadPose, solve
 
 
 def test_solutions_reach_the_pose_within_limits(panda, gantry, rng):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from roadmap import load_robot, tool_pose
-from roadmap.kinematics import body_frames
-from roadmap.self_collision import motion_free
+from roadmap.geometry.self_collision import motion_free
+from roadmap.kinematics.forward import body_frames
 
 # standard Denavit-Hartenberg: a [m], alpha [deg], d [m], offset of theta [deg]
 DH = (

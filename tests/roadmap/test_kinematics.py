@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roadmap import load_robot, tool_pose
-from roadmap.kinematics import (
+from roadmap.kinematics.forward import (
     body_frames,
     difference,
     jacobian,

@@ -11,10 +11,10 @@ import pytest
 
 from roadmap import load_robot, robot_names
 from roadmap.errors import BadRobot
-from roadmap.kinematics import body_frames, tool_pose
-from roadmap.known import KnownRobot, known_robot, own_file, robot_file
-from roadmap.self_collision import configuration_free
-from roadmap.spheres import robot_solids
+from roadmap.geometry.self_collision import configuration_free
+from roadmap.geometry.spheres import robot_solids
+from roadmap.kinematics.forward import body_frames, tool_pose
+from roadmap.robot.known import KnownRobot, known_robot, own_file, robot_file
 
 COARSE = {"cover_excess": 0.1}
 ROOT = Path(__file__).parents[2]
@@ -85,7 +85,7 @@ def test_without_pybullet_its_extra_is_named(monkeypatch):
 
 def test_a_version_that_lacks_the_file_is_told_apart(monkeypatch):
     gone = KnownRobot("maps", "gone.urdf", "tool")
-    monkeypatch.setattr("roadmap.known._ROBOTS", {"gone": gone})
+    monkeypatch.setattr("roadmap.robot.known._ROBOTS", {"gone": gone})
     with pytest.raises(BadRobot, match="gone.urdf of maps.*has no such file"):
         robot_file("gone")
 

@@ -5,8 +5,8 @@ import pytest
 from small import DATA, small_recipe
 
 import roadmap
-from odm.build import robot_of
-from odm.recipe import parse_recipe
+from odm.cell_map.build import robot_of
+from odm.cell_map.recipe import parse_recipe
 from roadmap.errors import BadRobot
 
 ARM = DATA / "arm3.urdf"

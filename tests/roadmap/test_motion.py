@@ -8,11 +8,11 @@ import pytest
 from moving import DT, check_limits, draw_path
 
 import roadmap
-from roadmap._kernels.profile import way_to_change
-from roadmap.blend import joint_sway
 from roadmap.errors import BadInput
-from roadmap.kinematics import sphere_centers
-from roadmap.motion import Motion
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.motion._timing import way_to_change
+from roadmap.motion.blending import joint_sway
+from roadmap.motion.motion import Motion
 
 
 def sampled(motion):

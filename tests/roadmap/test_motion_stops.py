@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import roadmap
-from roadmap import stopping
-from roadmap.timing import NoProfile, Profiles, State, after
+from roadmap.motion import stopping
+from roadmap.motion.timing import NoProfile, Profiles, State, after
 
 PERIOD = 0.01
 

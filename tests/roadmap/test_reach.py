@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from roadmap.kinematics import body_frames
+from roadmap.kinematics.forward import body_frames
 
 
 def seen_reach(robot, body, points, n, rng):

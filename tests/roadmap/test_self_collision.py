@@ -6,16 +6,16 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from roadmap import load_robot
-from roadmap._kernels import self_collision as kernels
-from roadmap._kernels.gjk import separation
 from roadmap.errors import BadConfiguration
-from roadmap.kinematics import body_frames, difference
-from roadmap.self_collision import (
+from roadmap.geometry import _self_collision as kernels
+from roadmap.geometry._gjk import separation
+from roadmap.geometry.self_collision import (
     MARGIN,
     configuration_free,
     motion_free,
     self_collision,
 )
+from roadmap.kinematics.forward import body_frames, difference
 
 EYE = np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
 

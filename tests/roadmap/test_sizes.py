@@ -8,7 +8,7 @@ from urdf_parts import BALL, COARSE, mesh
 
 from roadmap import load_robot
 from roadmap.errors import BadRobot
-from roadmap.spheres import robot_solids
+from roadmap.geometry.spheres import robot_solids
 
 TETRAHEDRON = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\n"
 TETRAHEDRON += "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"

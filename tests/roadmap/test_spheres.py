@@ -6,13 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roadmap import load_robot
-from roadmap._kernels import cover as kernels
 from roadmap.errors import BadRobot
-from roadmap.polytope import MAX_SHELL_VERTICES, depth, shell, support
-from roadmap.robot import BOX, CYLINDER, HULL, SPHERE
-from roadmap.solid_samples import grid, surface
-from roadmap.solids import Solid
-from roadmap.spheres import (
+from roadmap.geometry import _spheres as kernels
+from roadmap.geometry.polytope import MAX_SHELL_VERTICES, depth, shell, support
+from roadmap.geometry.solid_samples import grid, surface
+from roadmap.geometry.solids import Solid
+from roadmap.geometry.spheres import (
     MAX_SPHERES_PER_LINK,
     _protrusion,
     cover_excess,
@@ -20,6 +19,7 @@ from roadmap.spheres import (
     cover_solids,
     robot_solids,
 )
+from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
 
 laws = settings(deadline=None, max_examples=8)
 NO_POINTS = np.empty((0, 3))
@@ -161,7 +161,7 @@ def naive_worst(solid, spheres):
 
 
 def proof(solid, spheres, tol=1e-6):
-    from roadmap.spheres import _region
+    from roadmap.geometry.spheres import _region
 
     stack, where = np.empty((50_000, 6)), np.empty(3)
     squares = spheres[:, 3] ** 2

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import odm
-from odm.exact import ExactRobot, obstacles_of
-from odm.recipe import Recipe, RobotRecipe, parse_recipe, recipe_of_map
-from odm.safety import Safety
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_of_map
+from odm.close_test.safety import Safety
 from roadmap import load_robot
-from roadmap.build import RoadmapSettings
 from roadmap.errors import BadRecipe, BadRobot
-from roadmap.kinematics import difference
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import difference
 
 URDF = """<robot name="claw">
 <link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
@@ -60,7 +60,7 @@ def at(urdf, slide, turn):
 
 def solid_points(robot, rng, n=40):
     """Return points inside the solids of the fingers at their values, body frame."""
-    from roadmap.robot import BOX, CYLINDER, SPHERE
+    from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 
     found = []
     for i, kind in enumerate(robot.solid_kind):

@@ -5,11 +5,11 @@ import pytest
 from urdf_parts import BALL, COARSE
 
 from roadmap import load_robot, tool_pose
-from roadmap.description import read_description
 from roadmap.errors import BadRobot
-from roadmap.polytope import support
-from roadmap.robot import BOX, CYLINDER, SPHERE, Robot
-from roadmap.spheres import robot_solids
+from roadmap.geometry.polytope import support
+from roadmap.geometry.spheres import robot_solids
+from roadmap.robot.description import read_description
+from roadmap.robot.robot import BOX, CYLINDER, SPHERE, Robot
 
 
 def test_the_panda_has_seven_joints_and_fingers_that_travel(panda):

@@ -5,9 +5,9 @@ import pytest
 from urdf_parts import BALL, COARSE, mesh
 
 from roadmap import load_robot
-from roadmap.kinematics import body_frames
-from roadmap.robot import HULL
-from roadmap.spheres import robot_solids
+from roadmap.geometry.spheres import robot_solids
+from roadmap.kinematics.forward import body_frames
+from roadmap.robot.robot import HULL
 
 # a tetrahedron, as OBJ with bytes that are not UTF-8 and with negative indices
 OBJ = b"# Gr\xf6\xdfe\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 9 9 9\n"

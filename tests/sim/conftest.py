@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from roadmap import load_robot
-from roadmap.kinematics import sphere_centers
-from sim import cli
-from sim.arm import HumanArm
-from sim.arm_path import Person
-from sim.human_motion import make_motion
+from roadmap.kinematics.forward import sphere_centers
+from sim.cli import main as cli
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
+from sim.people.human_motion import make_motion
 
 URDF = """<robot name="crane">
 <link name="base"><collision><geometry><cylinder radius="0.08" length="0.1"/></geometry>
@@ -133,9 +133,9 @@ def meet_maps(tmp_path_factory):
     """Return the folders of a small map and a coarse reach map of the Kawasaki."""
     from handover import ReachSettings, build_reach_map, chain_of
     from odm import Recipe, build_map
-    from odm.recipe import RobotRecipe
-    from odm.safety import Safety
-    from roadmap.build import RoadmapSettings
+    from odm.cell_map.recipe import RobotRecipe
+    from odm.close_test.safety import Safety
+    from roadmap.graph.connecting import RoadmapSettings
 
     folder = tmp_path_factory.mktemp("meet")
     recipe = Recipe(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roadmap.errors import BadInput
-from sim.arm import HumanArm, facing_robot
+from sim.people.arm import HumanArm, facing_robot
 
 angles = st.tuples(*[st.floats(-3.0, 3.0)] * 4)
 SHOULDER = facing_robot((0.85, 0.1, 0.5))

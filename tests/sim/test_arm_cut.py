@@ -7,8 +7,8 @@ import pytest
 from command_line import one_sentence
 
 from handover import Human
-from handover.places import qualities_at
-from sim.arm_cut import FIELDS, arm_cut, write_arm_picture
+from handover.meet.places import qualities_at
+from sim.draw.arm_cut import FIELDS, arm_cut, write_arm_picture
 
 QUICK = ("--spacing", "0.08", "--rotations", "72")
 

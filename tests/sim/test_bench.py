@@ -8,21 +8,14 @@ import pytest
 from small import DATA, small_recipe
 
 import odm
-from sim.bench import (
-    baselines,
-    build,
-    frame_rows,
-    frames,
-    latency,
-    map_rows,
-    ompl,
-    walled,
-)
-from sim.bench.clock import Clock, time_row, value_row
-from sim.bench.compiled_search import CompiledSearch
-from sim.bench.fcl_search import FclSearch
-from sim.bench.query import query_of
-from sim.bench.table import markdown, print_bench
+from sim.bench import frames
+from sim.bench.core import build, frame_rows, latency, map_rows, walled
+from sim.bench.rivals import baselines, ompl
+from sim.bench.rivals.compiled_search import CompiledSearch
+from sim.bench.rivals.fcl_search import FclSearch
+from sim.bench.rivals.query import query_of
+from sim.tables.clock import Clock, time_row, value_row
+from sim.tables.table import markdown, print_bench
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import odm
-from sim.bench import approach
+from sim.bench.core import approach
 
 
 def test_a_short_run_finds_bins_with_2_cm_to_spare(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from small import small_recipe
 
 import odm as planner
-from odm.recipe import PayloadRecipe
+from odm.cell_map.recipe import PayloadRecipe
 
 
 @pytest.fixture(scope="module")

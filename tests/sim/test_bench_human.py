@@ -2,8 +2,8 @@
 
 import json
 
-from sim.bench import human
-from sim.bench.table import markdown
+from sim.bench.handover import human
+from sim.tables.table import markdown
 
 
 def test_the_table_shows_what_is_asked(odm, tmp_path):
@@ -24,7 +24,7 @@ def test_a_miss_would_be_seen():
     import numpy as np
 
     from handover import Arm
-    from handover.anthropometry import ARM_RANGES
+    from handover.human.anthropometry import ARM_RANGES
 
     arm = Arm("right", np.array([0.33, 0.25, 0.09]), 0.9 * ARM_RANGES)
     joints = np.random.default_rng(1).uniform(

@@ -9,7 +9,7 @@ from small import small_recipe
 
 import odm as planner
 from roadmap.errors import BadInput
-from sim.bench import memory
+from sim.bench.core import memory
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from small import small_recipe
 
 import odm
 from roadmap.errors import BadInput
-from roadmap.kinematics import tool_pose
-from sim.bench import motions
-from sim.human_motion import motion_names
+from roadmap.kinematics.forward import tool_pose
+from sim.bench.core import motions
+from sim.people.human_motion import motion_names
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from odm import Box, ReactivePlanner
-from odm.exact import ExactRobot, obstacles_of
-from odm.fcl_robot import FclRobot
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.audit.fcl_robot import FclRobot
 from roadmap.errors import BadInput
-from sim.bench import odm_paper, paper_edges
 from sim.bench.frames import arm_frames, make_pairs
-from sim.bench.paper_arm import (
+from sim.bench.paper import odm_paper, paper_edges
+from sim.bench.paper.paper_arm import (
     Contacts,
     CylinderPair,
     Region,
@@ -21,10 +21,10 @@ from sim.bench.paper_arm import (
     cylinders,
     paper_points,
 )
-from sim.bench.paper_rows import PaperFcl, audit
-from sim.bench.query import query_of
-from sim.bench.table import markdown, print_bench
-from sim.bench_command import bench_names, run_bench
+from sim.bench.paper.paper_rows import PaperFcl, audit
+from sim.bench.rivals.query import query_of
+from sim.cli.bench_command import bench_names, run_bench
+from sim.tables.table import markdown, print_bench
 
 # an arm across the small robot's workspace
 UP = np.array([0.0, 0.0, 0.6])

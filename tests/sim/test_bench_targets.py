@@ -5,7 +5,8 @@ import json
 import pytest
 
 from roadmap.errors import BadInput
-from sim.bench import table, targets
+from sim.bench.handover import targets
+from sim.tables import table
 
 
 @pytest.fixture(scope="module")

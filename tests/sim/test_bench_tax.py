@@ -6,9 +6,9 @@ import pytest
 from small import small_recipe
 
 import odm as planner
-from odm.clearance import TERMS, ClearanceTax
-from sim.bench import tax
-from sim.bench.table import markdown
+from odm.audit.clearance import TERMS, ClearanceTax
+from sim.bench.core import tax
+from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")

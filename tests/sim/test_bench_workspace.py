@@ -7,8 +7,8 @@ import pytest
 
 from handover import ReachSettings, build_reach_map, chain_of
 from roadmap import load_robot
-from sim.bench import workspace_cases
-from sim.bench.table import markdown
+from sim.bench.handover import workspace_cases
+from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")

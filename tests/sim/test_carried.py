@@ -8,9 +8,9 @@ import pytest
 from small import small_recipe
 
 import odm as planner_package
-from odm.recipe import PayloadRecipe
-from roadmap.kinematics import tool_pose
-from sim.carried import ball_rows, take_ball
+from odm.cell_map.recipe import PayloadRecipe
+from roadmap.kinematics.forward import tool_pose
+from sim.loop.carried import ball_rows, take_ball
 from sim.record import read_record, write_record
 from sim.record.check import BadRecord
 from sim.record.run_record import RunRecord

@@ -6,10 +6,10 @@ import pytest
 from command_line import one_sentence
 
 from odm import build_map, load_map
-from sim import cli
-from sim.bench_command import bench_names, fill_section
-from sim.cli_build import built_facts
-from sim.warmup import tiny_recipe
+from sim.cli import main as cli
+from sim.cli.bench_command import bench_names, fill_section
+from sim.cli.build_command import built_facts
+from sim.loop.warmup import tiny_recipe
 
 COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup")
 COMMANDS += ("human",)

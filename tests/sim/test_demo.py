@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from odm.build import build_map
-from odm.recipe import Recipe, RobotRecipe
-from roadmap.build import RoadmapSettings
-from sim.animation import FilmSettings
-from sim.cover_world import CoverWorld
-from sim.demo import DEMO, open_world, run_demo, run_pair
+from odm.cell_map.build import build_map
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from roadmap.graph.connecting import RoadmapSettings
+from sim.draw.animation import FilmSettings
+from sim.draw.cover_world import CoverWorld
+from sim.run.demo import DEMO, open_world, run_demo, run_pair
 
 BRIEF = replace(DEMO, duration_s=2.0)
 FILM = FilmSettings(width=160, height=120, frames=6)
@@ -52,9 +52,9 @@ def test_without_pybullet_the_demo_goes_on_and_says_how(map_dir, tmp_path, monke
 
 
 def test_a_pair_of_runs_differs_by_the_person_only(map_dir):
-    from odm.cell_map import load_map
-    from odm.planner import ReactivePlanner
-    from sim.demo import find_places
+    from odm.cell_map.cell_map import load_map
+    from odm.planner.planner import ReactivePlanner
+    from sim.run.demo import find_places
 
     planner = ReactivePlanner(load_map(map_dir))
     places = find_places(planner)
@@ -67,7 +67,7 @@ def test_a_pair_of_runs_differs_by_the_person_only(map_dir):
 
 
 def test_the_world_is_the_plain_one_where_pybullet_is_missing(map_dir, monkeypatch):
-    from odm.cell_map import load_map
+    from odm.cell_map.cell_map import load_map
 
     monkeypatch.setitem(sys.modules, "pybullet", None)
     world, note = open_world(load_map(map_dir))
@@ -75,7 +75,7 @@ def test_the_world_is_the_plain_one_where_pybullet_is_missing(map_dir, monkeypat
 
 
 def test_the_world_is_the_plain_one_where_the_urdf_is_gone(map_dir):
-    from odm.cell_map import load_map
+    from odm.cell_map.cell_map import load_map
 
     pytest.importorskip("pybullet")
     cell_map = load_map(map_dir)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import odm
+from odm.execution.execution import BRAKED, MOVING, Executor
+from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
-from sim.execution import BRAKED, MOVING, Executor
-from sim.loop import LoopSettings, run_loop
-from sim.threat import Threat, ThreatSettings, Watcher
+from sim.loop.loop import LoopSettings, run_loop
 
 TIMED = LoopSettings(duration_s=8.0, speed_scale=0.8, execution="timed")
 

@@ -10,21 +10,23 @@ import numpy as np
 from small import AWAY, HOME
 
 import odm
-from sim.demo import DEMO, warm_up
+from sim.run.demo import DEMO, warm_up
 
 _CODE = """
 import importlib, pkgutil, sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from small import AWAY, HOME, small_recipe
-import odm, odm._kernels, roadmap._kernels
-from sim.warmup import exercise
+import odm, roadmap
+from sim.loop.warmup import exercise
 
 cell_map = odm.build_map(small_recipe(), threads=1)
 exercise(cell_map)
 found = set()
-for package in (odm._kernels, roadmap._kernels):
-    for info in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+for package in (odm, roadmap):
+    for info in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not info.name.rpartition(".")[2].startswith("_"):
+            continue
         found |= {
             value for value in vars(importlib.import_module(info.name)).values()
             if isinstance(value, Dispatcher)

@@ -8,9 +8,9 @@ from command_line import one_sentence
 from handover_files import OBJECT, RELEASED, TAKEN, two_people, write_handover
 
 from roadmap.errors import BadInput
-from sim.bench import handover_recording as bench
-from sim.bench.table import markdown
-from sim.handover_recording import read_handover
+from sim.bench.handover import handover_recording as bench
+from sim.bench.handover.recorded_handover import read_handover
+from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_percentile_counts_the_places_that_are_worse(recording):
 
 
 def test_every_place_is_reached_by_both(recording):
-    from handover.places import qualities_at
+    from handover.meet.places import qualities_at
 
     found = bench.judged(recording, "body", 0.08, 72)
     grips = [p.T_world_hand("right")[:3, 3] for p in _gripping(recording)]

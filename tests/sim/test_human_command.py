@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handover import POSTURES, Human
-from sim.human_command import human_facts, reach_of
+from sim.cli.human_command import human_facts, reach_of
 
 
 def test_figures_are_those_of_the_model(odm):

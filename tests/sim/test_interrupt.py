@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from command_line import started, wait_for
 
-from sim.bench import interrupts
-from sim.bench.interrupts import Command, commands, interrupted, moments
+from sim.bench.core import interrupts
+from sim.bench.core.interrupts import Command, commands, interrupted, moments
 
 HEAD = """
 import os, pathlib, signal, sys, time
-from sim import interrupt
+from sim.terminal import interrupt
 interrupt.listen()
 def ready():
     print("ready", flush=True)
@@ -171,7 +171,7 @@ def test_commands_end_at_any_moment(k, moment, tmp_path):
 
 def test_a_run_ends_at_any_moment(tmp_path):
     from odm import build_map
-    from sim.warmup import tiny_recipe
+    from sim.loop.warmup import tiny_recipe
 
     folder = build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "sample")
     words = ("run", "--map", str(folder), "--seconds", "3000")

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roadmap.errors import BadInput
-from sim.arm import HumanArm
-from sim.arm_path import Person
 from sim.keyboard.bindings import ARM_KEYS, MOVES, SLIDERS
 from sim.keyboard.control import NUDGES, TICK, KeyEvent
 from sim.keyboard.motion import KeyboardArm
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
 
 STEP = 0.004  # not a divisor of the control's tick [s]
 

@@ -13,7 +13,7 @@ from sim.keyboard.pacing import Pacer
 from sim.keyboard.picture import painted, picture
 from sim.keyboard.tally import Histogram, Tally
 from sim.keyboard.view import View, plain_line
-from sim.loop import Frame
+from sim.loop.loop import Frame
 
 REASON = (
     "goal 0 is blocked: point 30 would be -6.3 cm from panda_link5 there, closer than "

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from keyboard_pty import User
 
-from odm.build import build_map
-from odm.cell_map import load_map
-from odm.planner import ReactivePlanner
-from odm.recipe import Recipe, RobotRecipe
-from roadmap.build import RoadmapSettings
-from sim.demo import DEMO, find_places
+from odm.cell_map.build import build_map
+from odm.cell_map.cell_map import load_map
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.planner.planner import ReactivePlanner
+from roadmap.graph.connecting import RoadmapSettings
 from sim.keyboard.control import KeyEvent
 from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.terminal import NoTerminal, Screen, open_terminal
-from sim.loop import LoopSettings, run_loop
+from sim.loop.loop import LoopSettings, run_loop
+from sim.run.demo import DEMO, find_places
 
 # a loop that answers at once, so that only keys, screen and clock are tested
 FAKE = """
@@ -30,7 +30,7 @@ from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.signals import ENDINGS
 from sim.keyboard.terminal import open_terminal
-from sim.loop import Frame
+from sim.loop.loop import Frame
 
 class Fake:
     def __init__(self, arm, crash):

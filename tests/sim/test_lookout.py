@@ -5,9 +5,9 @@ import pytest
 from small import draw_valid
 
 import odm
-from roadmap.kinematics import sphere_centers
-from sim.execution import RETREATING, Executor
-from sim.threat import Threat, ThreatSettings, Watcher
+from odm.execution.execution import RETREATING, Executor
+from odm.execution.threat import Threat, ThreatSettings, Watcher
+from roadmap.kinematics.forward import sphere_centers
 
 PERIOD = 0.01
 TOUCH = 0.021  # [m] nearer than this to a sample it may touch the hand
@@ -139,7 +139,7 @@ def test_the_way_out_keeps_more_distance_than_staying(small_map):
 @pytest.mark.parametrize("speed_scale", [0.0, 1.5])
 def test_a_way_out_at_no_such_speed_is_refused(small_map, speed_scale):
     planner = odm.ReactivePlanner(small_map)
-    with pytest.raises(odm.planner.BadInput, match="share in"):
+    with pytest.raises(odm.planner.planner.BadInput, match="share in"):
         planner.way_out(WAITS, [], speed_scale)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from roadmap.errors import BadInput
-from sim.loop import LoopSettings, run_loop
-from sim.run_result import STATUS
+from sim.loop.loop import LoopSettings, run_loop
+from sim.loop.run_result import STATUS
 
 SHORT = LoopSettings(duration_s=4.0, speed_scale=1.0)
 

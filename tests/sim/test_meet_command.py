@@ -17,9 +17,9 @@ from handover import (
     wrench,
 )
 from roadmap import load_robot
-from roadmap.kinematics import tool_pose
-from sim import meet_cut
-from sim.loop import exact_audit
+from roadmap.kinematics.forward import tool_pose
+from sim.draw import meet_cut
+from sim.loop.loop import exact_audit
 
 ROBOT = "kawasaki_fs003n"
 COARSE = ("--cell", "0.2", "--k", "4")

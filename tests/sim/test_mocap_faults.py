@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.mocap.faults import fastest, find_faults, first_frame
+from sim.people.mocap.faults import fastest, find_faults, first_frame
 
 HAND = fastest("right_hand")
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from mocap_files import person, write_bvh, write_csv
 
-from handover.body import Part
+from handover.human.body import Part
 from odm import sample_capsules
 from roadmap.errors import BadInput
-from sim.mocap import MocapSettings, load_mocap
-from sim.mocap.picture import write_strip
+from sim.draw.mocap_picture import write_strip
+from sim.people.mocap import MocapSettings, load_mocap
 
 HAND = Part.RIGHT_HAND
 LEGS = {Part.LEFT_LEG, Part.RIGHT_LEG}

@@ -5,8 +5,8 @@ import pytest
 from mocap_files import person, write_csv
 
 from handover import human_from_joints
-from handover.body import Part, joint_places
-from sim.mocap import load_mocap
+from handover.human.body import Part, joint_places
+from sim.people.mocap import load_mocap
 
 
 @pytest.fixture

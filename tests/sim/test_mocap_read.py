@@ -3,7 +3,7 @@ import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
 from scipy.spatial.transform import Rotation
 
-from sim.mocap import BadMocap, read_tracks
+from sim.people.mocap import BadMocap, read_tracks
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 

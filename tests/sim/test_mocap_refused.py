@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
 
-from handover.body import Part
-from sim.mocap import BadMocap, MocapSettings, load_mocap, read_tracks
-from sim.mocap.skeletons import BUILT_IN, joints_of
+from handover.human.body import Part
+from sim.people.mocap import BadMocap, MocapSettings, load_mocap, read_tracks
+from sim.people.mocap.skeletons import BUILT_IN, joints_of
 
 ARM = ("right_shoulder", "right_elbow", "right_hand")
 

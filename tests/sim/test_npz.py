@@ -9,9 +9,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from sim.npz import MOST_BYTES, TooLarge, array_of, read_members
+from sim.loop.recording import BadRecording, read_recording
 from sim.record import read_record
-from sim.recording import BadRecording, read_recording
+from sim.terminal.npz import MOST_BYTES, TooLarge, array_of, read_members
 
 
 def npy(array):
@@ -64,8 +64,8 @@ def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is_unpacked(tmp_
     program = f"""
         import resource
         from pathlib import Path
-        from sim.npz import TooLarge
-        from sim.recording import BadRecording, _load
+        from sim.terminal.npz import TooLarge
+        from sim.loop.recording import BadRecording, _load
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         try:
             _load(Path({str(path)!r}))

@@ -7,7 +7,7 @@ import pytest
 from small import AWAY, HOME, draw_arm
 
 import odm
-from sim.execution import Executor
+from odm.execution.execution import Executor
 
 
 def follow(small_map, seed, frames=2000):

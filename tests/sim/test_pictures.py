@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.animation import FilmSettings, liveliest, paint_frame, write_animation
-from sim.camera import Camera
-from sim.cover_world import CoverWorld
-from sim.loop import LoopSettings, run_loop
-from sim.pictures import write_latency_plot
+from sim.draw.animation import FilmSettings, liveliest, paint_frame, write_animation
+from sim.draw.cover_world import CoverWorld
+from sim.draw.pictures import write_latency_plot
+from sim.draw.viewpoint import Camera
+from sim.loop.loop import LoopSettings, run_loop
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
@@ -16,9 +16,9 @@ SMALL = Camera(width=240, height=180)
 
 @pytest.fixture(scope="module")
 def run(crane, places):
-    from sim.arm import HumanArm
-    from sim.arm_path import Person
-    from sim.human_motion import make_motion
+    from sim.people.arm import HumanArm
+    from sim.people.arm_path import Person
+    from sim.people.human_motion import make_motion
 
     class Straight:
         def set_goals(self, goals, costs=None):

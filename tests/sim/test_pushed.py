@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 
 import odm
-from roadmap.blend import joint_sway
-from roadmap.kinematics import difference, sphere_centers, tool_pose
-from sim.execution import BRAKED, RETREATING, STANDING, ExecutionSettings, Executor
-from sim.human_motion import make_motion, motion_names
-from sim.kinematic import KinematicMover
-from sim.loop import LoopSettings, run_loop
-from sim.person_place import before_work_places
-from sim.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
-from sim.scenes import SCENES
-from sim.threat import Threat, ThreatSettings
+from odm.execution.execution import (
+    BRAKED,
+    RETREATING,
+    STANDING,
+    ExecutionSettings,
+    Executor,
+)
+from odm.execution.kinematic import KinematicMover
+from odm.execution.threat import Threat, ThreatSettings
+from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
+from roadmap.motion.blending import joint_sway
+from sim.loop.loop import LoopSettings, run_loop
+from sim.loop.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
+from sim.people.human_motion import make_motion, motion_names
+from sim.people.person_place import before_work_places
+from sim.people.scenes import SCENES
 
 OFTEN = PushSettings(pause=0.3)
 PERIOD = 0.01

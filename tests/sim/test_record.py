@@ -16,8 +16,9 @@ from recorded import (
 from odm import build_map, load_map
 from sim.keyboard.control import KeyEvent
 from sim.keyboard.motion import KeyboardArm
-from sim.loop import LoopSettings, run_frames
-from sim.mocap import MocapSettings, load_mocap
+from sim.loop.loop import LoopSettings, run_frames
+from sim.loop.run_result import STATUS
+from sim.people.mocap import MocapSettings, load_mocap
 from sim.record import (
     Recorder,
     first_difference,
@@ -27,7 +28,6 @@ from sim.record import (
     write_record,
 )
 from sim.record.columns import Column
-from sim.run_result import STATUS
 
 
 @pytest.fixture(scope="module")

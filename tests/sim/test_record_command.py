@@ -9,22 +9,22 @@ from mocap_files import write_bvh
 from recorded import crane_recipe, tampered
 
 from odm import build_map, load_map, load_recipe
-from sim import cli_build
-from sim.loop import Loop
+from sim.cli import build_command as cli_build
+from sim.loop.loop import Loop
+from sim.loop.warmup import tiny_recipe
 from sim.record import read_record, run_again, write_record
-from sim.warmup import tiny_recipe
 
 LIVE = """
 import sys
 from pathlib import Path
 import sim.demo
 from sim.keyboard import run_keyboard
-warm_up = sim.demo.warm_up
+warm_up = sim.run.demo.warm_up
 def spoil(planner, *options):
     warm_up(planner, *options)
     planner.always_replan = True
-sim.demo.warm_up = spoil
-sim.demo.find_places = lambda planner: planner.cell_map.roadmap.nodes[[0, -1]]
+sim.run.demo.warm_up = spoil
+sim.run.demo.find_places = lambda planner: planner.cell_map.roadmap.nodes[[0, -1]]
 run = run_keyboard(sys.argv[1], rate=50.0, record=Path(sys.argv[2]))
 sys.exit(run.exit_code)
 """
@@ -39,7 +39,7 @@ def map_dir(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def places(monkeypatch):
     """Let the robot go between two nodes: few are on this map."""
-    monkeypatch.setattr("sim.demo.find_places", _two_nodes)
+    monkeypatch.setattr("sim.run.demo.find_places", _two_nodes)
 
 
 def _two_nodes(planner):
@@ -140,10 +140,10 @@ def test_another_map_is_refused_with_both_hashes(odm, map_dir, file, tmp_path):
 def test_without_a_map_it_looks_where_maps_are_built(
     odm, map_dir, file, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("sim.replay_command.MAPS", tmp_path / "none")
+    monkeypatch.setattr("sim.cli.replay_command.MAPS", tmp_path / "none")
     code, _, err = odm("replay", file)
     assert code == 1 and "--build" in sentence(err)
-    monkeypatch.setattr("sim.replay_command.MAPS", map_dir.parent)
+    monkeypatch.setattr("sim.cli.replay_command.MAPS", map_dir.parent)
     code, out, err = odm("replay", file)
     assert code == 0 and out.startswith("same"), err
 
@@ -170,7 +170,7 @@ def test_the_planner_of_the_run_knows_nothing_of_the_warming_up(
     def spoil(planner, *options):
         planner.always_replan = True
 
-    monkeypatch.setattr("sim.demo.warm_up", spoil)
+    monkeypatch.setattr("sim.run.demo.warm_up", spoil)
     words = ("--map", map_dir, "--seconds", 1, "--record", tmp_path / "run.npz")
     assert odm("run", *words)[0] == 0
     head = read_record(tmp_path / "run.npz").head
@@ -253,6 +253,6 @@ def test_options_of_the_other_kind_of_file_are_refused(odm, map_dir, file, tmp_p
 
 
 def test_the_default_folder_is_that_of_odm_build():
-    from sim import replay_command
+    from sim.cli import replay_command
 
     assert replay_command.MAPS is cli_build.MAPS

@@ -8,9 +8,9 @@ import pytest
 from command_line import one_sentence, started
 
 from odm import ReactivePlanner, build_map, load_map
-from sim.recording import BadRecording, read_recording
-from sim.replay import play
-from sim.warmup import tiny_recipe
+from sim.loop.recording import BadRecording, read_recording
+from sim.loop.replay import play
+from sim.loop.warmup import tiny_recipe
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_the_planner_is_told_how_round_the_capsules_of_a_frame_are(
             told.append(rounding)
             return super().step(*args, rounding=rounding, **kwargs)
 
-    monkeypatch.setattr("sim.replay.ReactivePlanner", Listening)
+    monkeypatch.setattr("sim.loop.replay.ReactivePlanner", Listening)
     far = [[2.0, 2.0, 0.1, 2.0, 2.0, 0.4, radius] for radius in (0.04, 0.09, 0.03)]
     two = np.concatenate([recording["capsules"][:3], np.array(far)[:, None]], axis=1)
     np.savez(tmp_path / "f.npz", **{**recording, "capsules": two})
@@ -166,12 +166,13 @@ def test_what_is_no_npz_is_refused(map_dir, tmp_path):
 
 
 WARM = """
-from sim.warmup import run_warmup
+from sim.loop.warmup import run_warmup
 run_warmup(lambda *_: None)
 """
 PLAY = """
 import sys
-from sim import cli, warmup
+from sim.cli import main as cli
+from sim.loop import warmup
 sys.argv = ["odm", "replay", "--map", sys.argv[1], "--frames", "f.npz"]
 try:
     cli.main()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sim.loop import LoopSettings, run_loop
-from sim.report import print_report, processor, setting, setting_line
-from sim.run_result import Hold, RunResult, kind_of, percentiles
+from sim.loop.loop import LoopSettings, run_loop
+from sim.loop.run_result import Hold, RunResult, kind_of, percentiles
+from sim.run.report import print_report, processor, setting, setting_line
 
 SHORT = LoopSettings(duration_s=3.0, speed_scale=1.0)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import odm
-from roadmap.kinematics import sphere_centers
-from sim.execution import RETREATING, STANDING, Executor
-from sim.threat import Threat, ThreatSettings
+from odm.execution.execution import RETREATING, STANDING, Executor
+from odm.execution.threat import Threat, ThreatSettings
+from roadmap.kinematics.forward import sphere_centers
 
 START = np.array([0.0, 0.6, 0.0])
 AWAY = np.array([0.8, 0.2, 0.0])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from small import DATA
 
-from odm.exact import ExactRobot
-from odm.robot_surface import solids_of
+from odm.audit.exact import ExactRobot
+from odm.obstacles.robot_surface import solids_of
 from roadmap import load_robot
 from roadmap.errors import BadInput
-from roadmap.kinematics import body_frames
+from roadmap.kinematics.forward import body_frames
 from roadmap.transforms import pose_of
-from sim.robot_pair import ExactPair
+from sim.two.robot_pair import ExactPair
 
 T = pose_of((0.6, 0.1, 0.05), (0.1, 0.0, 2.5))
 

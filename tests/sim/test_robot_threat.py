@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from small import DATA
 
-from odm.robot_surface import RobotSurface
+from odm.execution.robot_threat import Stretch, intent_threat, limits_threat
+from odm.obstacles.robot_surface import RobotSurface
 from roadmap import load_robot
 from roadmap.errors import BadInput
-from roadmap.motion import time_path
+from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
-from sim.robot_threat import Stretch, intent_threat, limits_threat
 
 T = pose_of((0.9, 0.1, 0.0), (0.0, 0.0, 3.0))
 

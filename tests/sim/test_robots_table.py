@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from odm.recipe import recipe_names
+from odm.cell_map.recipe import recipe_names
 from roadmap.errors import BadInput
-from sim import robots_table
+from sim.cli import robots_table
 
 DOCS = Path(__file__).parents[2] / "docs/robots.md"
 

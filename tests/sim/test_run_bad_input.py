@@ -5,10 +5,10 @@ import pytest
 from small import AWAY, HOME, POST, small_recipe
 
 import odm as planning
+from odm.execution.threat import ThreatSettings, Watcher
 from roadmap.errors import BadInput
-from sim.loop import LoopSettings
-from sim.threat import ThreatSettings, Watcher
-from sim.warmup import tiny_recipe
+from sim.loop.loop import LoopSettings
+from sim.loop.warmup import tiny_recipe
 
 ARM = np.array([[0.6, 0.0, 0.0, 0.9, 0.0, 0.0, 0.05]])
 

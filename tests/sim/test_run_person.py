@@ -7,7 +7,7 @@ import pytest
 from mocap_files import person, write_bvh, write_csv
 
 from odm import build_map
-from sim.warmup import tiny_recipe
+from sim.loop.warmup import tiny_recipe
 
 
 @pytest.fixture(scope="module")

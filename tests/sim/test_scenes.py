@@ -5,12 +5,19 @@ import pytest
 from recorded import PLACES, crane_recipe
 
 import odm
-from sim.execution import RETREATING
-from sim.human_motion import make_motion
-from sim.loop import Loop, LoopSettings, run_frames
-from sim.person_place import before_work_places
-from sim.run_result import RETREATS
-from sim.scenes import BACKOFF_GAP, BLOCK_GAP, ESCAPE_GAP, SCENES, Cover, make_scene
+from odm.execution.execution import RETREATING
+from sim.loop.loop import Loop, LoopSettings, run_frames
+from sim.loop.run_result import RETREATS
+from sim.people.human_motion import make_motion
+from sim.people.person_place import before_work_places
+from sim.people.scenes import (
+    BACKOFF_GAP,
+    BLOCK_GAP,
+    ESCAPE_GAP,
+    SCENES,
+    Cover,
+    make_scene,
+)
 
 EXECUTIONS = ("kinematic", "timed")
 BACKING, ESCAPING = RETREATS.index("backing off"), RETREATS.index("escaping")
@@ -110,8 +117,8 @@ def test_scenes_are_known_by_name_and_staged_before_the_work_places(crane):
 def test_the_film_of_a_scene_shows_its_state_from_the_start(
     played, crane, tmp_path, monkeypatch
 ):
-    from sim import animation
-    from sim.cover_world import CoverWorld
+    from sim.draw import animation
+    from sim.draw.cover_world import CoverWorld
 
     shown = []
     draw = animation._Painter._draw_caption

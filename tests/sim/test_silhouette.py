@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from roadmap.kinematics import body_frames, sphere_centers
-from sim.silhouette import Silhouette, moved_capsules, robot_silhouette
+from roadmap.kinematics.forward import body_frames, sphere_centers
+from sim.draw.silhouette import Silhouette, moved_capsules, robot_silhouette
 
 ROD = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1]
 

@@ -7,9 +7,9 @@ import pytest
 from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
-from sim.meet_audit import Verdict, shares
-from sim.meet_loop import MeetLoop
-from sim.targets_command import MeetOptions, open_table, person_of, run_meet
+from sim.cli.targets_command import MeetOptions, open_table, person_of, run_meet
+from sim.loop.meet_audit import Verdict, shares
+from sim.loop.meet_loop import MeetLoop
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_the_loop_pursues_what_it_says(built):
 
 
 def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
-    from sim.mocap import load_mocap
+    from sim.people.mocap import load_mocap
 
     joints = {n: p for n, p in person(120).items() if not n.startswith("left_elbow")}
     clip = load_mocap(write_csv(tmp_path / "clip.csv", joints))
@@ -130,7 +130,7 @@ def test_the_reach_map_of_another_robot_is_refused(odm, built, tmp_path):
 
 
 def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch):
-    import sim.targets_command as command
+    import sim.cli.targets_command as command
 
     monkeypatch.chdir(tmp_path)
     few = ReachSettings(cell=0.15, rotations=72, samples=20_000)

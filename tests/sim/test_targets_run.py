@@ -8,7 +8,7 @@ from command_line import one_sentence
 from keyboard_pty import User
 from mocap_files import person, write_csv
 
-from sim.targets_command import MeetOptions, run_meet
+from sim.cli.targets_command import MeetOptions, run_meet
 
 KEYS = (
     "run", "--targets", "meet", "--motion", "keyboard", "--rate", "50",
@@ -32,7 +32,7 @@ def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
 def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
     """Real bytes at a real terminal: the arm moves, the robot goes to its targets."""
     out = tmp_path / "keys.json"
-    words = ["-m", "sim.cli", *KEYS, out, "--map", meet_maps[0]]
+    words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
     with User(*words, "--reach", meet_maps[1], columns=100, lines=40) as user:
         user.see("of [0-9,]+ edges")
         user.see("0:0[1-9]")
@@ -53,7 +53,7 @@ def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
 
 def test_keys_end_by_ctrl_c_as_shells_expect(meet_maps, tmp_path):
     out = tmp_path / "keys.json"
-    words = ["-m", "sim.cli", *KEYS, out, "--map", meet_maps[0]]
+    words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
     with User(*words, "--reach", meet_maps[1]) as user:
         user.see("of [0-9,]+ edges")
         user.type(b"\x03")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import odm
+from odm.execution.stop_test import BrakingTest
+from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
-from roadmap.motion import time_path
-from sim.braking import BrakingTest
-from sim.threat import Threat, ThreatSettings, Watcher
+from roadmap.motion.motion import time_path
 
 CENTERS = np.array([[0.0, 0.0, 0.5], [0.2, 0.0, 0.8]])
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from sim.two_command import base_pose
+from sim.cli.two_command import base_pose
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_a_base_that_is_no_number_and_a_wrong_other_are_refused(odm, map_dir):
 
 
 def test_a_contact_makes_the_exit_code_one(odm, map_dir, monkeypatch):
-    from sim.two_result import TwoResult
+    from sim.two.two_result import TwoResult
 
     monkeypatch.setattr(TwoResult, "contacts", 1)
     code, said, _ = odm("run-two", "--map", map_dir, "--seconds", 0.1)

@@ -7,10 +7,10 @@ import pytest
 
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
-from sim.run_result import STATUS
-from sim.two_members import TwoSettings
-from sim.two_result import TwoResult
-from sim.two_robots import TwoRobots, run_two
+from sim.loop.run_result import STATUS
+from sim.two.two_members import TwoSettings
+from sim.two.two_result import TwoResult
+from sim.two.two_robots import TwoRobots, run_two
 
 FACING = pose_of((0.9, 0.0, 0.0), (0.0, 0.0, np.pi))
 BRIEF = TwoSettings(duration_s=8.0)

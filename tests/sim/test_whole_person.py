@@ -5,11 +5,11 @@ import pytest
 from mocap_files import person, write_csv
 
 from roadmap.errors import BadInput
-from sim.arm import HumanArm
-from sim.arm_path import Person
-from sim.human_motion import make_motion
-from sim.mocap import load_mocap
-from sim.whole_person import (
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
+from sim.people.human_motion import make_motion
+from sim.people.mocap import load_mocap
+from sim.people.whole_person import (
     BASE_HEIGHT,
     RecordedPerson,
     Walk,
@@ -115,6 +115,6 @@ def test_an_unknown_motion_is_refused():
 
 
 def _rows(*names):
-    from handover.body import COLUMN
+    from handover.human.body import COLUMN
 
     return [COLUMN[f"right_{name}"] for name in names]

@@ -8,7 +8,7 @@ from command_line import one_sentence, started
 from small import DATA
 
 from handover import ReachMap, load_reach_map
-from sim.reach_picture import by_position, fullest_layer, write_reach_plot
+from sim.draw.reach_picture import by_position, fullest_layer, write_reach_plot
 
 ARM = str(DATA / "arm3.urdf")
 QUICK = ("--cell", "0.1", "--rotations", "72", "--samples", "5000", "--tip", "tool")
@@ -18,7 +18,15 @@ QUICK = ("--cell", "0.1", "--rotations", "72", "--samples", "5000", "--tip", "to
 def built(tmp_path_factory):
     """Build a map in a process of its own; returns folder, output and JSON."""
     folder = tmp_path_factory.mktemp("reach")
-    words = ["-m", "sim.cli", "workspace", "build", ARM, *QUICK, "--json=facts.json"]
+    words = [
+        "-m",
+        "sim.cli.main",
+        "workspace",
+        "build",
+        ARM,
+        *QUICK,
+        "--json=facts.json",
+    ]
     with started([*words, "--plot", "cut.png"], folder) as process:
         out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
@@ -48,7 +56,7 @@ def test_a_build_stores_a_map_under_its_name_and_says_what_it_is(built):
 def test_what_is_asked_is_told_for_the_grid_it_is_asked_of(monkeypatch, tmp_path):
     from handover import ReachSettings, build_reach_map, chain_of
     from roadmap import load_robot
-    from sim import reach_figures
+    from sim.cli import reach_figures
 
     monkeypatch.setattr(reach_figures, "CELL_M", 0.15)
     monkeypatch.setattr(reach_figures, "ROTATIONS", 72)

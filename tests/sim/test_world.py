@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from roadmap import load_robot, tool_pose
-from sim.camera import Camera
-from sim.cover_world import CoverWorld
-from sim.loop import exact_audit
-from sim.world import SimulatorMissing, World, capsule_mesh
+from sim.draw.cover_world import CoverWorld
+from sim.draw.viewpoint import Camera
+from sim.draw.world import SimulatorMissing, World, capsule_mesh
+from sim.loop.loop import exact_audit
 
 CAMERA = Camera(width=160, height=120)
 HAND = np.array([[0.5, -0.2, 0.4, 0.7, 0.0, 0.5, 0.06]])
@@ -124,7 +124,7 @@ def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkey
 
 IMPORT = """
 import os, sys
-from sim.world import _pybullet
+from sim.draw.world import _pybullet
 print("before")
 os.write(1, b"below python\\n")
 try:

@@ -1,0 +1,1 @@
+"""A person: measures, joints, arms, postures and the capsules of the body."""

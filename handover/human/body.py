@@ -1,0 +1,308 @@
+"""A person's body as closed, labelled capsules from the places of its joints."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from handover.human.anthropometry import (
+    HAND,
+    NECK_TO_SKULL,
+    PELVIS_TO_HIP,
+    PELVIS_TO_TRUNK,
+    RADII,
+    SKULL_TO_CROWN,
+    TRUNK_TO_NECK,
+    check_height,
+    check_thickness,
+)
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+
+class Part(IntEnum):
+    """What a capsule stands for; the value is its label."""
+
+    LEFT_HAND = 0
+    LEFT_FOREARM = 1
+    LEFT_UPPER_ARM = 2
+    RIGHT_HAND = 3
+    RIGHT_FOREARM = 4
+    RIGHT_UPPER_ARM = 5
+    TORSO = 6
+    HEAD = 7
+    LEFT_LEG = 8
+    RIGHT_LEG = 9
+
+    @property
+    def words(self) -> str:
+        """The part as a person says it: 'left upper arm'."""
+        return self.name.lower().replace("_", " ")
+
+
+SIDES = ("left", "right")
+ARM = ("shoulder", "elbow", "hand")  # the joints an arm cannot do without
+JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
+    "hip",
+    "neck",
+    "head",
+    *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
+)
+COLUMN = {name: i for i, name in enumerate(JOINTS)}
+LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
+
+
+@dataclass(frozen=True)
+class BodySizes:
+    """Thickness of the parts, and the lengths that joints alone do not tell.
+
+    Attributes:
+        hand, forearm, upper_arm, torso, shoulders, head: Radii [m].
+        hand_length: Wrist to finger tips of a straight hand [m].
+        crown: Base of the neck to the top of the head [m].
+        trunk: Hip to base of the neck [m], used where no hip is known.
+        thigh, shank, foot: Radii [m].
+    """
+
+    hand: float
+    forearm: float
+    upper_arm: float
+    torso: float
+    shoulders: float
+    head: float
+    hand_length: float
+    crown: float
+    trunk: float
+    thigh: float = RADII["conservative"][6]
+    shank: float = RADII["conservative"][7]
+    foot: float = RADII["conservative"][8]
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that make no closed solid."""
+        for name, value in vars(self).items():
+            if not 0 < value < 1:
+                raise BadInput(
+                    f"{name} of a body is {value} m; give a size between 0 and 1 m"
+                )
+
+    @classmethod
+    def sized(
+        cls, height: float = 1.75, thickness: str = "conservative"
+    ) -> "BodySizes":
+        """Return the sizes of an adult; lengths are fractions of `height` [m].
+
+        The fractions are those of `handover.human.anthropometry`. Thickness hardly
+        depends on height.
+
+        Args:
+            height: Body height [m], 1.2 to 2.2.
+            thickness: "conservative" (thick man, clothed) or "mean".
+
+        Raises:
+            BadInput: The height is out of range or the thickness unknown.
+        """
+        check_height(height, "give BodySizes with your own numbers instead")
+        radii = RADII[check_thickness(thickness)]
+        crown = NECK_TO_SKULL + SKULL_TO_CROWN
+        trunk = PELVIS_TO_HIP + PELVIS_TO_TRUNK + TRUNK_TO_NECK
+        lengths = (HAND * height, crown * height, trunk * height)
+        return cls(*radii[:6], *lengths, *radii[6:])
+
+
+@dataclass(frozen=True, eq=False)
+class UpperBody:
+    """Which capsules a person has whose joints `present` are known, and where.
+
+    An arm needs shoulder, elbow and hand, else it is left out. Torso and head need
+    the neck or both shoulders; what else is missing is placed by `sizes`, upright. A
+    hand reaches straight on from the forearm, unless a finger tip is known.
+
+    Attributes:
+        present: Names out of `JOINTS`.
+        sizes: Thickness and lengths.
+        labels: (k,) `Part` of each capsule, int64.
+        needs: (k, 11) joints that place each capsule, bool.
+    """
+
+    present: Collection[str]
+    sizes: BodySizes
+
+    def __post_init__(self) -> None:
+        """Note the capsules, or refuse unknown joints and a body without arms."""
+        unknown = sorted(set(self.present) - set(JOINTS))
+        if unknown:
+            raise BadInput(
+                f"a body has no joint {', '.join(unknown)}; choose from "
+                f"{', '.join(JOINTS)}"
+            )
+        object.__setattr__(self, "present", frozenset(self.present))
+        if not self.sides:
+            raise BadInput(
+                f"no arm is complete among {', '.join(sorted(self.present)) or 'none'};"
+                " give shoulder, elbow and hand of at least one side"
+            )
+        rows = [row for side in self.sides for row in self._arm_rows(side)]
+        if self.has_trunk:
+            rows += self._trunk_rows()
+        labels = np.array([part for part, _ in rows])
+        needs = np.zeros((len(rows), len(JOINTS)), bool)
+        for row, (_, joints) in zip(needs, rows, strict=True):
+            row[[COLUMN[name] for name in joints]] = True
+        object.__setattr__(self, "labels", frozen(labels, np.int64))
+        object.__setattr__(self, "needs", frozen(needs, np.bool_))
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """The sides whose arm is complete."""
+        complete = (all(f"{s}_{j}" in self.present for j in ARM) for s in SIDES)
+        return tuple(s for s, whole in zip(SIDES, complete, strict=True) if whole)
+
+    @property
+    def has_trunk(self) -> bool:
+        """Whether torso and head can be placed."""
+        return "neck" in self.present or len(self._shoulders) == 2
+
+    @property
+    def _shoulders(self) -> tuple[str, ...]:
+        return tuple(n for n in (f"{s}_shoulder" for s in SIDES) if n in self.present)
+
+    def capsules(self, places: np.ndarray) -> np.ndarray:
+        """Return the body as closed capsules.
+
+        Args:
+            places: (..., 11, 3) places of `JOINTS` in a frame whose z is up [m];
+                those not `present` are not looked at.
+
+        Returns:
+            (..., k, 7) ends a, b and radius, labelled by `labels` [m].
+        """
+        at = {name: places[..., COLUMN[name], :] for name in self.present}
+        rods = [rod for side in self.sides for rod in self._arm(at, side)]
+        if self.has_trunk:
+            rods += self._trunk(at)
+        return np.stack([_rod(*rod) for rod in rods], axis=-2)
+
+    def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
+        """Return part and joints of the rods of `_arm`, in its order."""
+        shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
+        hand_part, fore, upper = (
+            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
+        )
+        fingers = [hand, tip if tip in self.present else elbow]
+        return [
+            (hand_part, fingers),
+            (fore, [elbow, hand]),
+            (upper, [shoulder, elbow]),
+        ]
+
+    def _arm(self, at: dict[str, np.ndarray], side: str) -> list[tuple]:
+        shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
+        sizes, wrist = self.sizes, at[hand]
+        if tip in at:
+            fingers = at[tip]
+        else:
+            beyond = max(sizes.hand_length - sizes.hand, 0.0)
+            fingers = wrist + beyond * _unit(wrist - at[elbow])
+        return [
+            (wrist, fingers, sizes.hand),
+            (at[elbow], wrist, sizes.forearm),
+            (at[shoulder], at[elbow], sizes.upper_arm),
+        ]
+
+    def _trunk_rows(self) -> list[tuple[Part, list[str]]]:
+        """Return part and joints of the rods of `_trunk`, in its order."""
+        neck = ["neck"] if "neck" in self.present else list(self._shoulders)
+        rows = [(Part.TORSO, neck + [n for n in ("hip",) if n in self.present])]
+        if len(self._shoulders) == 2:
+            rows.append((Part.TORSO, list(self._shoulders)))
+        rows.append((Part.HEAD, neck + [n for n in ("head",) if n in self.present]))
+        return rows
+
+    def _trunk(self, at: dict[str, np.ndarray]) -> list[tuple]:
+        sizes, rods = self.sizes, []
+        shoulders = [at[name] for name in self._shoulders]
+        neck = at["neck"] if "neck" in at else np.mean(shoulders, axis=0)
+        hip = at.get("hip", neck - [0.0, 0.0, sizes.trunk])
+        # a round end at the neck would bury the chin: it ends at the shoulders' height
+        spine, length = _unit(neck - hip), _length(neck - hip)
+        chest = neck - np.minimum(length, sizes.torso - sizes.shoulders) * spine
+        rods.append((hip, chest, sizes.torso))
+        if len(shoulders) == 2:
+            rods.append((*shoulders, sizes.shoulders))
+        towards = at.get("head", neck + [0.0, 0.0, 1.0]) - neck
+        # a head joint is the base of the skull or a marker on top: reach the crown
+        crown = sizes.crown - sizes.head
+        reach = np.maximum(_length(towards), crown) if "head" in at else crown
+        rods.append((neck, neck + reach * _unit(towards), sizes.head))
+        return rods
+
+
+def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
+    """Return thigh, shank and foot of both legs, labelled by `LEG_LABELS`.
+
+    Args:
+        places: (2, 5, 3) hip, knee, ankle, heel and toes; left leg first [m].
+        sizes: Their radii.
+
+    Returns:
+        (6, 7) ends a, b and radius [m]; the foot's round ends touch heel and toes from
+        inside.
+    """
+    rods = []
+    for hip, knee, ankle, heel, toes in places:
+        length = max(float(np.linalg.norm(toes - heel)), 1e-9)
+        inset = min(sizes.foot / length, 0.5) * (toes - heel)
+        rods.append([*hip, *knee, sizes.thigh])
+        rods.append([*knee, *ankle, sizes.shank])
+        rods.append([*(heel + inset), *(toes - inset), sizes.foot])
+    return np.array(rods)
+
+
+def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Return the places of the joints that made labelled capsules.
+
+    The inverse of `UpperBody.capsules`, for a motion that tells capsules only: its
+    places give the same capsules again. A head's end stands for the head joint.
+
+    Args:
+        capsules: (k, 7) ends a, b and radius, as `UpperBody.capsules` orders them [m].
+        labels: (k,) `Part` of each.
+
+    Returns:
+        (11, 3) places of `JOINTS` [m]; NaN where no capsule tells.
+    """
+    rods = zip(labels[::-1], capsules[::-1], strict=True)
+    first = {Part(label): rod for label, rod in rods}  # of several, the first
+    places = np.full((len(JOINTS), 3), np.nan)
+    ends = [(Part.TORSO, "hip", None), (Part.HEAD, "neck", "head")]
+    for side in SIDES:
+        hand, fore, upper = (
+            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
+        )
+        ends += [
+            (upper, f"{side}_shoulder", f"{side}_elbow"),
+            (fore, None, f"{side}_hand"),
+            (hand, None, f"{side}_tip"),
+        ]
+    for part, near, far in ends:
+        if part in first:
+            for name, end in ((near, first[part][:3]), (far, first[part][3:6])):
+                if name is not None:
+                    places[COLUMN[name]] = end
+    return places
+
+
+def _rod(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
+    return np.concatenate([a, b, np.full((*a.shape[:-1], 1), radius)], axis=-1)
+
+
+def _length(v: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    """Return the direction; straight up where there is none."""
+    length = _length(v)
+    safe = np.where(length > 1e-9, v, [0.0, 0.0, 1.0])
+    return safe / np.maximum(_length(safe), 1e-9)

@@ -1,0 +1,1 @@
+"""Where robot and person can meet, and how comfortable that is."""

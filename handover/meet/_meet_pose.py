@@ -1,0 +1,329 @@
+"""What one hand pose is worth to a person: the best of its swivel representatives."""
+
+import math
+
+from numba import njit
+
+from handover.human._arm_ik import (
+    AXES,
+    COS_F,
+    SIN_A,
+    SIN_F,
+    SPANS,
+    TINY,
+    swivel_circle,
+    swivel_spans,
+)
+from handover.human._arm_solve import swivel_joints
+from handover.human._human_arm import (
+    COS_LOWER,
+    COS_UPPER,
+    SIN_LOWER,
+    SIN_UPPER,
+    arm_axes,
+)
+from handover.jit_options import WITHIN
+from handover.meet._quality import (
+    BETA,
+    CONCERN,
+    DOWN,
+    EFFORT,
+    FOREARM,
+    HAS_GAZE,
+    JOINT,
+    MOMENTS,
+    OMEGA,
+    SAFETY,
+    SPATIAL,
+    VISIBILITY,
+    _cut,
+    effort_cost,
+    joint_cost,
+    spatial_cost,
+    visibility_cost,
+)
+
+UNREACHED, BELOW = -1.0, -0.5
+ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by
+_LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
+
+
+@njit(**WITHIN)
+def open_parts(state, settings, x, y, z, parts):
+    """Write the qualities of a grip's way and visibility; return the weights' sum."""
+    parts[SPATIAL] = 1.0 - math.tanh(
+        settings[BETA + SPATIAL] * spatial_cost(state, x, y, z)
+    )
+    shares = settings[OMEGA] + settings[OMEGA + SPATIAL]
+    parts[VISIBILITY] = 0.0
+    if state[HAS_GAZE] != 0.0:
+        parts[VISIBILITY] = 1.0 - math.tanh(
+            settings[BETA + VISIBILITY] * visibility_cost(state, x, y, z)
+        )
+        shares += settings[OMEGA + VISIBILITY]
+    return shares + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
+
+
+@njit(**WITHIN)
+def safety_part(rods, settings, x, y, z):
+    """Return the quality of safety of a grip, without the forearm."""
+    concern = settings[CONCERN]
+    nearest = off_rods(rods, concern, x, y, z)
+    if nearest >= concern:
+        return 1.0
+    if nearest <= 0.0:
+        return 0.0
+    return 1.0 - math.tanh(settings[BETA + SAFETY] * (concern / nearest - 1.0))
+
+
+@njit(**WITHIN)
+def off_rods(rods, most, x, y, z):
+    """Return the distance of a point from the nearest capsule, at most `most`.
+
+    Roots are drawn only of those that are nearer than the nearest so far.
+    """
+    nearest = most
+    for i in range(rods.shape[0]):
+        dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
+        dy, py = rods[i, 4] - rods[i, 1], y - rods[i, 1]
+        dz, pz = rods[i, 5] - rods[i, 2], z - rods[i, 2]
+        square = dx * dx + dy * dy + dz * dz
+        t = 0.0
+        if square > 0.0:
+            t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), 1.0)
+        px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+        gap = px * px + py * py + pz * pz
+        near = nearest + rods[i, 6]
+        if near > 0.0 and gap < near * near:
+            nearest = math.sqrt(gap) - rods[i, 6]
+    return nearest
+
+
+@njit(**WITHIN)
+def wrist_allows(arm, hand_y, hand_z, square):
+    """Return False only where forearm and hand cannot fit together at any swivel.
+
+    The forearm makes a fixed angle with the line from shoulder to wrist, so its cosine
+    with a direction of the hand is at most (least) that of the difference (sum) of two
+    known angles. The deviation's range bounds its cosine with the hand's y axis, the
+    ranges of deviation and flexion that with the z axis.
+
+    Args:
+        arm: Packed arm.
+        hand_y: Component of the hand's y axis along that line, times its length [m].
+        hand_z: The same of its z axis.
+        square: Squared length of that line [m^2].
+    """
+    upper, fore = arm[0], arm[1]
+    away = math.sqrt(square)
+    cosine = (square + fore * fore - upper * upper) / (2.0 * fore * away)
+    cosine = min(1.0, max(-1.0, cosine))
+    sine = math.sqrt(1.0 - cosine * cosine)
+    y = -hand_y / away  # the thumb turns towards the forearm's back
+    spread = sine * math.sqrt(max(0.0, 1.0 - y * y)) + _LOOSE
+    if cosine * y + spread < arm[SIN_LOWER + 5]:
+        return False
+    if cosine * y - spread > arm[SIN_UPPER + 5]:
+        return False
+    z = hand_z / away
+    spread = sine * math.sqrt(max(0.0, 1.0 - z * z)) + _LOOSE
+    least = min(arm[COS_LOWER + 6], arm[COS_UPPER + 6])
+    if least > 0.0:
+        least *= min(arm[COS_LOWER + 5], arm[COS_UPPER + 5])
+    return cosine * z + spread >= least
+
+
+@njit(**WITHIN)
+def online_sum(settings, parts):
+    """Return the weighted sum of five qualities."""
+    total = settings[OMEGA] * parts[0]
+    for i in range(1, 5):
+        total += settings[OMEGA + i] * parts[i]
+    return total
+
+
+@njit(**WITHIN)
+def pose_value(
+    state,
+    rods,
+    settings,
+    share,
+    dexterity,
+    step,
+    floor,
+    least,
+    pose,
+    work,
+    parts,
+    q,
+    best_q,
+):
+    """Return q_total of the best representative of a hand pose, its joints in best_q.
+
+    Args:
+        state: Packed arm first, see `quality.py`.
+        rods: (m, 7) obstacles.
+        settings: (19,).
+        share: Of q_online in q_total.
+        dexterity: Of the pose, in [0, 1].
+        step: Largest swivel between representatives [rad].
+        floor: Of no interest below; a pose that cannot reach it is not looked into.
+        least: Lower bound of the cost of effort.
+        pose: (12,) the hand in the canonical shoulder frame.
+        work: Room of `arm_ik`.
+        parts: (5,) room.
+        q: (7,) room.
+        best_q: (7,) written.
+
+    Returns:
+        In [0, 1]; UNREACHED where no joints in their ranges reach the pose, and BELOW
+        where they do, but nothing reaches `floor`.
+    """
+    arm = state
+    best = UNREACHED
+    if not swivel_circle(arm, pose, work):
+        return best
+    n_spans = swivel_spans(arm, work)
+    if n_spans == 0:
+        return best
+    x, y, z = pose[9], pose[10], pose[11]
+    shares = open_parts(state, settings, x, y, z, parts)
+    grip_safety = safety_part(rods, settings, x, y, z)
+    parts[SAFETY] = grip_safety
+    effort = 1.0 - math.tanh(settings[BETA + EFFORT] * least) + ROUNDING
+    parts[JOINT], parts[EFFORT] = 1.0, effort
+    rest = (1.0 - share) * dexterity
+    if share * (online_sum(settings, parts) / shares) + rest + ROUNDING < floor:
+        return BELOW
+    grip = arm[2]
+    wx, wy, wz = x - grip * pose[2], y - grip * pose[5], z - grip * pose[8]
+    careful = grip_safety > 0.0 and settings[FOREARM] != 0.0
+    if careful and line_cut(rods, wx, wy, wz, x, y, z):
+        grip_safety, careful = 0.0, False
+    for i in range(n_spans):
+        first, last = work[SPANS + i, 0], work[SPANS + i, 1]
+        branch = work[SPANS + i, 2]
+        pieces = int(math.ceil((last - first - TINY) / step))
+        size = (last - first) / max(pieces, 1)
+        for k in range(pieces + 1):
+            phi = last if k == pieces else first + k * size
+            if not swivel_joints(arm, work, phi, branch, q):
+                continue
+            parts[JOINT] = 1.0 - math.tanh(
+                settings[BETA + JOINT] * joint_cost(state, settings, q)
+            )
+            parts[SAFETY], parts[EFFORT] = grip_safety, effort
+            if share * (online_sum(settings, parts) / shares) + rest <= best:
+                continue
+            parts[EFFORT] = 1.0 - math.tanh(
+                settings[BETA + EFFORT] * swivel_effort(state, work, phi, pose, q)
+            )
+            total = share * (online_sum(settings, parts) / shares) + rest
+            if total <= best:
+                continue
+            if careful:
+                ex, ey, ez = elbow_at(arm, work, phi)
+                if line_cut(rods, ex, ey, ez, wx, wy, wz):
+                    parts[SAFETY] = 0.0
+                    total = share * (online_sum(settings, parts) / shares) + rest
+                    if total <= best:
+                        continue
+            best = total
+            for j in range(7):
+                best_q[j] = q[j]
+    return best
+
+
+@njit(**WITHIN)
+def line_cut(rods, ax, ay, az, bx, by, bz):
+    """Return whether the line from a to b enters a capsule."""
+    for i in range(rods.shape[0]):
+        if _cut(rods, i, ax, ay, az, bx, by, bz):
+            return True
+    return False
+
+
+@njit(**WITHIN)
+def elbow_at(arm, work, phi):
+    """Return the place of the elbow at a swivel angle."""
+    c, s = math.cos(phi), math.sin(phi)
+    x = work[SIN_F, 0] + c * work[SIN_F, 1] + s * work[SIN_F, 2]
+    y = work[SIN_A, 0] + c * work[SIN_A, 1] + s * work[SIN_A, 2]
+    z = work[COS_F, 0] + c * work[COS_F, 1] + s * work[COS_F, 2]
+    return arm[0] * x, -arm[0] * y, -arm[0] * z
+
+
+@njit(**WITHIN)
+def swivel_effort(state, work, phi, pose, q):
+    """Return `effort_cost` at a swivel angle of a pose, whose joints are q.
+
+    The arm's directions are read off the swivel circle, without the joints' sines;
+    only where the upper arm points nearly to the side or the hand nearly along its axis
+    of flexion, they are not told well by it.
+    """
+    c, s = math.cos(phi), math.sin(phi)
+    sin_f = work[SIN_F, 0] + c * work[SIN_F, 1] + s * work[SIN_F, 2]
+    sin_a = work[SIN_A, 0] + c * work[SIN_A, 1] + s * work[SIN_A, 2]
+    cos_f = work[COS_F, 0] + c * work[COS_F, 1] + s * work[COS_F, 2]
+    lateral = cos_f * cos_f + sin_f * sin_f
+    ux, uy, uz = sin_f, -sin_a, -cos_f
+    upper, fore, grip = state[0], state[1], state[2]
+    hx, hy, hz = pose[2], pose[5], pose[8]
+    ax, ay, az = pose[1], pose[4], pose[7]
+    vx = (pose[9] - grip * hx - upper * ux) / fore
+    vy = (pose[10] - grip * hy - upper * uy) / fore
+    vz = (pose[11] - grip * hz - upper * uz) / fore
+    # the axis of deviation is square to forearm and axis of flexion
+    dx, dy, dz = vy * az - vz * ay, vz * ax - vx * az, vx * ay - vy * ax
+    long = dx * dx + dy * dy + dz * dz
+    if lateral < 0.01 or long < 0.01:
+        return effort_cost(state, arm_axes(q))
+    gx, gy, gz = state[DOWN], state[DOWN + 1], state[DOWN + 2]
+    mu, mv, mh = state[MOMENTS], state[MOMENTS + 1], state[MOMENTS + 2]
+    x, y, z = mh * hx, mh * hy, mh * hz
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    total = abs(vx * tx + vy * ty + vz * tz) + abs(ax * tx + ay * ty + az * tz)
+    total += abs(dx * tx + dy * ty + dz * tz) / math.sqrt(long)
+    x, y, z = x + mv * vx, y + mv * vy, z + mv * vz
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    ex = c * work[AXES + 1, 0] + s * work[AXES + 2, 0]
+    ey = c * work[AXES + 1, 1] + s * work[AXES + 2, 1]
+    ez = c * work[AXES + 1, 2] + s * work[AXES + 2, 2]
+    total += abs(ex * tx + ey * ty + ez * tz)
+    x, y, z = x + mu * ux, y + mu * uy, z + mu * uz
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    total += abs(ty) + abs(cos_f * tx + sin_f * tz) / math.sqrt(lateral)
+    return total + abs(ux * tx + uy * ty + uz * tz)
+
+
+@njit(**WITHIN)
+def least_effort(state, hx, hy, hz, wx, wy, wz, square):
+    """Return what the effort of a hand pose costs at least, whatever the swivel.
+
+    One of its seven terms is the torque about the shoulder's y axis, m . k with the
+    arm's first moment m and k = down x y. With the upper arm's direction u and the
+    wrist W, m = a W + b u + c h, and u keeps its angle to W: all but b times its part
+    across W is known, and that part is at most as long as k's own across W.
+
+    Args:
+        state: See `quality.py`; the arm first.
+        hx: Direction of the fingers h.
+        hy: The same.
+        hz: The same.
+        wx: The wrist W [m].
+        wy: The same.
+        wz: The same.
+        square: Squared length of W [m^2].
+    """
+    upper, fore = state[0], state[1]
+    a = state[MOMENTS + 1] / fore
+    b = state[MOMENTS] - a * upper
+    c = state[MOMENTS + 2]
+    kx, kz = -state[DOWN + 2], state[DOWN]
+    along = wx * kx + wz * kz
+    # W . u: the triangle of shoulder, elbow and wrist
+    inward = (square + upper * upper - fore * fore) / (2.0 * upper)
+    known = along * (a + b * inward / square) + c * (hx * kx + hz * kz)
+    across = max(0.0, kx * kx + kz * kz - along * along / square)
+    side = max(0.0, 1.0 - inward * inward / square)
+    return max(0.0, abs(known) - abs(b) * math.sqrt(across * side) - ROUNDING)

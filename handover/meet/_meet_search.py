@@ -1,0 +1,195 @@
+"""Best-first search in the interaction workspace [Vahrenkamp2016, Algorithm 2, line 4].
+
+A bound below the k-th best known quality ends the matter; equal ones go on, so that
+ties are decided by the key as in the full grid.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from handover.jit_options import BARE, FULL
+from handover.meet._meet import hand_value
+from handover.meet._meet_bounds import (
+    LOOSE_BYTE,
+    byte_passes,
+    fill_spins,
+    grip_bound,
+    now_turn,
+    position_bounds,
+)
+from handover.meet._meet_pose import UNREACHED
+
+# what is counted: positions opened, bytes compared, grips bounded, hand poses solved
+POSITIONS, BYTES, GRIPS, SOLVED = range(4)
+
+
+class Entries(NamedTuple):
+    """The robot's cells one by one.
+
+    Attributes:
+        keys: (n,) their numbers.
+        removed: (n,) whether they are out.
+        seen: (n,) room, all False.
+    """
+
+    keys: np.ndarray
+    removed: np.ndarray
+    seen: np.ndarray
+
+
+class Top(NamedTuple):
+    """The best k so far: (k,) quality, key, entry and grasp, best first."""
+
+    value: np.ndarray
+    key: np.ndarray
+    entry: np.ndarray
+    grasp: np.ndarray
+
+
+@njit(**BARE)
+def put(top, key, e, g, value, n):
+    """Insert an entry into the best n so far, ordered by value, then by key."""
+    k = top.value.shape[0]
+    at = n
+    while at > 0 and (
+        value > top.value[at - 1]
+        or (value == top.value[at - 1] and key < top.key[at - 1])
+    ):
+        at -= 1
+    if at >= k:
+        return n
+    last = min(n, k - 1)
+    for i in range(last, at, -1):
+        top.value[i], top.key[i] = top.value[i - 1], top.key[i - 1]
+        top.entry[i], top.grasp[i] = top.entry[i - 1], top.grasp[i - 1]
+    top.value[at], top.key[at], top.entry[at], top.grasp[at] = value, key, e, g
+    return min(n + 1, k)
+
+
+@njit(**FULL)
+def search(who, entries, bounds, warm, top, room):
+    """Fill `top` with the best entries that are not removed.
+
+    Args:
+        who: (Person, Hands, Cells).
+        entries: Keys, and which are removed; nothing is seen before and after.
+        bounds: The bounds by place are filled in, the rest is room.
+        warm: (m,) entries to begin with: the last best.
+        top: Written; its size is k.
+        room: To work in; its counts grow.
+
+    Returns:
+        How many there are.
+    """
+    person, hands, cells = who
+    removed, seen = entries.removed, entries.seen
+    n = 0
+    k = top.value.shape[0]
+    now_turn(person, bounds.now)
+    fill_spins(person, hands.pose, bounds)
+    for i in range(warm.shape[0]):
+        e = warm[i]
+        if removed[e] or seen[e]:
+            continue
+        p = np.searchsorted(cells.first, e, side="right") - 1
+        n = _look(who, entries, bounds, p, e, 0, top, n, room)
+        seen[e] = True
+    whole = bounds.whole
+    position_bounds(person, hands, cells, bounds)
+    n_open = 0
+    floor = top.value[k - 1] if n == k else 0.0
+    order = np.empty(whole.shape[0], np.int64)
+    for p in range(whole.shape[0]):
+        if whole[p] >= floor:
+            order[n_open] = p
+            n_open += 1
+    order = order[:n_open]
+    order = order[np.argsort(-whole[order])]
+    for p in order:
+        floor = top.value[k - 1] if n == k else 0.0
+        if whole[p] < floor:
+            break
+        n = _open(who, entries, bounds, p, top, n, room)
+    for i in range(warm.shape[0]):
+        seen[warm[i]] = False
+    return n
+
+
+@njit(**BARE)
+def _open(who, entries, bounds, p, top, n, room):
+    """Look at the entries of a position whose bound by the byte passes."""
+    person, hands, cells = who
+    counts, online = room.counts, bounds.online[p]
+    place_online, place, lack = bounds.place_online, bounds.place, bounds.lack
+    removed, seen = entries.removed, entries.seen
+    counts[POSITIONS] += 1
+    counts[BYTES] += (cells.first[p + 1] - cells.first[p]) * hands.pose.shape[1]
+    k = top.value.shape[0]
+    box, dexterity = person.box, person.dexterity
+    pose, turned, rotation = hands.pose, hands.cell, cells.rotation
+    same, at = hands.same, -1
+    n_grasps, share = pose.shape[1], person.scales[0]
+    inverse = box[7]
+    x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
+    nx, ny, nz = int(box[4]), int(box[5]), int(box[6])
+    floor = top.value[k - 1] if n == k else 0.0
+    far = (floor - online) * 255.0 / max(1.0 - share, 1e-9) - LOOSE_BYTE
+    need, dead = 0.0, False
+    single = same[1:].all()  # one place for all grasps, as of a fist turned about a rod
+    scale = 255.0 / max(1.0 - share, 1e-9)
+    for e in range(cells.first[p], cells.first[p + 1]):
+        r = rotation[e]
+        for g in range(n_grasps):
+            if not same[g]:
+                at = -1
+                i = int(math.floor((x + pose[r, g, 9] - box[0]) * inverse))
+                j = int(math.floor((y + pose[r, g, 10] - box[1]) * inverse))
+                m = int(math.floor((z + pose[r, g, 11] - box[2]) * inverse))
+                need, dead = far, far > 0.0
+                if 0 <= i < nx and 0 <= j < ny and 0 <= m < nz:
+                    at = (i * ny + j) * nz + m
+                    dead = place[at] < floor
+                    need = (floor - place_online[at]) * scale - LOOSE_BYTE
+            if dead:
+                if single:
+                    break
+                continue
+            byte = 0
+            if at >= 0:
+                byte = dexterity[at, turned[r, g]]
+            if byte >= need + lack[r, g]:
+                if not removed[e] and not seen[e]:
+                    n = _look(who, entries, bounds, p, e, g, top, n, room)
+                    floor = top.value[k - 1] if n == k else 0.0
+                    far = (floor - online) * scale - LOOSE_BYTE
+                break
+    return n
+
+
+@njit(**BARE)
+def _look(who, entries, bounds, p, e, first, top, n, room):
+    """Bound the grasps of an entry from `first` on, solve those that may count."""
+    person, hands, cells = who
+    k = top.value.shape[0]
+    r = cells.rotation[e]
+    x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
+    best, best_g = UNREACHED, -1
+    floor = top.value[k - 1] if n == k else 0.0
+    for g in range(first, hands.wrist.shape[1]):
+        if not byte_passes(person, hands, bounds, p, r, g, x, y, z, floor):
+            continue
+        room.counts[GRIPS] += 1
+        bound = grip_bound(person, hands, bounds, r, g, x, y, z, floor, room.parts)
+        if bound < floor:
+            continue
+        room.counts[SOLVED] += 1
+        found = hand_value(person, hands, r, g, x, y, z, floor, room)
+        if found > best:
+            best, best_g = found, g
+            floor = max(floor, found)
+    if best >= 0.0:
+        n = put(top, entries.keys[e], e, best_g, best, n)
+    return n

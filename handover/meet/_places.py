@@ -1,0 +1,65 @@
+"""The best that a hand can do at places of its grip, over rotations and elbows."""
+
+import numpy as np
+from numba import njit
+
+from handover.human._arm_solve import solve_arm
+from handover.jit_options import FULL
+from handover.meet._quality import EFFORT, quality_of
+from handover.reach._chain import dexterity, forward, jacobian
+
+# columns: the five parts of quality.py, then these
+DEXTERITY, COMBINED, ONLINE, TOTAL, COLUMNS = 5, 6, 7, 8, 9
+
+
+@njit(**FULL)
+def best_at_places(
+    state, obstacles, settings, shares, turns, points, chain, room, solved, out, found
+):
+    """Write the best of each quality over all rotations and elbows of each place.
+
+    Args:
+        state: of `handover/meet/_quality.py`, and so the next two.
+        obstacles: (m, 7) capsules.
+        settings: (19,).
+        shares: (3,) of q_online in q_total; the dexterity that is 1; largest swivel
+            between representatives [rad].
+        turns: (m, 9) rotations of the hand, canonical shoulder frame.
+        points: (n, 3) places of the grip, canonical shoulder frame [m].
+        chain: `ChainArrays` of the same arm.
+        room: `Work` of the chain.
+        solved: room of `solve_arm`: its work, q and swivels.
+        out: (n, COLUMNS) the maxima; 0 where nothing is reached. COMBINED is that of
+            half dexterity and half effort.
+        found: (n, 9) joints of the best total, its rotation, rotations reached.
+    """
+    work, joints, swivels = solved
+    pose, parts = np.empty(12), np.empty(5)
+    for i in range(points.shape[0]):
+        out[i] = 0.0
+        found[i] = 0.0
+        pose[9:12] = points[i]
+        for r in range(turns.shape[0]):
+            pose[:9] = turns[r]
+            n, _ = solve_arm(state, pose, shares[2], work, joints, swivels)
+            if n > 0:
+                found[i, 8] += 1.0
+            for k in range(n):
+                q = joints[k]
+                online = quality_of(state, obstacles, settings, q, parts)
+                forward(chain, q, room.frames)
+                jacobian(chain, room.frames, room.jac)
+                measure = dexterity(chain, q, room.jac, room.weighted, room.gram)
+                easy = min(measure / shares[1], 1.0)
+                total = shares[0] * online + (1.0 - shares[0]) * easy
+                for j in range(5):
+                    if parts[j] > out[i, j]:  # never where it is NaN
+                        out[i, j] = parts[j]
+                both = 0.5 * (easy + parts[EFFORT])
+                out[i, DEXTERITY] = max(out[i, DEXTERITY], easy)
+                out[i, COMBINED] = max(out[i, COMBINED], both)
+                out[i, ONLINE] = max(out[i, ONLINE], online)
+                if total > out[i, TOTAL]:
+                    out[i, TOTAL] = total
+                    found[i, :7] = q
+                    found[i, 7] = r

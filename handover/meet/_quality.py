@@ -1,0 +1,197 @@
+"""The five costs of an arm posture and their qualities [Vahrenkamp2016, III-B].
+
+Everything is in the canonical shoulder frame of `handover/human/_human_arm.py`. Three
+flat arrays hold what does not change between candidates, `handover/meet/quality.py`
+fills them:
+
+state (STATE_SIZE,): the packed arm [m]; the present joints and grip; eye, direction of
+    gaze, and whether there is one; first moments of upper arm, forearm and hand about
+    their own near joints with all that hangs on them, their sum being 1; down.
+obstacles (m, 7): capsules a, b, radius [m]; a point is one of radius 0.
+settings (SETTINGS_SIZE,): alpha, beta, omega, distance of no concern [m], and whether
+    the forearm counts.
+"""
+
+import math
+
+from numba import njit
+
+from handover.human._human_arm import ARM_SIZE, arm_axes
+from handover.jit_options import BARE
+
+Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
+EYE, GAZE, HAS_GAZE = ARM_SIZE + 10, ARM_SIZE + 13, ARM_SIZE + 16
+MOMENTS, DOWN, STATE_SIZE = ARM_SIZE + 17, ARM_SIZE + 20, ARM_SIZE + 23
+ALPHA, BETA, OMEGA, CONCERN, FOREARM, SETTINGS_SIZE = 0, 7, 12, 17, 18, 19
+JOINT, SPATIAL, VISIBILITY, SAFETY, EFFORT = range(5)
+
+
+@njit(**BARE)
+def quality_of(state, obstacles, settings, q, parts):
+    """Return q_online of the joints q (7,) and write its five qualities to parts (5,).
+
+    Without a gaze, visibility is left out: its part is NaN and the other weights are
+    raised to sum to 1. Joints, weights and axes as in eq. (1)-(4).
+    """
+    axes = arm_axes(q)
+    u, v, h = axes[0], axes[2], axes[5]
+    ex, ey, ez = state[0] * u[0], state[0] * u[1], state[0] * u[2]
+    x = ex + state[1] * v[0] + state[2] * h[0]
+    y = ey + state[1] * v[1] + state[2] * h[1]
+    z = ez + state[1] * v[2] + state[2] * h[2]
+    parts[JOINT] = joint_cost(state, settings, q)
+    parts[SPATIAL] = spatial_cost(state, x, y, z)
+    parts[VISIBILITY] = visibility_cost(state, x, y, z)
+    parts[SAFETY] = safety_cost(obstacles, settings, ex, ey, ez, v, state[1], x, y, z)
+    parts[EFFORT] = effort_cost(state, axes)
+    total = 0.0
+    shares = 0.0
+    for i in range(5):
+        if i == VISIBILITY and state[HAS_GAZE] == 0.0:
+            parts[i] = math.nan
+            continue
+        parts[i] = 1.0 - math.tanh(settings[BETA + i] * parts[i])
+        total += settings[OMEGA + i] * parts[i]
+        shares += settings[OMEGA + i]
+    return total / shares
+
+
+@njit(**BARE)
+def qualities_of(state, obstacles, settings, joints, parts, online):
+    """Write `quality_of` of every row of joints (n, 7) to parts (n, 5), online (n,)."""
+    for i in range(joints.shape[0]):
+        online[i] = quality_of(state, obstacles, settings, joints[i], parts[i])
+
+
+@njit(**BARE)
+def joint_cost(state, settings, q):
+    """Return the sum of alpha (q_now - q)^2 [rad^2], eq. (1)."""
+    cost = 0.0
+    for i in range(7):
+        step = state[Q_NOW + i] - q[i]
+        cost += settings[ALPHA + i] * step * step
+    return cost
+
+
+@njit(**BARE)
+def spatial_cost(state, x, y, z):
+    """Return how far the grip has to travel [m], eq. (2)."""
+    dx, dy, dz = x - state[P_NOW], y - state[P_NOW + 1], z - state[P_NOW + 2]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(**BARE)
+def visibility_cost(state, x, y, z):
+    """Return the angle between the gaze and the line from the eye to the grip [rad]."""
+    dx, dy, dz = x - state[EYE], y - state[EYE + 1], z - state[EYE + 2]
+    gx, gy, gz = state[GAZE], state[GAZE + 1], state[GAZE + 2]
+    cx, cy, cz = dy * gz - dz * gy, dz * gx - dx * gz, dx * gy - dy * gx
+    along = dx * gx + dy * gy + dz * gz
+    return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), along)
+
+
+@njit(**BARE)
+def safety_cost(obstacles, settings, ex, ey, ez, v, fore, x, y, z):
+    """Return concern / distance - 1 of the grip, 0 beyond the distance of no concern.
+
+    Infinite where the grip, or (if the forearm counts) the line from the elbow over
+    the wrist to the grip, is inside an obstacle.
+    """
+    concern = settings[CONCERN]
+    nearest = concern
+    for i in range(obstacles.shape[0]):
+        distance = _off_capsule(obstacles, i, x, y, z)
+        if distance < nearest:
+            nearest = distance
+    if nearest <= 0.0:
+        return math.inf
+    if settings[FOREARM] != 0.0:
+        wx, wy, wz = ex + fore * v[0], ey + fore * v[1], ez + fore * v[2]
+        for i in range(obstacles.shape[0]):
+            if _cut(obstacles, i, ex, ey, ez, wx, wy, wz):
+                return math.inf
+            if _cut(obstacles, i, wx, wy, wz, x, y, z):
+                return math.inf
+    return concern / nearest - 1.0
+
+
+@njit(**BARE)
+def _off_capsule(rods, i, x, y, z):
+    """Return the distance of a point from capsule i; negative inside."""
+    dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
+    dy, py = rods[i, 4] - rods[i, 1], y - rods[i, 1]
+    dz, pz = rods[i, 5] - rods[i, 2], z - rods[i, 2]
+    square = dx * dx + dy * dy + dz * dz
+    t = 0.0
+    if square > 0.0:
+        t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), 1.0)
+    px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+    return math.sqrt(px * px + py * py + pz * pz) - rods[i, 6]
+
+
+@njit(**BARE)
+def _cut(rods, i, ax, ay, az, bx, by, bz):
+    """Return whether the line from a to b enters capsule i."""
+    rx, ry = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1]
+    rz = rods[i, 5] - rods[i, 2]
+    sx, sy, sz = bx - ax, by - ay, bz - az
+    # balls around both lines first: most are far apart
+    cx = 0.5 * (ax + bx) - rods[i, 0] - 0.5 * rx
+    cy = 0.5 * (ay + by) - rods[i, 1] - 0.5 * ry
+    cz = 0.5 * (az + bz) - rods[i, 2] - 0.5 * rz
+    rr = rx * rx + ry * ry + rz * rz
+    ss = sx * sx + sy * sy + sz * sz
+    near = rods[i, 6] + 0.5 * (math.sqrt(rr) + math.sqrt(ss))
+    if cx * cx + cy * cy + cz * cz >= near * near:
+        return False
+    square = _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss)
+    return square <= rods[i, 6] * rods[i, 6]
+
+
+@njit(**BARE)
+def _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss):
+    """Return the squared distance of two segments: rod i (r) and one from a (s).
+
+    The nearest points of the two lines where both are inside, else the best clamp.
+    """
+    ox, oy, oz = ax - rods[i, 0], ay - rods[i, 1], az - rods[i, 2]
+    rs = rx * sx + ry * sy + rz * sz
+    ro = rx * ox + ry * oy + rz * oz
+    so = sx * ox + sy * oy + sz * oz
+    det = rr * ss - rs * rs
+    t = 0.0
+    if det > 1e-12 * rr * ss:
+        t = min(max((ro * ss - so * rs) / det, 0.0), 1.0)
+    k = 0.0
+    if ss > 0.0:
+        k = (rs * t - so) / ss
+    k = min(max(k, 0.0), 1.0)
+    t = 0.0
+    if rr > 0.0:
+        t = min(max((ro + k * rs) / rr, 0.0), 1.0)
+    dx, dy, dz = ox + k * sx - t * rx, oy + k * sy - t * ry, oz + k * sz - t * rz
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(**BARE)
+def effort_cost(state, axes):
+    """Return the sum of the seven gravity torques, each without its sign.
+
+    1 is the torque of the whole arm held straight out and level about the shoulder.
+    """
+    u, elbow, v, d, w, h, (cf, sf) = axes
+    mu, mv, mh = state[MOMENTS], state[MOMENTS + 1], state[MOMENTS + 2]
+    gx, gy, gz = state[DOWN], state[DOWN + 1], state[DOWN + 2]
+    # moments of gravity about wrist, elbow and shoulder: first moment x down
+    x, y, z = mh * h[0], mh * h[1], mh * h[2]
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    total = abs(v[0] * tx + v[1] * ty + v[2] * tz)
+    total += abs(d[0] * tx + d[1] * ty + d[2] * tz)
+    total += abs(w[0] * tx + w[1] * ty + w[2] * tz)
+    x, y, z = x + mv * v[0], y + mv * v[1], z + mv * v[2]
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    total += abs(elbow[0] * tx + elbow[1] * ty + elbow[2] * tz)
+    x, y, z = x + mu * u[0], y + mu * u[1], z + mu * u[2]
+    tx, ty, tz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+    total += abs(ty) + abs(cf * tx + sf * tz)
+    return total + abs(u[0] * tx + u[1] * ty + u[2] * tz)

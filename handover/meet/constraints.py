@@ -1,0 +1,140 @@
+"""What a task asks of the handed object's pose, as plain data: upright, above, inside.
+
+A constraint is anything with `allows(T_world_object, obj)` that takes poses (n, 4, 4)
+and returns (n,) bool, so that thousands are judged in one call.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from handover.meet.held_object import HeldObject
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+
+class Constraint(Protocol):
+    """A predicate on where the object is."""
+
+    def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
+        """Return (n,) bool: which of the poses (n, 4, 4) [m] the task allows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Upright:
+    """An axis of the object stays near a direction of the world: a full cup, a tray.
+
+    Attributes:
+        tilt: Largest angle between the two [rad], above 0 and at most pi.
+        axis: (3,) of the object; its z axis unless told.
+        up: (3,) of the world; up unless told.
+    """
+
+    tilt: float
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        """Check the angle and make the axes of length 1."""
+        if not 0 < self.tilt <= np.pi:
+            raise BadInput(
+                f"a tilt of {self.tilt} rad is none; give more than 0 and at most pi"
+            )
+        for name in ("axis", "up"):
+            axis = _numbers(getattr(self, name), name)
+            length = float(np.linalg.norm(axis))
+            if length < 1e-9:
+                raise BadInput(f"{name} of a constraint is zero; give a direction")
+            object.__setattr__(self, name, frozen(axis / length, np.float64))
+
+    def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:  # noqa: ARG002
+        """Return which poses keep the axis within `tilt` of `up`."""
+        cosines = T_world_object[:, :3, :3] @ self.axis @ self.up
+        return cosines >= np.cos(self.tilt) - 1e-12
+
+
+@dataclass(frozen=True)
+class Above:
+    """The whole object stays above a level: a table, the floor.
+
+    Attributes:
+        height_m: World height [m] that the object's lowest point does not pass.
+    """
+
+    height_m: float
+
+    def __post_init__(self) -> None:
+        """Check the height."""
+        if not np.isfinite(self.height_m):
+            raise BadInput(f"a height of {self.height_m} m is none; give a number")
+
+    def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
+        """Return which poses keep every capsule above the level."""
+        row, z = T_world_object[:, 2, :3], T_world_object[:, 2, 3]
+        lowest = np.full(len(T_world_object), np.inf)
+        for rod in obj.capsules:
+            ends = np.minimum(row @ rod[:3], row @ rod[3:6])
+            lowest = np.minimum(lowest, ends + z - rod[6])
+        return lowest >= self.height_m - 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Inside:
+    """The object's origin stays in a box of the world, or (outside) out of it.
+
+    Attributes:
+        lower: (3,) corner [m]; -inf leaves a side open.
+        upper: (3,) opposite corner [m]; inf leaves a side open.
+        outside: Whether the box is forbidden instead.
+    """
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    outside: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the corners."""
+        lower, upper = (np.asarray(x, float) for x in (self.lower, self.upper))
+        fit = lower.shape == upper.shape == (3,)
+        if not (fit and (lower < upper).all()):
+            raise BadInput(
+                f"a box from {lower.tolist()} to {upper.tolist()} is none; give two "
+                "corners (3,), the lower one first"
+            )
+        object.__setattr__(self, "lower", frozen(lower, np.float64))
+        object.__setattr__(self, "upper", frozen(upper, np.float64))
+
+    def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:  # noqa: ARG002
+        """Return which poses have the origin in the box, or out of it."""
+        p = T_world_object[:, :3, 3]
+        inside = ((p >= self.lower) & (p <= self.upper)).all(axis=1)
+        return ~inside if self.outside else inside
+
+
+def allowed(
+    constraints: tuple[Constraint, ...], T_world_object: np.ndarray, obj: HeldObject
+) -> np.ndarray:
+    """Return (n,) bool: which poses (n, 4, 4) every constraint allows.
+
+    Raises:
+        BadInput: A constraint that does not answer with (n,) bool.
+    """
+    keep = np.ones(len(T_world_object), bool)
+    for constraint in constraints:
+        answer = np.asarray(constraint.allows(T_world_object, obj))
+        if answer.shape != keep.shape or answer.dtype != bool:
+            raise BadInput(
+                f"the constraint {constraint!r} answers {answer.dtype} of shape "
+                f"{answer.shape} to {len(keep)} poses; it must return ({len(keep)},) "
+                "bool"
+            )
+        keep &= answer
+    return keep
+
+
+def _numbers(values: tuple, name: str) -> np.ndarray:
+    values = np.asarray(values, float)
+    if values.shape != (3,) or not np.isfinite(values).all():
+        raise BadInput(f"{name} is {values.tolist()}; give three finite numbers")
+    return values

@@ -1,0 +1,181 @@
+"""find_handover: the best target that the robot really reaches.
+
+[Vahrenkamp2016, Algorithm 2]. The workspace ranks cells; whether the robot can go to
+the middle of one, and stand there free, is asked of its inverse kinematics and of a
+test of validity, best target first.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from handover.meet.validity import Validity, validity_of
+from handover.meet.workspace import InteractionWorkspace, Target
+from handover.reach.reach_map import ReachMap
+from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
+
+POSITION_TOLERANCE = 1e-4  # [m]
+ROTATION_TOLERANCE = 1e-3  # [rad]
+_BATCH = 10  # targets asked for at a time
+_ATTEMPTS = 5  # starts of the inverse kinematics: the witness, the middle, random ones
+_STEPS = 60  # of each
+
+
+@dataclass(frozen=True, eq=False)
+class Handover:
+    """What a search found.
+
+    Attributes:
+        target: The best target that passed. Where the time was over: the best one that
+            was not refuted. None: there is none, or none is left.
+        q: (dof,) configuration of the robot that passed; None where `target` was not
+            verified.
+        tried: (target, why it was given up) of those that failed, best first; they are
+            removed from the workspace until its `restore()`.
+        timed_out: Whether the time was over before one passed.
+        reason: One sentence where there is no `q`; else empty.
+    """
+
+    target: Target | None
+    q: np.ndarray | None
+    tried: tuple[tuple[Target, str], ...]
+    timed_out: bool
+    reason: str = ""
+
+    def __bool__(self) -> bool:
+        """Return whether a verified target was found."""
+        return self.q is not None
+
+
+def find_handover(
+    meet: InteractionWorkspace,
+    robot: Robot,
+    is_valid: object,
+    timeout: float = 0.5,
+    *,
+    position_tolerance: float = POSITION_TOLERANCE,
+    rotation_tolerance: float = ROTATION_TOLERANCE,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Handover:
+    """Return the best target that passes, with the robot's configuration.
+
+    Best first: the robot's inverse kinematics from the reach map's witness, then the
+    test of validity. A target that fails is removed from the workspace and listed.
+
+    Args:
+        meet: The targets.
+        robot: The robot of the workspace's reach map.
+        is_valid: q (dof,) -> bool, or (bool, reason), or an `odm.Freedom`: exact
+            geometry, say. Or an `odm.ReactivePlanner`: the configuration must be free
+            in its last frame, and joined to its roadmap; see `PlannerValidity`.
+        timeout: Time after which no further target is begun [s]. A call of `is_valid`
+            is not interrupted.
+        position_tolerance: Largest distance of the tool from the target [m].
+        rotation_tolerance: Largest angle between them [rad].
+        clock: Tells the time [s]; for tests.
+
+    Raises:
+        BadInput: A timeout or tolerance that is none, a robot of other joints than the
+            reach map's, an `is_valid` that is none.
+    """
+    _check(meet, robot, timeout, (position_tolerance, rotation_tolerance))
+    valid = validity_of(is_valid)
+    options = {
+        "attempts": _ATTEMPTS,
+        "steps": _STEPS,
+        "position_tolerance": position_tolerance,
+        "rotation_tolerance": rotation_tolerance,
+    }
+    T_base_world = np.linalg.inv(meet.settings.T_world_base)
+    end = clock() + timeout
+    tried: list[tuple[Target, str]] = []
+    waiting: list[Target] = []
+    while True:
+        waiting = waiting or meet.best(_BATCH)
+        if not waiting:
+            return Handover(None, None, tuple(tried), False, _nothing(meet, tried))
+        target = waiting[0]
+        if clock() >= end:
+            why = (
+                f"the time of {timeout:g} s was over after {len(tried)} targets; the "
+                "best one that was not refuted was not verified either"
+            )
+            return Handover(target, None, tuple(tried), True, why)
+        T_base_tool = T_base_world @ target.T_world_tool
+        q, why = _reaching(meet, robot, T_base_tool, valid, options)
+        if q is not None:
+            return Handover(target, q, tuple(tried), False)
+        tried.append((target, why))
+        meet.remove(target)
+        waiting.pop(0)
+
+
+def _reaching(
+    meet: InteractionWorkspace,
+    robot: Robot,
+    T_base_tool: np.ndarray,
+    valid: Validity,
+    options: dict,
+) -> tuple[np.ndarray | None, str]:
+    """Return a valid configuration with the tool there, or None and why not."""
+    seed = meet.reach.witness(T_base_tool)
+    found = robot.ik(T_base_tool, seed, **options)
+    if not found:
+        return None, (
+            f"inverse kinematics: {robot.name} does not get its tool there, within "
+            f"{1e3 * options['position_tolerance']:g} mm and "
+            f"{options['rotation_tolerance']:g} rad, from {_ATTEMPTS} starts"
+        )
+    reasons = []
+    for solution in found:
+        free, why = valid(solution.q)
+        if free:
+            return solution.q, ""
+        reasons.append(why)
+    more = f" (and {len(found) - 1} other configurations)" if len(found) > 1 else ""
+    return None, f"{reasons[0] or 'not valid'}{more}"
+
+
+def _nothing(meet: InteractionWorkspace, tried: list) -> str:
+    if tried:
+        return f"all {len(tried)} targets failed; the first one by {tried[0][1]}"
+    return f"no target: the person would have to come {meet.missing_m:.2f} m nearer"
+
+
+def _check(
+    meet: InteractionWorkspace, robot: Robot, timeout: float, tolerances: tuple
+) -> None:
+    if not 0 < timeout < np.inf:
+        raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
+    if not all(0 < t < np.inf for t in tolerances):
+        raise BadInput(
+            f"tolerances are {tolerances[0]} m and {tolerances[1]} rad; give numbers "
+            "above 0"
+        )
+    check_same_robot(meet.reach, robot)
+
+
+def check_same_robot(reach: ReachMap, robot: Robot) -> None:
+    """Refuse a robot whose tool is not moved as in a reach map.
+
+    Raises:
+        BadInput: Other joints, other limits or another tool.
+    """
+    from handover.reach.chain import chain_of
+
+    chain, own = reach.chain, chain_of(robot, self_collisions=False)
+    q = np.clip(np.full(chain.dof, 0.3), *chain.limits.T)
+    same = (
+        chain.joint_names == own.joint_names
+        and np.allclose(chain.limits, own.limits, atol=1e-6)
+        and np.allclose(chain.tool_pose(q), own.tool_pose(q), atol=1e-6)
+    )
+    if not same:
+        raise BadInput(
+            f"the reach map is of {chain.name} with {chain.dof} "
+            f"joints, not of {robot.name} with its tool {robot.tip_name!r}; "
+            "build one for this robot: `odm workspace build`"
+        )

@@ -1,0 +1,117 @@
+"""What a person's hand can do at a place: the best over its rotations and elbows.
+
+The map of one arm as in figure 3 of [Vahrenkamp2016], but at any places, with the
+inverse kinematics and the qualities themselves instead of cells.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from handover.human._arm_ik import MAX_SPANS, WORK_ROWS
+from handover.human.human import Human
+from handover.human.human_arm import MIRROR, Arm
+from handover.meet._places import COLUMNS, best_at_places
+from handover.meet._quality import HAS_GAZE
+from handover.meet.quality import PARTS, ArmState, QualitySettings
+from handover.reach.reach_work import best_dexterity, work_of
+from handover.reach.rotations import rotation_grid
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+NAMES = (*PARTS, "dexterity", "combined", "online", "total")
+STEP = math.radians(30.0)  # [rad] of the swivel
+_CHUNK = 64  # places between two looks at the progress
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceQualities:
+    """The best of a hand at n places, over all its rotations and elbows.
+
+    Attributes:
+        points: (n, 3) places of the grip, world frame [m].
+        best: Name -> (n,) in [0, 1], NaN where the hand cannot be: the five parts of
+            the quality, each for itself; "dexterity" (1: the arm's best); "combined"
+            (half dexterity, half effort, of one posture); "online" (eq. 4); "total".
+        q: (n, 7) joints of the best total [rad]; NaN where the hand cannot be.
+        reached: (n,) share of the rotations in which the hand can be there.
+    """
+
+    points: np.ndarray
+    best: dict[str, np.ndarray]
+    q: np.ndarray
+    reached: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("points", "q", "reached"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        best = {k: frozen(v, np.float64) for k, v in self.best.items()}
+        object.__setattr__(self, "best", best)
+
+
+def qualities_at(
+    human: Human,
+    side: str,
+    points: np.ndarray,
+    settings: QualitySettings | None = None,
+    *,
+    rotations: int = 576,
+    obstacles: np.ndarray | None = None,
+    progress: object = None,
+) -> PlaceQualities:
+    """Return how good a hand can be at places, over `rotations` even rotations.
+
+    Elbows are told apart by 30 degrees of swivel and by the ends of their intervals.
+
+    Args:
+        human: The person, as they are now.
+        side: "left" or "right".
+        points: (n, 3) places of the grip, world frame [m].
+        settings: Of the quality; None: the defaults.
+        rotations: How many of the hand are tried, see `rotation_grid`.
+        obstacles: (k, 7) capsules of the surroundings, world frame [m].
+        progress: Called with ("places", done, n).
+
+    Raises:
+        BadInput: An unknown side, points that are no (n, 3) finite places.
+    """
+    points = np.asarray(points, float)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise BadInput(
+            f"places have shape {points.shape}; give finite (n, 3) in metres"
+        )
+    settings = settings or QualitySettings()
+    state = ArmState.of(human, side, settings, obstacles)
+    arm, T = human.arm(side), human.T_world_shoulder(side)
+    flip = MIRROR if side == "left" else np.eye(3)
+    local = (points - T[:3, 3]) @ T[:3, :3] @ flip
+    turns = rotation_grid(rotations).centers.reshape(-1, 9)
+    chain, reference = arm.chain(), _reference(tuple(arm.lengths / arm.length))
+    shares = np.array([settings.online_weight, reference, STEP])
+    room = 2 * MAX_SPANS + int(2.0 * math.pi / STEP) + 1
+    solved = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))
+    out, found = np.empty((len(points), COLUMNS)), np.empty((len(points), 9))
+    given = state.state, state.obstacles, state.settings, shares, turns
+    work = work_of(chain)
+    for i in range(0, len(points), _CHUNK):
+        part = slice(i, i + _CHUNK)
+        rest = chain.arrays, work, solved, out[part], found[part]
+        best_at_places(*given, local[part], *rest)
+        if progress:
+            progress("places", min(i + _CHUNK, len(points)), len(points))
+    nowhere = found[:, 8] == 0
+    out[nowhere] = np.nan
+    if state.state[HAS_GAZE] == 0.0:
+        out[:, PARTS.index("visibility")] = np.nan
+    q = np.where(nowhere[:, None], np.nan, found[:, :7])
+    best = dict(zip(NAMES, out.T.copy(), strict=True))
+    return PlaceQualities(points, best, q, found[:, 8] / len(turns))
+
+
+@lru_cache(maxsize=16)
+def _reference(shares: tuple[float, ...]) -> float:
+    """Return the dexterity that is 1, for an arm of these shares of its length."""
+    return best_dexterity(Arm("right", np.array(shares)).chain(), 1)

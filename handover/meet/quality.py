@@ -1,0 +1,278 @@
+"""How comfortable, visible and safe an arm posture is [Vahrenkamp2016, III-B].
+
+Five costs, eq. (1), (2) and the text below them, become five qualities in [0, 1] by
+eq. (3) and one, q_online, by eq. (4). The kernel `handover.meet._quality.quality_of`
+does the work for single candidates; here are its settings and its door.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from handover.human import anthropometry as body
+from handover.human.body import Part
+from handover.human.human import Human
+from handover.human.human_arm import MIRROR, check_joints
+from handover.meet import _quality as kernel
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+PARTS = ("joint", "spatial", "visibility", "safety", "effort")
+_HALF = math.atanh(0.5)  # 1 - tanh of it is one half
+
+
+@dataclass(frozen=True)
+class QualitySettings:
+    """What counts as comfortable, and how much.
+
+    The paper gives the form of the costs and equal weights, not its betas. Ours are
+    chosen so that each quality is one half at a cost that is easy to picture:
+    beta = 0.549 / that cost. None is fitted to a recording.
+
+    Attributes:
+        joint_weights: alpha of eq. (1), one for each joint. All 1: we know no source
+            that rates one joint's travel above another's.
+        beta_joint: [1/rad^2] Half at 2.2 rad^2: a hanging arm that lifts shoulder and
+            elbow by 60 degrees each.
+        beta_spatial: [1/m] Half at 0.5 m: a reach from the side to the front.
+        beta_visibility: [1/rad] Half at 45 degrees off the gaze, about where the eyes
+            no longer turn alone and the head must.
+        beta_safety: Half at a cost of 1, which is half of `safety_distance`.
+        beta_effort: Half at 1, the shoulder torque of an arm held straight out.
+        weights: omega of eq. (4), in the order of `PARTS`; not negative, sum 1. The
+            paper's: 1/5 each.
+        safety_distance: Distance between grip and obstacle or own body beyond which
+            the cost is zero [m]. 0.2: two breadths of a hand, so that a grip before
+            the chest is not ideal and one at arm's length is.
+        forearm_counts: Whether the forearm's and hand's axis inside an obstacle or the
+            own body makes the cost infinite, too. True: a posture through one's own
+            chest is none. The paper's text speaks of the grip alone.
+        absent_gaze: "torso": a person whose gaze is not known looks to the front of
+            the chest; "omit": visibility is left out and the other weights are raised
+            to sum to 1. The paper allows both; "torso" keeps people with and without
+            a known gaze comparable.
+        online_weight: Share of q_online in q_total, the rest is the arm's local
+            dexterity (paper: "a weighted sum"). 1/2: no reason to favour one.
+    """
+
+    joint_weights: tuple[float, ...] = (1.0,) * 7
+    beta_joint: float = _HALF / 2.2
+    beta_spatial: float = _HALF / 0.5
+    beta_visibility: float = _HALF / math.radians(45.0)
+    beta_safety: float = _HALF
+    beta_effort: float = _HALF
+    weights: tuple[float, ...] = (0.2,) * 5
+    safety_distance: float = 0.2
+    forearm_counts: bool = True
+    absent_gaze: str = "torso"
+    online_weight: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse what is no setting."""
+        alpha, betas = np.asarray(self.joint_weights, float), np.array(self.betas)
+        if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
+            raise BadInput(
+                f"joint_weights are {self.joint_weights}; give seven that are not "
+                "negative"
+            )
+        if not (np.isfinite(betas) & (betas > 0)).all():
+            raise BadInput(f"betas are {self.betas}; give positive numbers")
+        weights = np.asarray(self.weights, float)
+        if weights.shape != (5,) or not (weights >= 0).all():
+            raise BadInput(
+                f"weights are {self.weights}; give five that are not negative, for "
+                f"{', '.join(PARTS)}"
+            )
+        if abs(weights.sum() - 1.0) > 1e-9:
+            raise BadInput(
+                f"weights {self.weights} sum to {weights.sum():.6g}; they must sum to "
+                "1: divide each by their sum"
+            )
+        if not 0 < self.safety_distance < 10:
+            raise BadInput(
+                f"a safety distance of {self.safety_distance} m is none; give metres "
+                "above 0"
+            )
+        if self.absent_gaze not in ("torso", "omit"):
+            raise BadInput(
+                f"no way {self.absent_gaze!r} to do without a gaze; choose torso or "
+                "omit"
+            )
+        if self.absent_gaze == "omit" and weights[kernel.VISIBILITY] > 1.0 - 1e-9:
+            raise BadInput(
+                "all weight is on visibility, which is omitted without a gaze; choose "
+                "absent_gaze torso or other weights"
+            )
+        if not 0 <= self.online_weight <= 1:
+            raise BadInput(
+                f"online_weight is {self.online_weight}; give a share from 0 to 1"
+            )
+
+    @property
+    def betas(self) -> tuple[float, ...]:
+        """The five betas in the order of `PARTS`."""
+        return tuple(getattr(self, f"beta_{part}") for part in PARTS)
+
+    def packed(self) -> np.ndarray:
+        """Return the settings as the kernel wants them, (19,)."""
+        tail = [self.safety_distance, float(self.forearm_counts)]
+        return np.array([*self.joint_weights, *self.betas, *self.weights, *tail], float)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """One arm of a person at one moment, packed for `quality_of`.
+
+    Attributes:
+        side: "left" or "right".
+        state: (68,) see `handover/meet/_quality.py`.
+        obstacles: (m, 7) capsules of the own body and the surroundings [m].
+        settings: (19,) packed `QualitySettings`.
+    """
+
+    side: str
+    state: np.ndarray
+    obstacles: np.ndarray
+    settings: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("state", "obstacles", "settings"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+
+    @classmethod
+    def of(
+        cls,
+        human: Human,
+        side: str,
+        settings: QualitySettings,
+        obstacles: np.ndarray | None = None,
+    ) -> "ArmState":
+        """Pack what does not change between the candidates of one moment.
+
+        The own body is torso, head, legs and the other arm, at mean thickness: the
+        conservative radii are for a robot that keeps away.
+
+        Args:
+            human: The person; the present joints are those of `human.arms`.
+            side: Which arm.
+            settings: What counts.
+            obstacles: (k, 7) capsules a, b, radius of the surroundings, world frame
+                [m]; radius 0 and a = b is a point.
+
+        Raises:
+            BadInput: An unknown side, obstacles of a wrong shape or not finite.
+        """
+        arm, T = human.arm(side), human.T_world_shoulder(side)
+        flip = MIRROR if side == "left" else np.eye(3)
+        into = flip @ T[:3, :3].T  # from world directions to the canonical shoulder
+        own = _own_body(human, side)
+        rods = np.vstack([own, _checked(obstacles)])
+        local = rods.copy()
+        for at in (slice(0, 3), slice(3, 6)):
+            local[:, at] = (rods[:, at] - T[:3, 3]) @ into.T
+        gaze, known = human.gaze, 1.0
+        if gaze is None:
+            gaze = human.T_world_chest[:3, 0]
+            known = 1.0 if settings.absent_gaze == "torso" else 0.0
+        q = human.arms[side]
+        state = np.concatenate(
+            [
+                arm.packed,
+                q,
+                flip @ arm.fk(q)[:3, 3],
+                into @ (human.p_world_eyes - T[:3, 3]),
+                into @ gaze,
+                [known],
+                _moments(human, arm.lengths, side),
+                into @ [0.0, 0.0, -1.0],
+            ]
+        )
+        return cls(side, state, local, settings.packed())
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What one arm posture is worth.
+
+    Attributes:
+        parts: Name -> quality in [0, 1]; visibility is NaN where it is left out.
+        online: q_online of eq. (4), in [0, 1].
+    """
+
+    parts: dict[str, float]
+    online: float
+
+
+def posture_quality(state: ArmState, q: np.ndarray) -> Quality:
+    """Return the qualities of the joints q (7,) [rad] for a person as in `state`."""
+    parts = np.empty(5)
+    args = state.state, state.obstacles, state.settings, check_joints(q), parts
+    online = kernel.quality_of(*args)
+    return Quality(dict(zip(PARTS, parts.tolist(), strict=True)), float(online))
+
+
+def total_quality(
+    online: float | np.ndarray, dexterity: float | np.ndarray, settings: QualitySettings
+) -> float | np.ndarray:
+    """Return q_total: q_online and the offline dexterity by `online_weight`."""
+    share = settings.online_weight
+    return share * online + (1.0 - share) * dexterity
+
+
+def gravity_torque_unit(human: Human, side: str) -> float:
+    """Return what an effort cost of 1 stands for [N m].
+
+    It is the torque of gravity about the shoulder of the straight, level arm.
+    """
+    moments = _first_moments(human, human.arm(side).lengths, side)
+    return 9.81 * human.mass * float(moments.sum())
+
+
+def _moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
+    moments = _first_moments(human, lengths, side)
+    return moments / moments.sum()
+
+
+def _first_moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
+    """Return the first moments along upper arm, forearm and hand [m of body mass]."""
+    upper, fore, hand = body.SEGMENT_MASSES.values()
+    at_upper, at_fore, at_hand = body.SEGMENT_CENTRES.values()
+    length = human.skeleton.hands[0 if side == "left" else 1]
+    return np.array(
+        [
+            lengths[0] * (upper * at_upper + fore + hand),
+            lengths[1] * (fore * at_fore + hand),
+            length * hand * at_hand,
+        ]
+    )
+
+
+def _own_body(human: Human, side: str) -> np.ndarray:
+    """Return the capsules of the own body without the arm itself, mean thickness."""
+    rods = human.capsules_of("mean")
+    return rods[_not_of_arm(human.labels.tobytes(), side)]
+
+
+@lru_cache(maxsize=8)
+def _not_of_arm(labels: bytes, side: str) -> np.ndarray:
+    """Return which of the labelled capsules are not of an arm; asked every frame."""
+    own = [Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")]
+    return ~np.isin(np.frombuffer(labels, np.int64), own)
+
+
+def _checked(obstacles: Sequence | np.ndarray | None) -> np.ndarray:
+    if obstacles is None:
+        return np.empty((0, 7))
+    obstacles = np.asarray(obstacles, float)
+    if obstacles.ndim != 2 or obstacles.shape[1] != 7:
+        raise BadInput(f"obstacles have shape {obstacles.shape}; give capsules (k, 7)")
+    if not np.isfinite(obstacles).all() or (obstacles[:, 6] < 0).any():
+        raise BadInput(
+            "obstacles hold NaN, infinity or a negative radius; give capsules a, b, "
+            "radius in metres"
+        )
+    return obstacles

@@ -1,0 +1,326 @@
+"""InteractionWorkspace: where robot and person can meet, the most comfortable first.
+
+[Vahrenkamp2016, III-C and Algorithm 1]; what a target is: `docs/workspace.md`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handover.human.human import Human
+from handover.meet import _meet as kernels
+from handover.meet._meet_rated import best_grasps
+from handover.meet._meet_search import Entries, search
+from handover.meet.constraints import allowed
+from handover.meet.held_object import HeldObject, checked_grasps
+from handover.meet.meet_settings import MeetSettings
+from handover.meet.meet_tables import (
+    PersonTables,
+    bounds_of,
+    coarse_human_reach,
+    flat_poses,
+    hands_of,
+    room,
+    state_of,
+    top_of,
+)
+from handover.meet.quality import PARTS, ArmState, Quality
+from handover.reach.reach_grid import ReachGrid
+from handover.reach.reach_map import ReachMap
+from handover.reach.robot_cells import RobotCells, robot_cells
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+
+_CHUNK = 20_000  # poses judged by the constraints in one go
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A pose to hand an object over at.
+
+    Attributes:
+        T_world_tool: (4, 4) of the robot's tool [m], the centre of a cell.
+        T_world_object: (4, 4) of the object [m].
+        T_world_hand: (4, 4) of the person's hand [m].
+        quality: q_total in [0, 1].
+        parts: q_online and its five parts.
+        dexterity: Of the person's hand pose, in [0, 1].
+        arm_q: (7,) joints of the person's arm [rad].
+        grasp: Number of the human grasp.
+        key: Number of the cell; of equal quality the lower key comes first.
+    """
+
+    T_world_tool: np.ndarray
+    T_world_object: np.ndarray
+    T_world_hand: np.ndarray
+    quality: float
+    parts: Quality
+    dexterity: float
+    arm_q: np.ndarray
+    grasp: int
+    key: int
+
+
+class InteractionWorkspace:
+    """The cells of a robot's reach map in which a person can take what it holds."""
+
+    def __init__(
+        self,
+        reach: ReachMap,
+        human: Human,
+        obj: HeldObject,
+        grasps: Sequence | np.ndarray | int | None = None,
+        settings: MeetSettings | None = None,
+        human_reach: ReachMap | None = None,
+    ) -> None:
+        """Place robot, object and person.
+
+        Args:
+            reach: What the robot reaches, frame: its base.
+            human: The person, world frame.
+            obj: What the robot holds, and how.
+            grasps: T_object_hand (n, 4, 4), or a number: the first so many of the
+                object's; None: all of them.
+            settings: Grid, arm, quality, constraints.
+            human_reach: Reach map of a person's arm, for the dexterity; None: one of
+                coarse cells, built once in a process (about 2 s).
+
+        Raises:
+            BadInput: No grasp, a grid finer than the map, a map of the wrong kind.
+        """
+        self.settings = settings or MeetSettings()
+        self.obj, self.reach = obj, reach
+        self.grasps = _grasps(obj, grasps)
+        s = self.settings
+        cells = robot_cells(reach, s.cell, s.rotations, s.marked_share)
+        self._cells = self._allowed(cells)
+        self._keys = frozen(self._cells.keys(), np.int64)
+        self._removed = np.zeros(len(self._cells), bool)
+        self._entries = Entries(
+            self._keys, self._removed, np.zeros(len(self._cells), bool)
+        )
+        self._tables = PersonTables(human_reach or coarse_human_reach())
+        self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
+        R, p = s.T_world_base[:3, :3], s.T_world_base[:3, 3]
+        self._turns_world = R @ self._cells.grid.rotations.centers
+        self._points_world = self._cells.points @ R.T + p
+        self._T_tool_hand = obj.T_tool_object @ self.grasps
+        self._tool_hands = flat_poses(self._T_tool_hand)
+        self._hands = hands_of(len(self._tools), self._tool_hands)
+        self._room = room()
+        self._bounds = bounds_of(len(self._cells.points), self._hands)
+        self._turned = np.zeros(0)
+        self.human: Human | None = None
+        self._state: ArmState | None = None
+        self._top = top_of(1)
+        self._warm = np.zeros(0, np.int64)
+        self.update(human)
+
+    def __len__(self) -> int:
+        """Return how many targets there are; needs the full grid."""
+        return int(((self.build() >= 0) & ~self._removed).sum())
+
+    def update(self, human: Human) -> None:
+        """Let the person move, turn, look elsewhere or hold the arms differently."""
+        s = self.settings
+        state = state_of(human, s, self.human, self._state)
+        arm, T = human.arm(s.side), human.T_world_shoulder(s.side)
+        mirror = -1.0 if s.side == "left" else 1.0
+        into = np.array([[1.0], [mirror], [1.0]]) * T[:3, :3].T
+        turn = into @ s.T_world_base[:3, :3]
+        points = self._cells.points @ turn.T
+        points += into @ (s.T_world_base[:3, 3] - T[:3, 3])
+        turned = np.append(turn.ravel(), arm.lengths)
+        if not np.array_equal(turned, self._turned):
+            turns = self._tables.rotations
+            kernels.fill_hands(
+                turn,
+                self._tools,
+                self._tool_hands,
+                mirror,
+                float(arm.lengths[2]),
+                turns.n_side,
+                turns.n_roll,
+                turns.pixel_frames,
+                self._hands,
+            )
+            self._turned = turned
+        self._person = self._tables.person(state, arm, s, float(self._hands.far[1]))
+        self._where = kernels.Cells(points, self._cells.first, self._cells.rotation)
+        self.human, self._state, self._value = human, state, None
+
+    def build(self) -> np.ndarray:
+        """Solve every cell.
+
+        Returns:
+            (n,) quality of each cell the robot reaches; -1 where nobody can take the
+            object. `keys` tells the cells.
+        """
+        if self._value is None:
+            n = len(self._cells)
+            value, grasp = np.empty(n), np.empty(n, np.int32)
+            kernels.full_grid(
+                self._person, self._hands, self._where, self._room, value, grasp
+            )
+            self._value, self._grasp = frozen(value, float), frozen(grasp, np.int32)
+        return self._value
+
+    def best(self, k: int = 10) -> list[Target]:
+        """Return the best k targets, best first; of equal quality the lower key.
+
+        The same as the full grid's best k, found without solving it.
+        """
+        if not 1 <= k <= 100_000:
+            raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
+        if len(self._top.value) != k:
+            self._top = top_of(k)
+        self._room.counts[:] = 0
+        who = self._person, self._hands, self._where
+        bounds = self._tables.bounds(self._person, self._bounds)
+        n = search(who, self._entries, bounds, self._warm, self._top, self._room)
+        self._warm = self._top.entry[:n].copy()
+        return self._targets(self._warm, self._top.grasp[:n])
+
+    def rated(self, keys: Sequence[int]) -> list[Target | None]:
+        """Return what the targets of some cells are worth now, in the order of `keys`.
+
+        None: removed, no cell of this workspace, or nobody can take the object there.
+        """
+        at, value, grasp = self._rate(keys)
+        good = np.flatnonzero(value >= 0)
+        found = self._targets(at[good], grasp[good])
+        rated: list[Target | None] = [None] * len(at)
+        for k, target in zip(good.tolist(), found, strict=True):
+            rated[k] = target
+        return rated
+
+    def quality_of(self, keys: Sequence[int]) -> np.ndarray:
+        """Return (n,) quality of some cells now; -1 where `rated` would be None."""
+        return self._rate(keys)[1]
+
+    def remove(self, target: Target) -> None:
+        """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
+        at = int(np.searchsorted(self._keys, target.key))
+        if at == len(self._keys) or self._keys[at] != target.key:
+            raise BadInput(
+                f"no cell of this workspace has the key {target.key}; remove targets "
+                "that its own best() returned"
+            )
+        self._removed[at] = True
+
+    def restore(self) -> None:
+        """Bring all removed targets back."""
+        self._removed[:] = False
+
+    def forget(self) -> None:
+        """Forget the last best, which the next `best` would begin with."""
+        self._warm = self._warm[:0]
+
+    @property
+    def work(self) -> dict[str, int]:
+        """What the last `best` did: positions opened, bytes, grips, poses solved."""
+        names = "positions", "bytes", "grips", "solved"
+        return dict(zip(names, self._room.counts.tolist(), strict=True))
+
+    @property
+    def removed(self) -> np.ndarray:
+        """(m,) int64 keys that are taken out."""
+        return self._keys[self._removed]
+
+    @property
+    def keys(self) -> np.ndarray:
+        """(n,) int64 cells the robot reaches and the constraints allow, ascending."""
+        return self._keys
+
+    @property
+    def grid(self) -> ReachGrid:
+        """The grid that `keys` number the cells of, in the robot's base frame."""
+        return self._cells.grid
+
+    @property
+    def missing_m(self) -> float:
+        """How much nearer the person would have to come, at least [m].
+
+        The least way of the shoulder after which some cell's wrist is at arm's length;
+        0 where lengths do not stand in the way. Infinite without any cell.
+        """
+        if not len(self._cells):
+            return np.inf
+        # a wrist is no farther from the tool than the longest of them
+        longest = float(np.linalg.norm(self._hands.wrist, axis=2).max())
+        far = np.linalg.norm(self._where.points, axis=1)
+        order = np.argsort(far, kind="stable")
+        best, at, step = np.inf, 0, 1
+        while at < len(order) and far[order[at]] - longest < best:
+            best = min(best, self._nearest_wrist(order[at : at + step]))
+            at, step = at + step, 2 * step
+        return max(float(best - self._person.scales[3]), 0.0)
+
+    def _nearest_wrist(self, positions: np.ndarray) -> float:
+        """Return how far from the shoulder a wrist is at some positions, at least."""
+        first = self._cells.first
+        cells = np.concatenate([np.arange(*first[p : p + 2]) for p in positions])
+        where = np.repeat(positions, first[positions + 1] - first[positions])
+        wrists = self._hands.wrist[self._cells.rotation[cells]]
+        wrists += self._where.points[where][:, None]
+        return float(np.linalg.norm(wrists, axis=2).min())
+
+    def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return entries, qualities (-1: none) and grasps of the cells `keys`."""
+        keys = np.asarray(keys, np.int64).reshape(-1)
+        value, grasp = np.full(len(keys), -1.0), np.full(len(keys), -1, np.int32)
+        if not len(self._keys):
+            return np.zeros(len(keys), np.int64), value, grasp
+        at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        who = self._person, self._hands, self._where
+        best_grasps(*who, at, self._room, value, grasp)
+        value[(self._keys[at] != keys) | self._removed[at]] = -1.0
+        return at, value, grasp
+
+    def _allowed(self, cells: RobotCells) -> RobotCells:
+        """Drop the cells that a constraint forbids, whoever takes the object."""
+        s = self.settings
+        if not s.constraints:
+            return cells
+        keys, keep = cells.keys(), []
+        for at in range(0, len(keys), _CHUNK):
+            T_base_tool = cells.grid.centers(keys[at : at + _CHUNK])
+            T = s.T_world_base @ T_base_tool @ self.obj.T_tool_object
+            keep.append(allowed(s.constraints, T, self.obj))
+        return cells.kept(np.concatenate(keep)) if keep else cells
+
+    def _targets(self, entries: np.ndarray, grasps: np.ndarray) -> list[Target]:
+        n = len(entries)
+        joints, parts, numbers = np.empty((n, 7)), np.empty((n, 5)), np.empty((n, 3))
+        person = self._person, self._hands, self._where
+        kernels.describe(*person, entries, grasps, self._room, joints, parts, numbers)
+        keys = self._keys[entries]
+        T_tool = np.zeros((n, 4, 4))
+        at = np.searchsorted(self._cells.first, entries, side="right") - 1
+        T_tool[:, :3, :3] = self._turns_world[self._cells.rotation[entries]]
+        T_tool[:, :3, 3] = self._points_world[at]
+        T_tool[:, 3, 3] = 1.0
+        T_object = T_tool @ self.obj.T_tool_object
+        T_hand = T_tool @ self._T_tool_hand[grasps]
+        targets = []
+        for i, (total, online, dexterity) in enumerate(numbers.tolist()):
+            named = dict(zip(PARTS, parts[i].tolist(), strict=True))
+            poses = T_tool[i], T_object[i], T_hand[i]
+            quality = total, Quality(named, online), dexterity
+            numbers_of = joints[i], int(grasps[i]), int(keys[i])
+            targets.append(Target(*poses, *quality, *numbers_of))
+        return targets
+
+
+def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.ndarray:
+    if grasps is None:
+        return obj.hand_grasps
+    if isinstance(grasps, (int, np.integer)):
+        if not 1 <= grasps <= len(obj.hand_grasps):
+            raise BadInput(
+                f"{obj.name} has {len(obj.hand_grasps)} human grasps; {grasps} of them "
+                "cannot be taken: give 1 or more, or poses of your own"
+            )
+        return obj.hand_grasps[: int(grasps)]
+    return checked_grasps(grasps)

@@ -1,0 +1,127 @@
+"""Inverse kinematics of a chain from many starts, to measure what a map missed."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from handover.jit_options import BARE, FULL, WITHIN
+from handover.reach._chain import (
+    draw_code,
+    forward,
+    from_lattice,
+    jacobian,
+    limited_step,
+    pose_error,
+)
+from handover.reach._reach_touch import touches_itself
+
+_STEPS = 60
+_PRECISE = 1e-5  # of the scaled error: about 1e-6 m and 1e-6 rad
+
+
+@njit(**BARE)
+def descend(chain, target, scale, work, trial):
+    """Move work.q to the pose `target`, Levenberg-Marquardt; True if it arrives."""
+    q, tool = work.q, work.frames[-1]
+    forward(chain, q, work.frames)
+    cost = pose_error(tool, target, scale, work.error)
+    damping = 1.0
+    for _ in range(_STEPS):
+        if cost < _PRECISE * _PRECISE:
+            return True
+        if damping > 1e8:
+            return False
+        jacobian(chain, work.frames, work.jac)
+        _copy(q, trial)
+        limited_step(chain, q, scale, damping, work)
+        forward(chain, q, work.frames)
+        new = pose_error(tool, target, scale, work.error)
+        if new < cost:
+            cost = new
+            damping = max(0.2 * damping, 1e-9)
+        else:
+            _copy(trial, q)
+            forward(chain, q, work.frames)
+            pose_error(tool, target, scale, work.error)
+            damping *= 5.0
+    return cost < _PRECISE * _PRECISE
+
+
+@njit(**WITHIN)
+def _copy(one, other):
+    for j in range(one.shape[0]):
+        other[j] = one[j]
+
+
+@njit(**FULL)
+def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
+    """Write a solution free of self-collision for each pose to `found` (n, dof).
+
+    used: (n,) the number of starts it took, 0 where none led to a solution.
+    """
+    trial = np.empty_like(work.q)
+    for i in range(poses.shape[0]):
+        used[i] = 0
+        touch.axes[:] = 0.0
+        for k in range(attempts):
+            draw_code(seed, i * attempts + k, work.code)
+            from_lattice(chain, work.code, work.q)
+            if not descend(chain, poses[i], scale, work, trial):
+                continue
+            if touches_itself(touch, work.q, work.frames):
+                continue
+            used[i] = k + 1
+            found[i] = work.q
+            break
+
+
+@njit(**BARE)
+def stretch(chain, direction, work):
+    """Move work.q to where the tool is furthest along `direction`, joint by joint.
+
+    Along one turning joint the tool's place is a + b cos + c sin: the best angle
+    within the limits is known. Returns how far the tool is.
+    """
+    best = -1e300
+    for _ in range(30):
+        for j in range(work.q.shape[0]):
+            _best_value(chain, direction, work, j)
+        forward(chain, work.q, work.frames)
+        now = _along(direction, work.frames[-1])
+        if now <= best + 1e-9:
+            break
+        best = now
+    return best
+
+
+@njit(**BARE)
+def _along(direction, tool):
+    return direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
+
+
+@njit(**FULL)
+def _best_value(chain, direction, work, j):
+    q, low, high = work.q, chain.limits[j, 0], chain.limits[j, 1]
+    start, best, keep = q[j], -1e300, q[j]
+    turns = False
+    for b in range(chain.kind.shape[0]):
+        if chain.kind[b, 1] == j:
+            turns = chain.kind[b, 0] == 1 and chain.scale[b, 0] == 1.0
+    angle = start
+    if turns:
+        values = np.empty(3)
+        for k in range(3):
+            q[j] = k * 0.5 * math.pi
+            forward(chain, q, work.frames)
+            values[k] = _along(direction, work.frames[-1])
+        middle = 0.5 * (values[0] + values[2])
+        angle = math.atan2(values[1] - middle, values[0] - middle)
+    for value in (low, high, start, angle, angle + 2 * math.pi, angle - 2 * math.pi):
+        if low <= value <= high:
+            q[j] = value
+            forward(chain, q, work.frames)
+            now = _along(direction, work.frames[-1])
+            if now > best:
+                best, keep = now, value
+    q[j] = keep

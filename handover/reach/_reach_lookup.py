@@ -1,0 +1,130 @@
+"""Look up cells of a packed reach map: bits per position, then entries in their order.
+
+Position p has row `row_of[p]` (-1: nothing is reached there); bit r of a row tells that
+rotation r is reached; the entries of a row follow each other in `quality` and `way`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from handover.jit_options import BARE
+from handover.reach._reach_build import ROOT, cell_of, origin_cell
+
+
+class Packed(NamedTuple):
+    """Arrays of a packed map.
+
+    Attributes:
+        row_of: (n_positions,) row or -1.
+        bits: (n_rows, words) reached rotations.
+        first: (n_rows + 1,) first entry of each row.
+        first_root: (n_rows + 1,) first stored witness of each row.
+        quality: (n,) 1 to 255.
+        way: (n,) how each witness comes about.
+        roots: (n_roots, dof) stored witnesses, lattice points.
+    """
+
+    row_of: np.ndarray
+    bits: np.ndarray
+    first: np.ndarray
+    first_root: np.ndarray
+    quality: np.ndarray
+    way: np.ndarray
+    roots: np.ndarray
+
+
+@njit(**BARE)
+def ones(word):
+    """Return the number of set bits of a uint64."""
+    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    low = np.uint64(0x3333333333333333)
+    word = (word & low) + ((word >> np.uint64(2)) & low)
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+
+
+@njit(**BARE)
+def entry_of(packed, n_rotations, cell):
+    """Return the entry of a cell, -1 where it is not reached or cell is -1."""
+    if cell < 0:
+        return -1
+    row = packed.row_of[cell // n_rotations]
+    if row < 0:
+        return -1
+    r = cell % n_rotations
+    word = packed.bits[row, r >> 6]
+    bit = np.uint64(1) << np.uint64(r & 63)
+    if not word & bit:
+        return -1
+    at = packed.first[row] + ones(word & (bit - np.uint64(1)))
+    for k in range(r >> 6):
+        at += ones(packed.bits[row, k])
+    return at
+
+
+@njit(**BARE)
+def qualities_of_cells(packed, n_rotations, cells, out):
+    """Write the quality byte of each cell to `out` (n,); 0 where not reached."""
+    for i in range(cells.shape[0]):
+        at = entry_of(packed, n_rotations, cells[i])
+        out[i] = packed.quality[at] if at >= 0 else 0
+
+
+@njit(**BARE)
+def qualities_of_poses(packed, grid, poses, out):
+    """Write the quality byte at each pose (n, 12) to `out` (n,); 0: not reached."""
+    for i in range(poses.shape[0]):
+        at = entry_of(packed, grid.size[3], cell_of(grid, poses[i]))
+        out[i] = packed.quality[at] if at >= 0 else 0
+
+
+@njit(**BARE)
+def ways_to_root(packed, grid, cell, ways):
+    """Write the ways from a reached cell back to its root.
+
+    Returns:
+        Number of ways and row of the root in `packed.roots`; -1 as the row where the
+        map contradicts itself.
+    """
+    n = 0
+    while True:
+        at = entry_of(packed, grid.size[3], cell)
+        if at < 0:
+            return n, -1
+        if packed.way[at] == ROOT:
+            row = packed.row_of[cell // grid.size[3]]
+            root = packed.first_root[row]
+            for k in range(packed.first[row], at):
+                root += packed.way[k] == ROOT
+            return n, root
+        if n == ways.shape[0]:
+            return n, -1
+        ways[n] = packed.way[at]
+        n += 1
+        cell = origin_cell(grid, cell, ways[n - 1])
+
+
+@njit(**BARE)
+def unpack(packed, n_rotations, positions, out):
+    """Write the quality bytes of whole positions to `out` (n, n_rotations)."""
+    for i in range(positions.shape[0]):
+        row = packed.row_of[positions[i]]
+        out[i] = 0
+        if row < 0:
+            continue
+        at = packed.first[row]
+        for r in range(n_rotations):
+            if packed.bits[row, r >> 6] >> np.uint64(r & 63) & np.uint64(1):
+                out[i, r] = packed.quality[at]
+                at += 1
+
+
+@njit(**BARE)
+def pack_bits(rows, bits):
+    """Write to `bits` (n_rows, words) which entries of `rows` (n_rows, n) are not 0."""
+    for i in range(rows.shape[0]):
+        for r in range(rows.shape[1]):
+            if rows[i, r] != 0:
+                bits[i, r >> 6] |= np.uint64(1) << np.uint64(r & 63)

@@ -1,0 +1,208 @@
+"""Settle the cells of one position: which witness each keeps, and how it is stored."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from handover.jit_options import BARE, WITHIN
+from handover.reach._chain import dexterity, draw_code, jacobian
+from handover.reach._reach_build import (
+    MAX_DEPTH,
+    ROOT,
+    position_neighbor,
+    push,
+    quality_byte,
+)
+from handover.reach._reach_touch import touches_itself
+
+_SURE = 3  # settled neighbours before a cell that no sample hit is tried
+_TRIES = 5  # pushes to such a cell before it is given up
+_QUEUE = 24  # entries per cell of a position
+
+
+class Queue(NamedTuple):
+    """The cells of one position that wait, by what they may hope for; work space.
+
+    Attributes:
+        head: (256,) first entry of each quality, -1 for none.
+        entries: (2, m) rotation, and the next entry.
+        beside: (6,) first cell of the positions beside, -1 outside of the grid.
+    """
+
+    head: np.ndarray
+    entries: np.ndarray
+    beside: np.ndarray
+
+
+def queue_of(n_rotations: int) -> Queue:
+    """Return an empty queue."""
+    return Queue(
+        np.full(256, -1, np.int32),
+        np.zeros((2, n_rotations * _QUEUE), np.int32),
+        np.zeros(6, np.int64),
+    )
+
+
+@njit(**BARE)
+def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, counts):
+    """Settle what can be settled at positions no two of which are neighbours.
+
+    Best first: a cell's turn comes with the quality of its sample or of the best
+    settled witness beside it. It is pushed there from that neighbour; a sample that is
+    much better becomes a root. Settled cells stay as they are, so that what was pushed
+    from them can be replayed.
+
+    rules: (3,) reference of the dexterity, seed, and the part of a sample's quality
+    below which a push does not replace it. counts: (4,) is added to: settled, roots,
+    pushes, witnesses refused for self-collision.
+    """
+    n = grid.size[3]
+    head, entries, beside = queue.head, queue.entries, queue.beside
+    for i in range(positions.shape[0]):
+        first = positions[i] * n
+        for axis in range(6):
+            near = position_neighbor(grid, positions[i], axis)
+            beside[axis] = near * n if near >= 0 else -1
+        # what a position does must not depend on which ones came before it
+        touch.axes[:] = 0.0
+        used, top = 0, 0
+        for r in range(n):
+            if cells.quality[first + r] == 0:
+                key, _ = hope(grid.neighbors, beside, cells, first, r)
+                if key > 0:
+                    used = _enter(head, entries, used, key, r)
+                    top = max(top, key)
+        while top > 0:
+            e = head[top]
+            if e < 0:
+                top -= 1
+                continue
+            head[top] = entries[1, e]
+            r = entries[0, e]
+            if cells.quality[first + r] != 0:
+                continue
+            key, way = hope(grid.neighbors, beside, cells, first, r)
+            if key == top:
+                ways = grid.neighbors.shape[1]
+                parent = -1
+                if way < ways:
+                    parent = first + grid.neighbors[r, way]
+                elif way != ROOT:
+                    parent = beside[way - ways] + r
+                cell = first + r
+                _settle(
+                    chain, grid, cells, touch, work, cell, way, parent, rules, counts
+                )
+                value = int(cells.quality[first + r])
+                if value > 0:
+                    for k in range(ways):
+                        near = grid.neighbors[r, k]
+                        if near < 0 or used >= entries.shape[1]:
+                            break
+                        if (
+                            cells.quality[first + near] == 0
+                            and cells.sample[first + near] < value
+                        ):
+                            used = _enter(head, entries, used, value, near)
+                            top = max(top, value)
+                    continue
+                key, way = hope(grid.neighbors, beside, cells, first, r)
+            if key > 0 and used < entries.shape[1]:
+                used = _enter(head, entries, used, key, r)
+                top = max(top, key)
+
+
+@njit(**WITHIN)
+def _enter(head, entries, used, key, r):
+    entries[0, used] = r
+    entries[1, used] = head[key]
+    head[key] = used
+    return used + 1
+
+
+@njit(**WITHIN)
+def hope(neighbors, beside, cells, first, r):
+    """Return the best quality a cell may hope for, 0 for none, and the best way.
+
+    A step in position is shorter than one in rotation and arrives more often, so it
+    counts twice.
+    """
+    own = int(cells.sample[first + r])
+    failed = np.uint32(0)
+    if own == 0:
+        failed = cells.source[first + r]
+    settled, top, score, way = 0, 0, 0, ROOT
+    n = neighbors.shape[1]
+    for k in range(6):
+        if beside[k] >= 0:
+            q = int(cells.quality[beside[k] + r])
+            if q > 0:
+                settled += 1
+                if 8 * q > score and not (failed >> np.uint32(n + k)) & np.uint32(1):
+                    top, score, way = q, 8 * q, n + k
+    for k in range(n):
+        near = neighbors[r, k]
+        if near < 0:
+            break
+        q = int(cells.quality[first + near])
+        if q > 0:
+            settled += 1
+            if q > score and not (failed >> np.uint32(k)) & np.uint32(1):
+                top, score, way = q, q, k
+    if own == 0:
+        least = _SURE if way >= n else _SURE + 2
+        if settled < least or _ones(failed) >= min(_TRIES, settled // 2):
+            return 0, ROOT
+    return max(own, top), way
+
+
+@njit(**WITHIN)
+def _ones(bits):
+    n = 0
+    while bits:
+        bits &= bits - np.uint32(1)
+        n += 1
+    return n
+
+
+@njit(**WITHIN)
+def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
+    """Try the way from `parent`, then the sample; keep whichever gives a witness."""
+    least = rules[2] * cells.sample[cell]
+    sampled = cells.sample[cell] > 0
+    tried = False
+    if parent >= 0 and cells.quality[parent] >= least:
+        tried = True
+        counts[2] += 1
+        if push(chain, grid, cells.witness[parent], parent, cell, work):
+            jacobian(chain, work.frames, work.jac)
+            value = quality_byte(
+                dexterity(chain, work.q, work.jac, work.weighted, work.gram), rules[0]
+            )
+            if value >= least:
+                if not touches_itself(touch, work.q, work.frames):
+                    depth = cells.depth[parent] + 1
+                    if depth > MAX_DEPTH:
+                        depth, way = 0, ROOT
+                    _keep(cells, cell, value, way, depth, work.code, counts)
+                    return
+                counts[3] += 1
+    if sampled:
+        draw_code(int(rules[1]), cells.source[cell], work.code)
+        _keep(cells, cell, cells.sample[cell], ROOT, 0, work.code, counts)
+        return
+    if tried:
+        cells.source[cell] |= np.uint32(1) << np.uint32(way)
+
+
+@njit(**WITHIN)
+def _keep(cells, cell, value, way, depth, code, counts):
+    cells.quality[cell] = value
+    cells.way[cell] = way
+    cells.depth[cell] = depth
+    for j in range(code.shape[0]):
+        cells.witness[cell, j] = code[j]
+    counts[0] += 1
+    if way == ROOT:
+        counts[1] += 1

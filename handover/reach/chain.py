@@ -1,0 +1,203 @@
+"""Chain: the joints between a base and a tool, all that reachability needs."""
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from handover.reach import _chain as kernels
+from handover.reach._chain import ChainArrays
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.geometry.self_collision import self_collision
+from roadmap.robot.robot import PRISMATIC, REVOLUTE, Robot
+
+_ARRAYS = ("fixed", "kind", "scale", "limits", "endless", "length")
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Joints in a row, in metres or in units of an arm's length.
+
+    Attributes:
+        name: What it is a chain of.
+        joint_names: (dof,) names of its joints, the order of `q`.
+        fixed, kind, scale, limits, endless: see `ChainArrays`; every joint turns
+            about, or slides along, the z axis of its frame.
+        unit: "m", or "arm length" where the map is scaled to a person.
+        frame: The frame that poses are given in, for people: "base", "shoulder".
+        robot: Where given, its self-collision is looked at.
+        rows: (dof,) index of each joint in the robot's `q`; empty: the same.
+        rest: The robot's whole `q`, for the joints that do not move the tool.
+        collision_hash: SHA-256 of what self-collision was tested with, or "".
+        length: (1,) length that counts as much as 1 rad in the dexterity: half the
+            way from the first joint to the tool, stretched out.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    fixed: np.ndarray
+    kind: np.ndarray
+    scale: np.ndarray
+    limits: np.ndarray
+    endless: np.ndarray
+    unit: str = "m"
+    frame: str = "base"
+    robot: Robot | None = None
+    rows: tuple[int, ...] = ()
+    rest: tuple[float, ...] = ()
+    collision_hash: str = ""
+    length: np.ndarray = field(default=None)
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays.
+
+        Raises:
+            BadInput: Arrays that do not belong together, or a limit that is none.
+        """
+        for name in _ARRAYS[:-1]:
+            dtype = np.int32 if name == "kind" else np.float64
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        n, dof = len(self.kind), len(self.joint_names)
+        shapes = {
+            "fixed": (n + 1, 12),
+            "kind": (n, 2),
+            "scale": (n, 2),
+            "limits": (dof, 2),
+            "endless": (dof,),
+        }
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape or n == 0:
+                raise BadInput(
+                    f"{name} of the chain {self.name!r} has the shape "
+                    f"{getattr(self, name).shape}; give {shape}, at least one joint"
+                )
+        if not all(np.isfinite(getattr(self, name)).all() for name in shapes):
+            raise BadInput(f"the chain {self.name!r} holds NaN or infinity")
+        if (self.limits[:, 0] >= self.limits[:, 1]).any():
+            j = int((self.limits[:, 0] >= self.limits[:, 1]).argmax())
+            raise BadInput(
+                f"joint {self.joint_names[j]!r} of the chain {self.name!r} has the "
+                f"limits {self.limits[j].tolist()}; the lower must be below the upper"
+            )
+        if self.length is None:
+            object.__setattr__(self, "length", np.array([0.5 * self._stretch()]))
+        object.__setattr__(self, "length", frozen(self.length, np.float64))
+
+    def _stretch(self) -> float:
+        """Return a bound on the distance of the tool from the first joint."""
+        spans = np.linalg.norm(self.fixed[1:, 9:], axis=1).sum()
+        slides = self.kind[:, 0] == PRISMATIC
+        far = np.abs(self.limits[self.kind[:, 1]]).max(axis=1)
+        far = far * np.abs(self.scale[:, 0])
+        total = spans + (far + np.abs(self.scale[:, 1]))[slides].sum()
+        return total if total > 0 else 1.0
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def arrays(self) -> ChainArrays:
+        """The arrays for the kernels."""
+        return ChainArrays(*(getattr(self, name) for name in _ARRAYS))
+
+    def tool_pose(self, q: np.ndarray) -> np.ndarray:
+        """Return T_base_tool, (4, 4), of a configuration (dof,)."""
+        frames = np.empty((len(self.kind) + 1, 12))
+        kernels.forward(self.arrays, np.ascontiguousarray(q, float), frames)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = frames[-1, :9].reshape(3, 3), frames[-1, 9:]
+        return T
+
+    def full(self, q: np.ndarray) -> np.ndarray:
+        """Return the robot's configuration for one of the chain."""
+        whole = np.array(self.rest or q, float)
+        whole[list(self.rows) or slice(None)] = q
+        return whole
+
+    def fingerprint(self) -> str:
+        """Return a SHA-256 over everything a reach map depends on."""
+        digest = hashlib.sha256()
+        names = [self.joint_names, self.unit, self.collision_hash]
+        digest.update(json.dumps(names).encode())
+        for name in _ARRAYS:
+            # rounded: kinematics read on another machine may differ in the last digit
+            digest.update(np.round(getattr(self, name), 9).astype(float).tobytes())
+        return digest.hexdigest()
+
+
+def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
+    """Return the chain from a robot's base to its tool.
+
+    Args:
+        robot: The robot.
+        self_collisions: Look at its self-collision when a map is built.
+
+    Raises:
+        BadInput: No joint moves the tool.
+    """
+    bodies, body = [], robot.tip_body
+    while body > 0:
+        bodies.append(body)
+        body = robot.tree_i[body, 0]
+    fixed, kind, scale, rows = [], [], [], []
+    T = np.eye(4)
+    for body in bodies[::-1]:
+        f = robot.tree_f[body]
+        T = T @ _pose(f[:9], f[9:12])
+        if robot.tree_i[body, 2] not in (REVOLUTE, PRISMATIC):
+            continue
+        turn = np.eye(4)
+        turn[:3, :3] = _z_to(f[12:15])
+        fixed.append(_flat(T @ turn))
+        joint = int(robot.tree_i[body, 1])
+        rows += [] if joint in rows else [joint]
+        kind.append((robot.tree_i[body, 2], joint))
+        scale.append(f[15:17])
+        T = turn.T
+    if not kind:
+        raise BadInput(f"no joint of {robot.name} moves its tool {robot.tip_name!r}")
+    fixed.append(_flat(T @ robot.T_body_tip))
+    rows.sort()
+    kind = [(k, rows.index(j)) for k, j in kind]
+    return Chain(
+        name=robot.name,
+        joint_names=tuple(robot.joint_names[j] for j in rows),
+        fixed=np.array(fixed),
+        kind=np.array(kind),
+        scale=np.array(scale),
+        limits=np.stack([robot.lower, robot.upper], axis=1)[rows],
+        endless=robot.continuous[rows],
+        robot=robot if self_collisions else None,
+        rows=tuple(rows),
+        rest=tuple(np.clip(0.0, robot.lower, robot.upper).tolist()),
+        collision_hash=_collision_hash(robot) if self_collisions else "",
+    )
+
+
+def _collision_hash(robot: Robot) -> str:
+    digest = hashlib.sha256()
+    for array in self_collision(robot).model:
+        digest.update(np.round(array, 9).tobytes())
+    return digest.hexdigest()
+
+
+def _z_to(axis: np.ndarray) -> np.ndarray:
+    """Return a rotation whose z axis is `axis`."""
+    z = np.asarray(axis, float)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _pose(rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.reshape(rotation, (3, 3)), origin
+    return T
+
+
+def _flat(T: np.ndarray) -> np.ndarray:
+    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])

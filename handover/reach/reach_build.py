@@ -1,0 +1,276 @@
+"""Build a ReachMap: draw, settle, pack; any number of threads gives the same bytes."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from handover.reach import _reach_build as kernels
+from handover.reach._reach_build import Cells
+from handover.reach._reach_pack import queue_of, settle_positions
+from handover.reach.chain import Chain
+from handover.reach.reach_grid import ReachGrid, reach_grid
+from handover.reach.reach_map import ReachMap
+from handover.reach.reach_pack import compressed
+from handover.reach.reach_touch import touch_of
+from handover.reach.reach_work import best_dexterity, work_of
+from handover.reach.rotations import rotation_grid
+from roadmap.errors import BadInput, BuildRefused
+from roadmap.ranges import is_between
+
+Progress = Callable[[str, int, int], None]
+_CHUNK = 1 << 17  # samples drawn at a time
+_POSITIONS = 16  # positions settled at a time
+_BYTES = 9  # of a cell, without its witness
+MAX_BYTES = 6e9  # of a build
+
+
+@dataclass(frozen=True)
+class ReachSettings:
+    """How a reach map is filled.
+
+    Attributes:
+        cell: Side of a position cell, in the chain's unit.
+        rotations: Cells of the rotation grid: 72 (60 deg), 576 (30 deg), 1944...
+        samples: Configurations drawn; settling fills in between them.
+        seed: Same seed, same map.
+        sweeps: Most passes over all positions; it ends where one adds next to nothing.
+        keep: A witness pushed from a neighbour replaces a sample where it has at
+            least this part of its quality. Smaller: a smaller file; larger: qualities
+            nearer to the best.
+        seconds: Draw for at most a third of this, then begin no pass after it; the
+            first pass is always finished. None: no limit. With one the map depends on
+            the machine.
+    """
+
+    cell: float = 0.05
+    rotations: int = 576
+    samples: int = 3_000_000
+    seed: int = 1
+    sweeps: int = 12
+    keep: float = 0.8
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check every number.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        for name, low, high in (
+            ("cell", 1e-3, 1.0),
+            ("samples", 1000, 4_000_000_000),
+            ("rotations", -1e9, 1e9),
+            ("seed", 0, 2**31),
+            ("sweeps", 1, 50),
+            ("keep", 0.0, 1.0),
+        ):
+            value = getattr(self, name)
+            if not is_between(value, low, high):
+                raise BadInput(
+                    f"{name} of a reach map is {value}; give {low:g} to {high:g}"
+                )
+        if self.seconds is not None and not is_between(self.seconds, 1e-9, np.inf):
+            raise BadInput(f"seconds is {self.seconds}; give more than 0, or None")
+        rotation_grid(self.rotations)
+
+
+def build_reach_map(
+    chain: Chain,
+    settings: ReachSettings | None = None,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> ReachMap:
+    """Mark the 6-D cells a chain reaches, each with a witness and its dexterity.
+
+    Uniform samples come first. Then every position is settled, best first: a cell's
+    witness is pushed from a neighbour's by a few damped steps, or is its best sample.
+    Cells that no sample hit are reached by pushes too, which is what finds the rare
+    ones at the edge.
+
+    Args:
+        chain: What reaches; `chain_of(robot)` or a person's arm.
+        settings: See ReachSettings.
+        threads: 0 for one per core; the map does not depend on it.
+        progress: Called with (stage, done, total).
+
+    Returns:
+        The map; save it with its `save`.
+
+    Raises:
+        BuildRefused: The grid would not fit in memory.
+    """
+    settings = settings or ReachSettings()
+    tell = progress or (lambda stage, done, total: None)
+    begun, cpu = time.perf_counter(), time.process_time()
+    grid = reach_grid(chain, settings.cell, settings.rotations)
+    _check_size(grid, chain)
+    cells = _empty_cells(grid.n_cells, chain.dof)
+    reference = best_dexterity(chain, settings.seed)
+    threads = threads or os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        crew = _Crew(pool, threads, chain, grid, settings.seconds)
+        try:
+            drawn = _draw(crew, cells, settings, reference, tell)
+            counts, gains = _sweep(crew, cells, settings, reference, tell)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    if not counts[0]:
+        raise BuildRefused(
+            f"no configuration of {chain.name} was found free of self-collision; "
+            "check its URDF, or build without self-collision"
+        )
+    tell("packing", 0, 1)
+    built = {
+        "settings": asdict(settings),
+        "threads": threads,
+        "samples_drawn": drawn,
+        "settled_by_sweep": gains,
+        "pushes": int(counts[2]),
+        "refused_for_self_collision": int(counts[3]),
+        "stopped_early": crew.is_late(),
+    }
+    result = compressed(chain, grid, cells, reference, built)
+    tell("packing", 1, 1)
+    seconds = {
+        "seconds": round(time.perf_counter() - begun, 2),
+        "cpu_seconds": round(time.process_time() - cpu, 2),
+    }
+    return replace(result, built=built | seconds)
+
+
+class _Crew:
+    """Threads with working memory of their own."""
+
+    def __init__(
+        self,
+        pool: ThreadPoolExecutor,
+        threads: int,
+        chain: Chain,
+        grid: ReachGrid,
+        seconds: float | None,
+    ):
+        self.pool, self.chain, self.grid = pool, chain, grid
+        self.size, self.begun = threads, time.perf_counter()
+        self.seconds = np.inf if seconds is None else seconds
+        n = grid.rotations.n_cells
+        self._idle = [
+            (work_of(chain), touch_of(chain), queue_of(n)) for _ in range(threads)
+        ]
+
+    def run(self, job: Callable, items: list) -> Iterator:
+        """Yield job(item, work, touch, queue) for all items, in order."""
+
+        def one(item: object) -> object:
+            own = self._idle.pop()
+            try:
+                return job(item, *own)
+            finally:
+                self._idle.append(own)
+
+        return self.pool.map(one, items)
+
+    def is_late(self, part: float = 1.0) -> bool:
+        """Say if this part of the time is over."""
+        return bool(time.perf_counter() - self.begun > part * self.seconds)
+
+
+def _check_size(grid: ReachGrid, chain: Chain) -> None:
+    need = grid.n_cells * (_BYTES + 2 * chain.dof)
+    if need > MAX_BYTES or grid.n_cells >= 2**31:
+        raise BuildRefused(
+            f"the reach map of {chain.name} would have {grid.n_cells:,} cells and take "
+            f"{need / 1e9:.1f} GB to build (limit {MAX_BYTES / 1e9:g}); take a larger "
+            "cell or fewer rotations"
+        )
+
+
+def _empty_cells(n: int, dof: int) -> Cells:
+    # pages that are never touched, at places out of reach, take no memory
+    return Cells(
+        quality=np.zeros(n, np.uint8),
+        sample=np.zeros(n, np.uint8),
+        source=np.zeros(n, np.uint32),
+        way=np.zeros(n, np.uint8),
+        depth=np.zeros(n, np.uint8),
+        witness=np.zeros((n, dof), np.uint16),
+    )
+
+
+def _draw(
+    crew: _Crew, cells: Cells, settings: ReachSettings, reference: float, tell: Progress
+) -> int:
+    """Enter the best sample of every cell; returns how many were drawn."""
+    total, done = settings.samples, 0
+    n_rotations = crew.grid.rotations.n_cells
+
+    def draw(span: tuple[int, int], work: object, touch: object, _: object) -> tuple:
+        where = np.empty(span[1] - span[0], np.int32)
+        value = np.empty(len(where), np.uint8)
+        kernels.draw_samples(
+            crew.chain.arrays, crew.grid.arrays, cells, touch, work, settings.seed,
+            span[0], reference, where, value,
+        )  # fmt: skip
+        return span[0], where, value
+
+    while done < total and not crew.is_late(1 / 3):
+        end = min(total, done + 8 * _CHUNK)
+        spans = [(k, min(k + _CHUNK, end)) for k in range(done, end, _CHUNK)]
+        drawn = list(crew.run(draw, spans))
+
+        def enter(part: int, *_: object, drawn: list = drawn) -> None:
+            for start, where, value in drawn:
+                kernels.keep_best(
+                    part, crew.size, n_rotations, start, where, value, cells
+                )
+
+        list(crew.run(enter, list(range(crew.size))))
+        done = end
+        tell("drawing samples", done, total)
+    return done
+
+
+def _sweep(
+    crew: _Crew, cells: Cells, settings: ReachSettings, reference: float, tell: Progress
+) -> tuple[np.ndarray, list[int]]:
+    """Settle all positions until a pass adds next to nothing."""
+    n = crew.grid.rotations.n_cells
+    settled = cells.quality.reshape(-1, n)
+    rules = np.array([reference, settings.seed, settings.keep])
+    counts, gains = np.zeros(4, np.int64), []
+    changed = cells.sample.reshape(-1, n).any(axis=1)
+
+    def settle(positions: np.ndarray, *own_room: object) -> np.ndarray:
+        work, touch, queue = own_room
+        own = np.zeros(4, np.int64)
+        settle_positions(
+            crew.chain.arrays, crew.grid.arrays, cells, touch, work, queue, positions,
+            rules, own,
+        )  # fmt: skip
+        return own
+
+    for sweep in range(settings.sweeps):
+        before = np.count_nonzero(settled, axis=1)
+        groups = crew.grid.colours(changed)
+        chunks = [
+            [g[k : k + _POSITIONS] for k in range(0, len(g), _POSITIONS)]
+            for g in groups
+        ]
+        total, done = sum(map(len, chunks)), 0
+        for group in chunks:
+            for own in crew.run(settle, group):
+                counts += own
+                done += 1
+                tell(f"settling, pass {sweep + 1}", done, total)
+            if sweep and crew.is_late():
+                break
+        after = np.count_nonzero(settled, axis=1)
+        gains.append(int(after.sum() - before.sum()))
+        changed = after != before
+        if crew.is_late() or gains[-1] < 3e-3 * after.sum():
+            break
+    return counts, gains

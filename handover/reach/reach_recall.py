@@ -1,0 +1,207 @@
+"""What share of all tool poses that can be reached a reach map knows."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from handover.reach import _reach_build as kernels
+from handover.reach import _reach_lookup as lookup
+from handover.reach._reach_ik import solve_poses
+from handover.reach.chain import Chain
+from handover.reach.reach_grid import reachable_box
+from handover.reach.reach_map import ReachMap
+from handover.reach.reach_touch import touch_of
+from handover.reach.reach_work import work_of
+from roadmap.errors import BadInput, BadMap
+from roadmap.geometry.self_collision import configuration_free
+
+Progress = Callable[[str, int, int], None]
+_CHUNK = 50
+_SEED_OFFSET = 90_001  # not the samples that the map was drawn with
+
+
+@dataclass(frozen=True)
+class Recall:
+    """How many poses of a random set a map knows.
+
+    Attributes:
+        poses: Uniformly random poses in the box that the tool can reach.
+        solvable: Those that inverse kinematics solved, free of self-collision.
+        marked: Those of them whose cell is marked.
+        late: Solutions that took more than half of the starts: where these are not
+            few, `solvable` misses poses that are hard to solve.
+        marked_unsolved: Marked cells with a pose that was not solved: only a part of
+            such a cell can be reached.
+    """
+
+    poses: int
+    solvable: int
+    marked: int
+    late: int
+    marked_unsolved: int
+
+    @property
+    def recall(self) -> float | None:
+        """Share of the solvable poses that are marked; None without any."""
+        return self.marked / self.solvable if self.solvable else None
+
+    @property
+    def margin(self) -> float | None:
+        """Half width of the 95 % interval [Wilson1927, about]."""
+        if not self.solvable:
+            return None
+        p, n = (self.marked + 2) / (self.solvable + 4), self.solvable + 4
+        return 1.96 * (p * (1 - p) / n) ** 0.5
+
+    def as_dict(self) -> dict:
+        """Return the figures as plain data."""
+        return asdict(self) | {"recall": self.recall, "margin": self.margin}
+
+
+def measure_recall(
+    reach: ReachMap,
+    chain: Chain | None = None,
+    poses: int = 1000,
+    attempts: int = 24,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Recall:
+    """Ask a map for uniformly random poses that inverse kinematics can solve.
+
+    Samples of forward kinematics would flatter: they fall where the map's own samples
+    fell. Poses are drawn in the box that the tool can reach, rotations uniformly, and
+    solved from `attempts` random starts by damped least squares.
+
+    Args:
+        reach: The map.
+        chain: The chain with its robot, so that solutions in self-collision do not
+            count; default: the map's, without it.
+        poses: How many are drawn.
+        attempts: Starts for each.
+        seed: Of poses and starts.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        BadInput: A chain that is not the map's, or nothing to draw.
+    """
+    chain = chain or reach.chain
+    if chain.fingerprint() != reach.chain.fingerprint():
+        raise BadInput(
+            f"{chain.name} is not what the map of {reach.chain.name} was built for; "
+            "give the chain it was built from"
+        )
+    if poses < 1 or attempts < 1:
+        raise BadInput(
+            f"{poses} poses and {attempts} starts are too few; give 1 or more"
+        )
+    if chain.dof < 6:
+        return Recall(poses, 0, 0, 0, 0)  # a random pose is never reached
+    drawn = random_poses(reachable_box(chain), poses, np.random.default_rng(seed))
+    used = solved(reach, chain, drawn, attempts, seed + _SEED_OFFSET, progress)
+    bytes_ = np.empty(poses, np.uint8)
+    lookup.qualities_of_poses(reach.packed, reach.grid.arrays, drawn, bytes_)
+    known, can = bytes_ > 0, used > 0
+    return Recall(
+        poses,
+        int(can.sum()),
+        int((known & can).sum()),
+        int((used > attempts // 2).sum()),
+        int((known & ~can).sum()),
+    )
+
+
+def center_rate(
+    reach: ReachMap,
+    chain: Chain | None = None,
+    cells: int = 500,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> float:
+    """Return the share of marked cells whose exact centre can be reached."""
+    chain = chain or reach.chain
+    some = _some_cells(reach, cells, seed)
+    poses, grid = np.empty((len(some), 12)), reach.grid.arrays
+    for pose, cell in zip(poses, some, strict=True):
+        kernels.center_of(grid, cell, pose)
+    seed += _SEED_OFFSET
+    used = solved(reach, chain, poses, 24, seed, progress, "centres of cells")
+    return float((used > 0).mean())
+
+
+def witness_precision(
+    reach: ReachMap,
+    chain: Chain | None = None,
+    cells: int = 2000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> float:
+    """Return the share of marked cells whose witness proves them reached.
+
+    The witness is made again and judged apart from what made it: its joints are within
+    their limits, its tool is in the cell by numpy's arithmetic, and its links are
+    apart by the planner's own test where the chain has its robot.
+    """
+    tell = progress or (lambda stage, done, total: None)
+    chain = chain or reach.chain
+    some = _some_cells(reach, cells, seed)
+    good = 0
+    for k, cell in enumerate(some.tolist()):
+        good += _proves(reach, chain, cell)
+        if k % _CHUNK == _CHUNK - 1 or k == len(some) - 1:
+            tell("witnesses", k + 1, len(some))
+    return good / len(some)
+
+
+def _proves(reach: ReachMap, chain: Chain, cell: int) -> bool:
+    try:
+        whole = reach.witness_of(cell)
+    except BadMap:
+        return False
+    q = whole[list(chain.rows)] if chain.rows else whole
+    if (q < chain.limits[:, 0]).any() or (q > chain.limits[:, 1]).any():
+        return False
+    if reach.grid.cells_of(chain.tool_pose(q)[None])[0] != cell:
+        return False
+    return chain.robot is None or configuration_free(chain.robot, whole)[0]
+
+
+def _some_cells(reach: ReachMap, n: int, seed: int) -> np.ndarray:
+    marked = reach.marked_cells()
+    return np.random.default_rng(seed).choice(marked, min(n, len(marked)), False)
+
+
+def solved(
+    reach: ReachMap,
+    chain: Chain,
+    poses: np.ndarray,
+    attempts: int,
+    seed: int,
+    progress: Progress | None = None,
+    stage: str = "random poses",
+) -> np.ndarray:
+    """Return how many starts each pose (n, 12) took, 0 where none led to a solution."""
+    tell = progress or (lambda stage, done, total: None)
+    work, touch = work_of(chain), touch_of(chain)
+    found, used = np.empty((len(poses), chain.dof)), np.zeros(len(poses), np.int64)
+    for k in range(0, len(poses), _CHUNK):
+        part = slice(k, k + _CHUNK)
+        solve_poses(
+            chain.arrays, poses[part], reach.grid.arrays.scale, touch, work,
+            seed + k, attempts, found[part], used[part],
+        )  # fmt: skip
+        tell(stage, min(k + _CHUNK, len(poses)), len(poses))
+    return used
+
+
+def random_poses(box: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Return (n, 12) poses, uniform in a box (2, 3) and over all rotations."""
+    w, x, y, z = rng.normal(size=(4, n))
+    norm = np.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    rows = [
+        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
+        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
+    ]  # fmt: skip
+    return np.column_stack([*rows, rng.uniform(*box, (n, 3))])

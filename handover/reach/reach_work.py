@@ -1,0 +1,56 @@
+"""Working memory of the reach kernels, and the yardstick of the dexterity."""
+
+import numpy as np
+
+from handover.reach._chain import dexterity, draw_code, forward, from_lattice, jacobian
+from handover.reach._reach_build import Work
+from handover.reach.chain import Chain
+
+_YARDSTICK = 20_000  # configurations drawn
+_CLIMB = 6_000  # steps up from the best of them
+
+
+def work_of(chain: Chain) -> Work:
+    """Return working memory for one thread."""
+    dof = chain.dof
+    return Work(
+        frames=np.zeros((len(chain.kind) + 1, 12)),
+        jac=np.zeros((6, dof)),
+        weighted=np.zeros((dof, 7)),
+        gram=np.zeros((6, 6)),
+        q=np.zeros(dof),
+        dq=np.zeros(dof),
+        error=np.zeros(6),
+        code=np.zeros(dof, np.uint16),
+        target=np.zeros(12),
+    )
+
+
+def best_dexterity(chain: Chain, seed: int) -> float:
+    """Return the dexterity that counts as quality 1.
+
+    The best of a fixed set of configurations, then of small steps from there.
+    """
+    work, best = work_of(chain), 0.0
+    for k in range(_YARDSTICK):
+        draw_code(seed + 1, k, work.code)
+        from_lattice(chain.arrays, work.code, work.q)
+        value = _dexterity(chain, work)
+        if value > best:
+            best, q_best = value, work.q.copy()
+    if best == 0.0:
+        return 1e-12
+    rng, span = np.random.default_rng(seed), np.ptp(chain.limits, axis=1)
+    for width in np.geomspace(0.1, 0.002, _CLIMB):
+        work.q[:] = q_best + width * span * rng.normal(size=chain.dof)
+        np.clip(work.q, *chain.limits.T, out=work.q)
+        value = _dexterity(chain, work)
+        if value > best:
+            best, q_best = value, work.q.copy()
+    return best
+
+
+def _dexterity(chain: Chain, work: Work) -> float:
+    forward(chain.arrays, work.q, work.frames)
+    jacobian(chain.arrays, work.frames, work.jac)
+    return dexterity(chain.arrays, work.q, work.jac, work.weighted, work.gram)

@@ -1,0 +1,1 @@
+"""From meeting places to goals of the planner, frame by frame."""

@@ -1,0 +1,264 @@
+"""LiveTargets: every frame the planner goes to the best target that it can reach.
+
+The sentence the project exists for: A* replans toward the top-ranked target of the
+interaction workspace, while the person moves.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from handover.human.human import Human
+from handover.meet.workspace import InteractionWorkspace, Target
+from handover.targets.node_index import NodeIndex
+from handover.targets.target_choice import ChoiceSettings, TargetChoice
+from handover.targets.target_goals import Goal, TargetGoals
+from handover.targets.target_offers import TargetOffers
+from roadmap.errors import BadConfiguration
+from roadmap.kinematics.forward import difference
+from roadmap.ranges import check_settings
+
+if TYPE_CHECKING:
+    from odm.answer import Answer
+    from odm.planner.planner import ReactivePlanner
+
+THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+_DEEPEST = 8  # times as many targets are looked at while the best ones are blocked
+_ARRIVED = 1e-6  # largest joint difference at which a goal is reached
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """How the live thread shares out its work.
+
+    Attributes:
+        ranked: Targets looked at in every frame; more and more while all are blocked.
+        near_m, near_rad: A roadmap node that holds the tool this near to a target
+            serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
+            degrees: half a cell of 15 cm and 60 degrees.
+        attach_every: Frames from one goal that must be attached to the roadmap to the
+            next; some milliseconds each.
+        choice: Margin and patience, see `ChoiceSettings`.
+    """
+
+    ranked: int = 10
+    near_m: float = 0.075
+    near_rad: float = 0.52
+    attach_every: int = 10
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no setting."""
+        ranges = {
+            "ranked": (1, 100_000, ""),
+            "attach_every": (1, 1_000_000, ""),
+            "near_m": (0.0, 1.0, "m"),
+            "near_rad": (0.0, np.pi, "rad"),
+        }
+        check_settings(self, ranges, ("ranked", "attach_every"))
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """Where the robot stands with its targets in one frame.
+
+    Attributes:
+        state: "there", "on the way", "blocked" (there are targets, none can be reached
+            now) or "no target".
+        key: Cell of the target it is at or on the way to; None: none.
+        kind: "node" or "exact", of its goal; empty: none.
+        quality: Of that target now; 0: none.
+        best: Quality of the best target of the frame; 0: there is none.
+        targets: Targets looked at.
+        goals: Goals the planner has.
+        set_goals: Whether they changed in this frame.
+        missing_m: Where there is no target: how much nearer the person must come [m].
+        touched: Whether the person is within the robot's clearance: whatever its goals
+            are, it stands or gets out of the way.
+    """
+
+    state: str
+    key: int | None
+    kind: str
+    quality: float
+    best: float
+    targets: int
+    goals: int
+    set_goals: bool
+    missing_m: float = 0.0
+    touched: bool = False
+
+
+class LiveTargets:
+    """Lets a reactive planner pursue the best reachable target of a moving person.
+
+    Call `step` where you would call the planner's own. Its goals are then the targets,
+    best first; without any target the robot goes to its place of rest.
+
+    Args:
+        planner: The planner; its goals are set here only.
+        meet: The interaction workspace of the planner's robot.
+        rest: (dof,) where the robot waits while there is no target; None: where it is
+            at the first step.
+        index: Nodes of the planner's roadmap by pose of the tool; None: made here.
+        settings: See LiveSettings.
+
+    Attributes:
+        pursuit: See Pursuit; of the last frame.
+        goals: The planner's goals, best first; empty at rest.
+        counts: "frames", "changes" of the target pursued, "set_goals", "attached".
+
+    Raises:
+        BadInput: The workspace is another robot's, or the index another map's.
+    """
+
+    def __init__(
+        self,
+        planner: "ReactivePlanner",
+        meet: InteractionWorkspace,
+        rest: np.ndarray | None = None,
+        index: NodeIndex | None = None,
+        settings: LiveSettings | None = None,
+    ) -> None:
+        """Pursue nothing."""
+        s = self.settings = settings or LiveSettings()
+        self.planner, self.meet, self.rest = planner, meet, rest
+        self.choice = TargetChoice(s.choice)
+        self.finder = TargetGoals(planner, meet, index, s.near_m, s.near_rad)
+        self.goals: tuple[Goal, ...] = ()
+        self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
+        self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
+        self.offers = TargetOffers(planner, self.finder, s.attach_every)
+        self._pursued: Goal | None = None
+        self._last_key: int | None = None
+        self._touched = False  # the person is within the clearance of the robot
+        self._best = 0.0
+        self._blocked = 0  # frames without a target that can be reached
+
+    def step(
+        self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
+    ) -> "Answer":
+        """Answer one frame: rank the targets, set the goals, plan.
+
+        Args:
+            human: The person now, world frame.
+            points: (n, 3) points of all obstacles, the person too, base frame [m].
+            q: (dof,) present configuration [rad or m].
+            options: Further arguments of `ReactivePlanner.step`.
+        """
+        self.look(human, q)
+        answer = self.planner.step(points, q=q, **options)
+        self.heed(answer, q)
+        return answer
+
+    def look(self, human: Human, q: np.ndarray) -> None:
+        """Rank the targets of a person and set the planner's goals, if they change."""
+        if self.rest is None:
+            robot = self.planner.robot
+            lower = np.where(robot.continuous, -np.inf, robot.lower)
+            upper = np.where(robot.continuous, np.inf, robot.upper)
+            self.rest = np.clip(np.array(q, float), lower, upper)
+        self.counts["frames"] += 1
+        self.meet.update(human)
+        targets = self.meet.best(self._depth())
+        self._best = targets[0].quality if targets else 0.0
+        self._targets = {t.key: t for t in targets}
+        known = self._known()
+        self._worth = {t.key: t.quality for t in known}
+        self._changed = False
+        if self._touched:
+            return  # whatever the goals are, it cannot leave
+        pursued = None if self._pursued is None else self._pursued.key
+        goals = self._choose(targets, known, pursued)
+        self._changed = [g.q.tobytes() for g in goals] != [
+            g.q.tobytes() for g in self.goals
+        ] or not self.counts["set_goals"]
+        wanted = [g.q for g in goals] or [self.rest]
+        if not self._changed or all(map(self.planner.is_prepared, wanted)):
+            self.offers.work(pursued)  # else this frame has to join one of them
+            self.counts["attached"] = self.offers.attached
+        if self._changed:
+            self.counts["set_goals"] += 1
+            goals = self._set(goals)
+        self.goals = goals
+
+    def _choose(
+        self, targets: list[Target], known: list[Target], pursued: int | None
+    ) -> tuple[Goal, ...]:
+        """Return the goals of this frame, of the targets it has and those on offer."""
+        offers = self.offers
+        offers.begin(self._targets | {t.key: t for t in known})
+        offers.renew(tuple(self._worth))
+        decision = self.choice.decide(
+            [(t.key, t.quality) for t in targets],
+            self._worth,
+            pursued,
+            offers.offer,
+            lambda key: offers.ready(key) is not None,
+        )
+        self._worth |= {t.key: t.quality for t in targets}
+        return offers.goals(decision.keys)
+
+    def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
+        """Set the planner's goals; leave out those that no longer can be."""
+        try:
+            self.planner.set_goals([g.q for g in goals] or [self.rest])
+        except BadConfiguration:  # something else is in the hand, or stands about
+            self.offers.forget()
+            goals = tuple(g for g in goals if self._can_be(g.q))
+            still = [g.q for g in goals] or [self.rest]
+            if goals or self._can_be(self.rest):
+                self.planner.set_goals(still)
+        return goals
+
+    def _can_be(self, q: np.ndarray) -> bool:
+        planner = self.planner
+        return planner.static.why(q, np.zeros_like(q)) is None
+
+    def heed(self, answer: "Answer", q: np.ndarray) -> None:
+        """Note what the planner made of the goals."""
+        at = answer.goal if self.goals and answer.goal is not None else None
+        goal = self._pursued = None if at is None or at < 0 else self.goals[at]
+        planner = self.planner
+        self._touched = answer.status == "holding" and bool(
+            planner.separation(q) < planner.keep
+        )
+        if goal is None:
+            state = BLOCKED if self.goals or self._targets else NOBODY
+            missing = 0.0 if self._targets else self.meet.missing_m
+            told = (state, None, "", 0.0)
+        else:
+            self.counts["changes"] += goal.key != self._last_key
+            self._last_key = goal.key
+            off = np.abs(difference(self.planner.robot, q, goal.q)).max()
+            state = THERE if off <= _ARRIVED else UNDER_WAY
+            missing = 0.0
+            told = (state, goal.key, goal.kind, self._worth.get(goal.key, 0.0))
+        self.pursuit = Pursuit(
+            *told,
+            self._best,
+            len(self._targets),
+            len(self.goals),
+            self._changed,
+            missing,
+            self._touched,
+        )
+
+    # --- inside ----------------------------------------------------------------
+
+    def _depth(self) -> int:
+        """Return how many targets to look at: the longer it is blocked, the more."""
+        ranked, choice = self.settings.ranked, self.settings.choice
+        self._blocked = 0 if self._pursued is not None else self._blocked + 1
+        more = self._blocked // (choice.patience * choice.goals)
+        return ranked * min(1 + more, _DEEPEST)
+
+    def _known(self) -> list[Target]:
+        """Return the targets on offer as they are now; those that are none left out."""
+        keys = self.choice.keys
+        away = [key for key in keys if key not in self._targets]
+        rated = self.meet.rated(away) if away else []
+        both = self._targets | {t.key: t for t in rated if t is not None}
+        return [both[key] for key in keys if key in both]

@@ -1,0 +1,223 @@
+"""Which targets are goals, and in which order: nothing changes but by a margin.
+
+Plain bookkeeping over numbers of cells and qualities, so that what changes when can be
+read and tested without a robot. The planner takes the first goal that it can reach, and
+goes over to an earlier one when that becomes free; this decides what it is offered.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handover.targets.target_offers import Offer
+from roadmap.errors import BadInput
+from roadmap.ranges import check_number, is_between
+
+
+@dataclass(frozen=True)
+class ChoiceSettings:
+    """How targets become goals; a frame is one call.
+
+    Attributes:
+        margin: A target replaces the pursued one only if its quality is better by this.
+            0.03: about what a hand that trembles by 2 cm changes.
+        drop: A target this much worse than the best one is no spare: when the pursued
+            one is blocked, better ones are tried first.
+        goals: Targets offered to the planner at once.
+        ahead: Of those, better ones than the pursued that were not reached yet.
+        patience: So many frames a better target is given to be found reachable, before
+            it makes room for the next one.
+        retry: So many frames later one that was never reached may be offered again.
+        spares: Worse targets behind the pursued one, for the moment it is blocked.
+    """
+
+    margin: float = 0.03
+    drop: float = 0.15
+    goals: int = 4
+    ahead: int = 3
+    patience: int = 16
+    retry: int = 200
+    spares: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what is no setting."""
+        if not is_between(self.margin, 0, 1):
+            raise BadInput(f"a margin of {self.margin} is none; give 0 to 1 of quality")
+        if not is_between(self.drop, self.margin, 1):
+            raise BadInput(
+                f"a drop of {self.drop} is none; give the margin, {self.margin}, to 1"
+            )
+        counts = {"goals": 1, "ahead": 1, "patience": 1, "retry": 0, "spares": 0}
+        for name, low in counts.items():
+            value = getattr(self, name)
+            check_number(name, value, low, 1_000_000, True, "ChoiceSettings")
+        if not 0 <= self.spares < self.goals or self.ahead > self.goals:
+            raise BadInput(
+                f"{self.ahead} ahead and {self.spares} spares do not fit into "
+                f"{self.goals} goals; give more goals"
+            )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What to do now.
+
+    Attributes:
+        keys: Cells to be goals, best first.
+        wish: A cell that should be one, but has no configuration yet; or None.
+    """
+
+    keys: tuple[int, ...]
+    wish: int | None = None
+
+
+class TargetChoice:
+    """Keeps the targets on offer, from frame to frame.
+
+    Attributes:
+        keys: Cells on offer, best first.
+    """
+
+    def __init__(self, settings: ChoiceSettings | None = None) -> None:
+        """Offer nothing."""
+        self.settings = settings or ChoiceSettings()
+        self.keys: tuple[int, ...] = ()
+        self._frame = 0
+        self._since: dict[int, int] = {}  # frame in which a key was offered
+        self._reached: set[int] = set()  # of those on offer
+        self._shelf: dict[int, int] = {}  # frame from which on it may be offered again
+
+    def decide(
+        self,
+        ranked: Sequence[tuple[int, float]],
+        worth: Mapping[int, float],
+        pursued: int | None,
+        offer: Callable[[int], Offer],
+        is_cheap: Callable[[int], bool],
+    ) -> Decision:
+        """Return what is on offer from now on.
+
+        Args:
+            ranked: (cell, quality) of the best targets, best first.
+            worth: Quality now of each cell on offer; left out: no target now.
+            pursued: The cell that the planner is on its way to or at; None: to none.
+            offer: Offers a cell, if that can be, and says what came of it.
+            is_cheap: Whether offering it costs nothing.
+        """
+        s, self._frame = self.settings, self._frame + 1
+        if pursued is not None:
+            self._reached.add(pursued)
+        least = max((quality for _, quality in ranked[:1]), default=0.0) - s.drop
+        alive = [k for k in self.keys if k in worth]
+        if pursued not in alive:
+            pursued = None
+        else:
+            alive = [k for k in alive if k == pursued or worth[k] >= least]
+        bar = -np.inf if pursued is None else worth[pursued] + s.margin
+        worth = dict(worth) | dict(ranked)
+        wish = None
+        for key, quality in ranked:
+            if not quality > bar or not self._has_room(alive, worth, bar):
+                break
+            if key in alive or self._shelf.get(key, 0) > self._frame:
+                continue
+            made = offer(key)
+            if made is Offer.MADE:
+                alive = self._with(alive, key, worth, bar)
+                break
+            if made is Offer.COMING and wish is None:
+                wish = key
+        if pursued is not None:
+            alive = self._spared(alive, ranked, worth, bar, is_cheap)
+        self._take(self._ordered(alive, worth, pursued))
+        return Decision(self.keys, wish)
+
+    def _has_room(self, alive: list[int], worth: Mapping, bar: float) -> bool:
+        """Whether another one may be offered: there is room, or one had its time."""
+        patience, ahead = self.settings.patience, self._ahead(alive, worth, bar)
+        if np.isinf(bar):
+            patience = max(1, patience // 5)  # nothing to lose: the robot stands
+        if len(ahead) < self._most(bar):
+            return True
+        return self._frame - self._since[ahead[0]] >= patience
+
+    def _with(self, alive: list[int], key: int, worth: Mapping, bar: float) -> list:
+        """Return them with one more; those that were not reached longest make room."""
+        ahead = self._ahead(alive, worth, bar)
+        for old in ahead[: max(0, len(ahead) + 1 - self._most(bar))]:
+            if old not in self._reached:
+                self._shelf[old] = self._frame + self.settings.retry
+            alive = [k for k in alive if k != old]
+        return [*alive, key]
+
+    def _ahead(self, alive: list[int], worth: Mapping, bar: float) -> list[int]:
+        """Return those better than the pursued one, the longest on offer first."""
+        ahead = (k for k in alive if worth[k] > bar)
+        return sorted(ahead, key=lambda k: (self._since[k], k))
+
+    def _most(self, bar: float) -> int:
+        return self.settings.goals if np.isinf(bar) else self.settings.ahead
+
+    def _spared(
+        self,
+        alive: list[int],
+        ranked: Sequence[tuple[int, float]],
+        worth: Mapping,
+        bar: float,
+        is_cheap: Callable[[int], bool],
+    ) -> list[int]:
+        """Return them with spares behind the pursued one, those that cost nothing."""
+        spares = [key for key in alive if worth[key] <= bar]
+        missing = 1 + self.settings.spares - len(spares)
+        if missing < 1 or self._frame % self.settings.patience:
+            return alive
+        room = self.settings.goals - len(alive)
+        more = [
+            key
+            for key, quality in ranked
+            if quality <= bar and key not in alive and is_cheap(key)
+        ]
+        return [*alive, *more[: min(missing, room)]]
+
+    def _ordered(
+        self, alive: list[int], worth: Mapping[int, float], pursued: int | None
+    ) -> list[int]:
+        """Return them by quality, the pursued one raised by the margin; or as they are.
+
+        An order in which nothing is wrong by the margin stays.
+        """
+        margin = self.settings.margin
+
+        def rank(key: int) -> tuple[float, int]:
+            return -(worth[key] + (margin if key == pursued else 0.0)), key
+
+        before = [key for key in self.keys if key in alive]
+        if len(before) == len(alive) and _holds(before, worth, pursued, margin):
+            return before
+        return sorted(alive, key=rank)[: self.settings.goals]
+
+    def _take(self, keys: list[int]) -> None:
+        now = self._frame
+        self._since = {key: self._since.get(key, now) for key in keys}
+        self._reached &= self._since.keys()
+        self._shelf = {k: until for k, until in self._shelf.items() if until > now}
+        self.keys = tuple(keys)
+
+
+def _holds(
+    keys: list[int], worth: Mapping[int, float], pursued: int | None, margin: float
+) -> bool:
+    """Whether nothing is wrong with an order by more than the margin.
+
+    No worse target stands before the pursued one, none behind it is better by the
+    margin, and no other two are swapped by more than it.
+    """
+    if pursued in keys:
+        at = keys.index(pursued)
+        if any(worth[key] < worth[pursued] for key in keys[:at]):
+            return False
+        if any(worth[key] > worth[pursued] + margin for key in keys[at + 1 :]):
+            return False
+    values = [worth[key] for key in keys if key != pursued]
+    return all(b <= a + margin for a, b in zip(values, values[1:], strict=False))

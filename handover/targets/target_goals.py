@@ -1,0 +1,193 @@
+"""From targets to configurations: a roadmap node near it, or inverse kinematics."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_same_robot
+from handover.meet.workspace import InteractionWorkspace, Target
+from handover.targets.node_index import NodeIndex
+from odm.planner.goal_checks import check_valid
+from roadmap.errors import BadConfiguration, BadInput
+from roadmap.kinematics.forward import difference
+
+if TYPE_CHECKING:
+    from odm.planner.planner import ReactivePlanner
+
+NODE, EXACT = "node", "exact"
+_BEFORE, _AFTER = 3, 4  # near nodes to start from, before and after the witness
+STARTS = _BEFORE + 1 + _AFTER  # of the inverse kinematics for a target, at most
+MOST = 4  # configurations of one target that are looked for
+_STEPS = 25  # of it, from each: a frame may pay for one start, not for more
+_APART = 0.3  # [rad or m] least difference of two configurations in some joint
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """A configuration that serves a target.
+
+    Attributes:
+        key: The target's cell.
+        q: (dof,) configuration [rad or m].
+        kind: "node": a roadmap node near the target, attached already; "exact": found
+            by inverse kinematics.
+        off_m, off_rad: How far its tool is from the target [m], [rad].
+        node: Number of the node; -1: none.
+    """
+
+    key: int
+    q: np.ndarray
+    kind: str
+    off_m: float
+    off_rad: float
+    node: int = -1
+
+
+class TargetGoals:
+    """Finds configurations for targets, a little work at a time, and remembers them.
+
+    A target may have up to `MOST`: where the person blocks one, another may be free.
+
+    The pose of a target is that of its cell, so what was found once stays true while
+    the person moves.
+
+    Args:
+        planner: Its scenery counts.
+        meet: The targets; those that fail for good are removed from it.
+        index: Nodes of the planner's roadmap by pose; None: made here.
+        near_m, near_rad: How far from a target a node's tool may be [m], [rad].
+
+    Attributes:
+        failed: Cell -> why the robot cannot get there.
+    """
+
+    def __init__(
+        self,
+        planner: "ReactivePlanner",
+        meet: InteractionWorkspace,
+        index: NodeIndex | None = None,
+        near_m: float = 0.075,
+        near_rad: float = 0.52,
+    ) -> None:
+        """Know no goal yet."""
+        check_same_robot(meet.reach, planner.robot)
+        nodes = planner.cell_map.roadmap.nodes
+        index = NodeIndex(planner.robot, nodes) if index is None else index
+        if len(index) != len(nodes):
+            raise BadInput(
+                f"the index holds {len(index)} nodes, the planner's roadmap "
+                f"{len(nodes)}; make it of the same map"
+            )
+        self.planner, self.meet, self.index = planner, meet, index
+        self.near_m, self.near_rad = near_m, near_rad
+        self.failed: dict[int, str] = {}
+        self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
+        self._exact: dict[int, list[Goal]] = {}
+        self._near: dict[int, Goal | None] = {}
+        self._begun: dict[int, int] = {}  # starts of the inverse kinematics so far
+        self._seeds: dict[int, np.ndarray] = {}  # nodes it starts from
+
+    def near_node(self, target: Target) -> Goal | None:
+        """Return a node near a target at which the person can take the object, too."""
+        goal = self._node_of(target)
+        return goal if goal is not None and self._is_taken(target, goal) else None
+
+    def knows_node(self, key: int) -> bool:
+        """Whether the nodes near a target have been looked up: that is slow once."""
+        return key in self._near
+
+    def found(self, key: int) -> list[Goal]:
+        """Return the configurations at a target that are known, in the order found."""
+        return self._exact.get(key, [])
+
+    def forget(self) -> None:
+        """Forget what was found: the hand, the scenery or the clearance has changed."""
+        for known in (self._exact, self._near, self._begun, self._seeds, self.failed):
+            known.clear()
+
+    def is_open(self, key: int) -> bool:
+        """Whether `work` on a target may still find something."""
+        begun = self._begun.get(key, 0)
+        return begun < STARTS and len(self.found(key)) < MOST
+
+    def work(self, target: Target) -> Goal | None:
+        """Do one start of the inverse kinematics for a target; return what is new.
+
+        After the last one a target without a configuration has failed. If no node is
+        near it, either, it is removed from the workspace [Vahrenkamp2016, Algorithm 2,
+        line 9].
+        """
+        key = target.key
+        if not self.is_open(key):
+            return None
+        T_base_tool = self._T_base_world @ target.T_world_tool
+        begun = self._begun[key] = self._begun.get(key, 0) + 1
+        seed = self._seed(key, T_base_tool, begun - 1)
+        why = "inverse kinematics found no way to it"
+        if seed is not None:
+            found = self.planner.robot.ik(
+                T_base_tool,
+                seed,
+                attempts=1,
+                steps=_STEPS,
+                position_tolerance=POSITION_TOLERANCE,
+                rotation_tolerance=ROTATION_TOLERANCE,
+            )
+            for one in found:
+                why = self._trouble(one.q)
+                if why is None and self._is_new(key, one.q):
+                    off = one.position_error, one.rotation_error
+                    goal = Goal(key, one.q, EXACT, *off)
+                    self._exact.setdefault(key, []).append(goal)
+                    return goal
+        if begun == STARTS and not self.found(key):
+            self.failed[key] = why or "inverse kinematics found no way to it"
+            if self._node_of(target) is None:
+                self.meet.remove(target)
+        return None
+
+    def _is_new(self, key: int, q: np.ndarray) -> bool:
+        robot = self.planner.robot
+        return all(
+            np.abs(difference(robot, q, goal.q)).max() >= _APART
+            for goal in self.found(key)
+        )
+
+    def _seed(
+        self, key: int, T_base_tool: np.ndarray, number: int
+    ) -> np.ndarray | None:
+        if number == _BEFORE:
+            return self.meet.reach.witness(T_base_tool)
+        if key not in self._seeds:
+            self._seeds[key] = self.index.nearest(T_base_tool, _BEFORE + _AFTER)
+        nodes, at = self._seeds[key], number - (number > _BEFORE)
+        return self.index.nodes[nodes[at]] if at < len(nodes) else None
+
+    def _node_of(self, target: Target) -> Goal | None:
+        key = target.key
+        if key not in self._near:
+            self._near[key] = None
+            T_base_tool = self._T_base_world @ target.T_world_tool
+            for node in self.index.within(T_base_tool, self.near_m, self.near_rad):
+                q = self.index.nodes[node]
+                if self._trouble(q) is None:
+                    off = self.index.off(node, T_base_tool)
+                    self._near[key] = Goal(key, q, NODE, *off, node)
+                    break
+        return self._near[key]
+
+    def _trouble(self, q: np.ndarray) -> str | None:
+        """Return why q can never be a goal in this place, None if it can."""
+        try:
+            check_valid(self.planner, q, "it")
+        except BadConfiguration as error:
+            return str(error)
+        return None
+
+    def _is_taken(self, target: Target, goal: Goal) -> bool:
+        """Whether the person's hand gets to the object as the goal holds it."""
+        meet = self.meet
+        T_world_tool = meet.settings.T_world_base @ self.index.T_base_tool[goal.node]
+        T_hand = T_world_tool @ meet.obj.T_tool_object @ meet.grasps[target.grasp]
+        return len(meet.human.arm_ik(meet.settings.side, T_hand).q) > 0

@@ -1,0 +1,194 @@
+"""Which configurations of a target the planner is offered, for one job a frame.
+
+A target may have several configurations. One that keeps clear of the person now is
+looked for among those known; what it takes to offer it, a start of the inverse
+kinematics or joining it to the roadmap, costs up to some milliseconds and is done in
+one frame each, before the frame that sets the goals.
+"""
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from handover.meet.workspace import Target
+from handover.targets.target_goals import EXACT, Goal, TargetGoals
+from roadmap.errors import BadConfiguration
+
+if TYPE_CHECKING:
+    from odm.planner.planner import ReactivePlanner
+
+_TESTS = 16  # configurations tested in a frame, some 13 us each
+_TRUSTED = 8  # frames a test that found none is trusted
+_LOOKUPS = 2  # targets in a frame for which near nodes are looked up
+_EACH = 2  # configurations of one target that are goals at once
+_SOLVE, _PREPARE = "solve", "prepare"
+
+
+class Offer(Enum):
+    """What came of offering a target."""
+
+    MADE = "it has a goal that can be set now"
+    COMING = "it will have one, or be found to have none, some frames from now"
+    NOT_NOW = "all configurations known are blocked in this frame, or there is none"
+
+
+class TargetOffers:
+    """Holds the goals of the targets on offer, and works towards more of them.
+
+    Args:
+        planner: Its last frame tells what keeps clear; its goals are prepared here.
+        finder: Knows the configurations.
+        attach_every: Frames from one goal joined to the roadmap to the next.
+
+    Attributes:
+        attached: Goals joined to the roadmap so far.
+    """
+
+    def __init__(
+        self, planner: "ReactivePlanner", finder: TargetGoals, attach_every: int
+    ) -> None:
+        """Offer nothing."""
+        self.planner, self.finder, self.attach_every = planner, finder, attach_every
+        self.attached = 0
+        self._goals: dict[int, list[Goal]] = {}
+        self._frame, self._attached_at = 0, -attach_every
+        self._joined: Goal | None = None  # the last one, where none is kept
+        self._clear: dict[int, tuple[int, Goal | None]] = {}  # frame, what was found
+        self.begin({})
+
+    def begin(self, targets: dict[int, Target]) -> None:
+        """Begin a frame.
+
+        Args:
+            targets: Those of the frame and those on offer, by their cells.
+        """
+        self._frame += 1
+        self._targets = targets
+        self._job: tuple[str, int, Goal | None] | None = None
+        self._tests, self._lookups = _TESTS, _LOOKUPS
+
+    def offer(self, key: int) -> Offer:
+        """Offer a target if that is cheap now; else see to it that it will be."""
+        goal = self.ready(key)
+        if goal is not None:
+            self._goals[key] = [goal]
+            return Offer.MADE
+        return self._order(key)
+
+    def ready(self, key: int) -> Goal | None:
+        """Return a goal of a target that is clear and costs next to nothing, or None.
+
+        The exact pose, joined already; else a node near it.
+        """
+        goal = self._clear_of(key)
+        if goal is not None and self._is_joined(goal):
+            return goal
+        node = self._node(key)
+        return node if node is not None and self._stands(node) else None
+
+    def renew(self, keys: tuple[int, ...]) -> None:
+        """Where all goals of a target on offer are blocked, look for another one."""
+        for key in keys:
+            before = self._goals.get(key, [])
+            if any(self._stands(goal) for goal in before):
+                continue
+            goal = self._clear_of(key)
+            if goal is not None and self._is_joined(goal):
+                others = [g for g in before if g is not goal]
+                self._goals[key] = [goal, *others][:_EACH]
+            else:
+                self._order(key)
+
+    def work(self, pursued: int | None) -> None:
+        """Do this frame's job; a target pursued by way of a node gets its pose, too."""
+        before = self._goals.get(pursued, [])
+        if pursued is not None and not any(goal.kind == EXACT for goal in before):
+            goal = self._clear_of(pursued)
+            if goal is not None and self._is_joined(goal):
+                self._goals[pursued] = [goal, *before][:_EACH]
+            elif self._job is None:
+                self._order(pursued)
+        if self._job is None:
+            return
+        what, key, goal = self._job
+        if what == _SOLVE:
+            if self.finder.work(self._targets[key]) is not None:
+                self._clear.pop(key, None)
+            return
+        self._attached_at, self._joined = self._frame, goal
+        self.attached += 1
+        try:
+            self.planner.prepare_goal(goal.q)
+        except BadConfiguration:  # something else is in the hand, or stands about
+            self.forget()
+
+    def goals(self, keys: tuple[int, ...]) -> tuple[Goal, ...]:
+        """Return the goals of the targets on offer, no configuration twice.
+
+        Args:
+            keys: Their cells, best first; what was offered of others is dropped.
+        """
+        for key in keys:  # spares
+            if key not in self._goals:
+                goal = self.ready(key)
+                self._goals[key] = [] if goal is None else [goal]
+        self._goals = {key: self._goals[key] for key in keys}
+        once = {g.q.tobytes(): g for key in reversed(keys) for g in self._goals[key]}
+        return tuple(
+            g for key in keys for g in self._goals[key] if once[g.q.tobytes()] is g
+        )
+
+    def forget(self) -> None:
+        """Forget all: the hand, the scenery or the clearance has changed."""
+        self.finder.forget()
+        self._goals.clear()
+        self._clear.clear()
+        self._joined = self._job = None
+
+    # --- inside ----------------------------------------------------------------
+
+    def _order(self, key: int) -> Offer:
+        """Let this frame's job, if it is still free, be one for a target."""
+        goal = self._clear_of(key)
+        if goal is not None:
+            rested = self._frame - self._attached_at >= self.attach_every
+            if self._job is None and rested:
+                self._job = _PREPARE, key, goal
+            return Offer.COMING
+        if key not in self._targets or not self.finder.is_open(key):
+            return Offer.NOT_NOW
+        if self._job is None:
+            self._job = _SOLVE, key, None
+        return Offer.COMING
+
+    def _clear_of(self, key: int) -> Goal | None:
+        """Return a configuration that keeps clear, one that is joined before others."""
+        when, goal = self._clear.get(key, (-_TRUSTED, None))
+        if when == self._frame or (goal is None and self._frame - when < _TRUSTED):
+            return goal
+        known = self.finder.found(key)
+        if not known or self._tests < len(known):
+            return None
+        goal = None
+        for one in sorted(known, key=lambda g: not self._is_joined(g)):
+            if self._stands(one):
+                goal = one
+                break
+        self._clear[key] = self._frame, goal
+        return goal
+
+    def _stands(self, goal: Goal) -> bool:
+        self._tests -= 1
+        return self.planner.stands_clear(goal.q)
+
+    def _is_joined(self, goal: Goal) -> bool:
+        return goal is self._joined or self.planner.is_prepared(goal.q)
+
+    def _node(self, key: int) -> Goal | None:
+        target = self._targets.get(key)
+        if target is None:
+            return None
+        if not self.finder.knows_node(key):
+            if self._lookups <= 0:
+                return None
+            self._lookups -= 1
+        return self.finder.near_node(target)

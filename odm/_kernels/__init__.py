@@ -1,1 +1,0 @@
-"""Compiled loops of the odm package; bare on purpose, checks stand outside."""

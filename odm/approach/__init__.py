@@ -1,0 +1,1 @@
+"""The last centimetres: a straight tool motion, proved by the close test."""

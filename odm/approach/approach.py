@@ -1,0 +1,277 @@
+"""The last centimetres: a straight tool motion to a pose, proved by the close test.
+
+A candidate is a configuration that has the tool at the pose; the line is followed
+from it back to where the approach begins (`odm.approach.tool_line`). Every leg must
+pass what `is_free` asks: limits, self-collision, scenery and the frame's points, with
+the bound of motion over its whole length. Where the map's cover says no, the finer
+cover of `odm.approach.fine_cover` decides. Work is counted, not timed: the same input
+gives the same bytes.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm.answer import Freedom
+from odm.approach.approach_answer import Approach, ApproachSettings, Obstruction
+from odm.approach.legs import LegTest, Tested
+from odm.approach.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
+from odm.checks import check_configuration
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.kinematics.inverse import checked_pose
+from roadmap.ranges import is_between
+
+if TYPE_CHECKING:
+    from odm.planner.planner import ReactivePlanner
+
+_SAME = 0.1  # [rad or m] solutions nearer than this count as one
+_CLASS = 0.01  # [m] clearances within this are equal: the better posture goes first
+_FAR = 0.06  # [m] more clearance than this is no better
+
+
+@dataclass
+class _Search:
+    """The failure that came nearest to an approach, by the share of the line.
+
+    Below 0: not even the pose itself was free.
+    """
+
+    best: tuple = ((-1.0, 0.0), "", None)
+
+    def failed(self, share: float, text: str, what: Obstruction | None = None) -> None:
+        key = (share, -what.missing_m if what else 0.0)
+        if key > self.best[0]:
+            self.best = (key, text, what)
+
+
+class Approacher:
+    """Looks for approaches with one planner; see `ReactivePlanner.approach`.
+
+    Args:
+        planner: Its map, scenery and last frame count.
+        settings: See ApproachSettings.
+    """
+
+    def __init__(
+        self, planner: "ReactivePlanner", settings: ApproachSettings | None = None
+    ) -> None:
+        """Compute the tool's pose at every node of the roadmap."""
+        self.planner = planner
+        self.settings = settings or ApproachSettings()
+        self.tool = ToolKinematics(planner.robot)
+        self._nodes = planner.cell_map.roadmap.nodes
+        self._near = NearPoses(self.tool.tools(self._nodes))
+        self.legs = LegTest(planner, self.settings.fine)
+
+    def run(
+        self,
+        T_base_tool: np.ndarray,
+        q: np.ndarray | None = None,
+        distance: float = 0.15,
+        direction: np.ndarray | None = None,
+        phase: str | None = None,
+    ) -> Approach:
+        """Find a proved straight motion; see `ReactivePlanner.approach`."""
+        planner = self.planner
+        planner.memory.owner.check()
+        T = checked_pose(T_base_tool)
+        line = self._line(T, q, distance, direction)
+        self.legs.look(phase)
+        nothing = np.empty((0, planner.robot.dof))
+        if planner.trouble is not None:
+            text = f"the last frame could not be used: {planner.trouble}"
+            return Approach(nothing, reason=text)
+        search, before = _Search(), self.tool.descents
+        self.legs.motions = 0
+        if q is not None:
+            q = np.ascontiguousarray(check_configuration(planner.robot, q, None))
+            found = self._from_start(line, q.copy(), search)
+        else:
+            found = self._from_end(line, search)
+        work = {"descents": self.tool.descents - before, "motions": self.legs.motions}
+        if found is None:
+            _, text, what = search.best
+            return Approach(nothing, reason=text, blocker=what, **work)
+        way, fine = found
+        return Approach(way.q, way.error_m, way.error_rad, fine=fine, **work)
+
+    def leg_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
+        """Test a straight joint motion as approaches are tested.
+
+        As `ReactivePlanner.is_free`, but where the map's cover says no the finer one
+        decides, if the settings allow that.
+        """
+        planner = self.planner
+        free = planner.is_free(q_a, q_b)
+        if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
+            return free
+        self.legs.look()
+        q_a = np.array(q_a, float)
+        tested = self.legs.by_fine(q_a, planner._difference(q_a, q_b))
+        return Freedom(not tested.failed, tested.failed or None, tested.text)
+
+    # --- inside ----------------------------------------------------------------
+
+    def _line(self, T, q, distance, direction) -> Line:
+        robot = self.planner.robot
+        if q is not None:
+            if direction is not None:
+                raise BadInput(
+                    "q and direction were both given; the line runs from q's tool "
+                    "pose: leave direction out"
+                )
+            q = check_configuration(robot, q, None)
+            if not np.isfinite(q).all():
+                raise BadInput(f"q holds NaN or infinity: {q}; give numbers")
+            return Line.between(tool_pose(robot, q), T)
+        if not (is_between(distance, 0.0, 2.0) and distance > 0.0):
+            raise BadInput(
+                f"a distance of {distance} m is not above 0 and at most 2 m; 0.15 m "
+                "suits most approaches"
+            )
+        along = T[:3, 2] if direction is None else np.asarray(direction, float)
+        length = np.linalg.norm(along) if along.shape == (3,) else 0.0
+        if not (np.isfinite(length) and length > 1e-9):
+            raise BadInput(
+                f"the direction {direction} is no (3,) vector with a length; give the "
+                "way of the tool in the base frame"
+            )
+        start = T.copy()
+        start[:3, 3] -= distance * along / length
+        return Line.between(start, T)
+
+    def _from_start(self, line: Line, q: np.ndarray, search: _Search):
+        way = self._follow(line, q, 0.0, 1.0)
+        if way.stopped:
+            search.failed(float(way.s[-1]), way.stopped)
+            return None
+        return self._prove(way, line, search)
+
+    def _from_end(self, line: Line, search: _Search):
+        """Try solutions of the pose, best first; return (way, fine cover needed)."""
+        target, tried = line.poses(1.0)[0], []
+        nearest = (np.inf, np.inf)
+        for seeds in self._seeds(target):
+            new, nearest = self._solutions(target, seeds, tried, nearest)
+            for q in self._ranked(new):
+                if not self._free_at_end(q, search):
+                    continue
+                way = self._follow(line, q, 1.0, 0.0)
+                if way.stopped:
+                    search.failed(0.0, way.stopped)
+                    continue
+                way = Follow(way.q[::-1], way.s[::-1], way.error_m, way.error_rad)
+                if not self._starts_free(way.q[0].copy(), search):
+                    continue
+                found = self._prove(way, line, search)
+                if found is not None or self._is_spent():
+                    return found
+        if not tried:
+            off, turned = nearest
+            text = (
+                "no configuration within limits has the tool at the pose: the nearest "
+                f"found is {100 * off:.1f} cm and {np.degrees(turned):.0f} deg away; "
+                "move the pose nearer or turn it"
+            )
+            search.failed(-0.9, text)
+        return None
+
+    def _starts_free(self, q: np.ndarray, search: _Search) -> bool:
+        """Test the pre-pose by the map's cover: the planner must get there by it."""
+        free = self.planner.is_free(q, q)
+        self.legs.motions += 1
+        if not free:
+            text = (
+                f"the start of the approach is not free: {free.reason}; give a longer "
+                "distance or another direction"
+            )
+            search.failed(0.0, text, Obstruction(-1, 0, free.failed))
+        return bool(free)
+
+    def _follow(self, line: Line, q: np.ndarray, s_from: float, s_to: float) -> Follow:
+        s = self.settings
+        limits = (s.line_m, s.line_rad)
+        return follow(self.tool, line, q, s_from, s_to, s.step_m, limits)
+
+    def _seeds(self, target: np.ndarray) -> list[list[np.ndarray]]:
+        """Return seeds round by round: here, then nodes whose tool is near the pose.
+
+        A round takes every so-manieth of the near ones, so that postures differ.
+        """
+        n, rounds = self.settings.seeds, self.settings.rounds
+        near = self._near.nearest(target, 4 * n * rounds)
+        here = self.planner._q
+        first = [here] if np.isfinite(here).all() else []
+        chosen = [
+            [self._nodes[k] for k in near[r :: 4 * rounds]] for r in range(rounds)
+        ]
+        chosen[0] = [*first, *chosen[0]]
+        return [seeds[:n] for seeds in chosen]
+
+    def _solutions(self, target, seeds, tried, nearest):
+        new = []
+        for seed in seeds:
+            q = np.array(seed, float)
+            reached, off, turned = self.tool.reach(target, q)
+            if not reached:
+                nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
+                continue
+            robot = self.planner.robot
+            if tried and np.abs(difference(robot, tried, q)).max(axis=1).min() < _SAME:
+                continue
+            tried.append(q)
+            new.append(q)
+        return new, nearest
+
+    def _ranked(self, solutions: list[np.ndarray]) -> list[np.ndarray]:
+        """Return the clear first, by whole centimetres, then the most manipulable."""
+        rows = []
+        for k, q in enumerate(solutions):
+            gap = self.legs.gap(q, _FAR)
+            rows.append((-np.floor(gap / _CLASS), -self.tool.manipulability(q), k))
+        return [solutions[k] for *_, k in sorted(rows)]
+
+    def _is_spent(self) -> bool:
+        return self.legs.motions >= self.settings.motions
+
+    def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
+        tested = self.legs.test(q, np.zeros_like(q))
+        if tested.failed:
+            share = -0.5 if tested.failed == "frame" else -0.6
+            self._tell(tested, -1, 0, "the pose itself is not free", share, search)
+        return not tested.failed
+
+    def _prove(self, way: Follow, line: Line, search: _Search):
+        """Test every leg; return (way, whether the fine cover was needed) or None."""
+        legs, fine = len(way.q) - 1, False
+        for k in range(legs):
+            if self._is_spent():
+                text = (
+                    f"the budget of {self.settings.motions} motions was spent before "
+                    "a line was proved; allow more motions, or give a start q"
+                )
+                search.failed(float(way.s[k]), text)
+                return None
+            dq = np.ascontiguousarray(
+                difference(self.planner.robot, way.q[k], way.q[k + 1])
+            )
+            tested = self.legs.test(way.q[k].copy(), dq, fine)
+            if tested.failed:
+                left = 100 * (1.0 - way.s[k]) * line.length
+                place = f"leg {k} of {legs} is blocked, {left:.1f} cm before the end"
+                self._tell(tested, k, legs, place, float(way.s[k]), search)
+                return None
+            fine |= tested.fine
+        return way, fine
+
+    def _tell(self, tested: Tested, leg, legs, place, share, search) -> None:
+        text = f"{place}: {tested.text}"
+        if tested.failed == "frame":
+            text += f"; move it at least {1e3 * tested.missing_m + 0.1:.1f} mm away"
+        text += ", or give another pose or direction"
+        what = Obstruction(
+            leg, legs, tested.failed, tested.link, tested.point, tested.missing_m
+        )
+        search.failed(share, text, what)

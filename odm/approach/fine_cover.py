@@ -1,0 +1,153 @@
+"""A finer sphere cover of what the tool carries, for the last centimetres.
+
+The map's cover is coarse, since every cell list pays for it: a sphere may stick out of
+its link by `cover_excess`. A hand in a bin cannot afford that. Here the links of the
+outermost bodies, those that enter the bin, are covered anew, by the same proof
+(`roadmap.geometry.spheres`), as tightly as 60 spheres per link allow. All other links
+keep the map's spheres. The close test runs with this cover as with the other.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm.close_test import _close as close
+from odm.close_test._arm import make_work
+from odm.close_test.arm import arm_of
+from odm.close_test.static import StaticTest
+from odm.obstacles._cloud import Cloud
+from odm.obstacles.surfaces import rounded_covering
+from odm.planner.last_phase import Cover
+from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
+from roadmap.kinematics.axis_reach import joint_span, point_reach
+from roadmap.loading.held_link import with_payload
+from roadmap.robot.robot import PARENT, Robot
+
+if TYPE_CHECKING:
+    from odm.planner.planner import ReactivePlanner
+
+EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
+
+
+@lru_cache(maxsize=8)
+def _covered(fingerprint: str, holder: "_Same") -> tuple[Robot, dict[str, float]]:
+    robot = holder.robot
+    links = [k for k, b in enumerate(robot.link_body) if b in outer_bodies(robot)]
+    solids = robot_solids(robot)
+    own = {k: [s for s in solids if s.link == k] for k in links}
+    covers = {k: cover_solids(own[k], EXCESS) for k in links if own[k]}
+    excess = {robot.link_names[k]: cover_excess(c, own[k]) for k, c in covers.items()}
+    stays = ~np.isin(robot.sphere_link, list(covers))
+    spheres = np.concatenate([robot.spheres[stays], *covers.values()])
+    link = np.concatenate(
+        [robot.sphere_link[stays], *(np.full(len(c), k) for k, c in covers.items())]
+    ).astype(np.int32)
+    body = robot.link_body[link]
+    span = joint_span(robot.tree_i, robot.tree_f, robot.lower, robot.upper)
+    new = int(stays.sum())
+    reach = point_reach(robot.tree_i, robot.tree_f, span, body[new:], spheres[new:, :3])
+    reach = np.concatenate([robot.sphere_reach[stays], reach])
+    fine = replace(
+        robot, spheres=spheres, sphere_body=body, sphere_link=link, sphere_reach=reach
+    )
+    return fine, excess
+
+
+class _Same:
+    """A robot that a cache does not look at: its fingerprint is the key."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same)
+
+    def __hash__(self) -> int:
+        return 0
+
+
+def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
+    """Return the robot with tighter spheres on its outermost links, and their excess.
+
+    Takes about a second per link, once per robot and process. The same robot gives the
+    same spheres.
+    """
+    return _covered(robot.fingerprint(), _Same(robot))
+
+
+def outer_bodies(robot: Robot) -> set[int]:
+    """Return the tool's body and what hangs on it; its ancestors while it is bare."""
+    top = int(robot.tip_body)
+    while top > 0:
+        below = {top}
+        for b in range(top + 1, len(robot.tree_i)):  # parents come before children
+            if int(robot.tree_i[b, PARENT]) in below:
+                below.add(b)
+        links = np.flatnonzero(np.isin(robot.link_body, list(below)))
+        if np.isin(robot.solid_link, links).any():
+            return below
+        top = int(robot.tree_i[top, PARENT])
+    return set()
+
+
+class FineTest:
+    """The four tests' scenery and frame parts with the fine cover.
+
+    Args:
+        planner: Its scenery, points and safety terms count.
+
+    Attributes:
+        excess: By link with a fine cover, how far a sphere sticks out at most [m].
+    """
+
+    def __init__(self, planner: "ReactivePlanner") -> None:
+        """Cover the outermost links; takes seconds the first time."""
+        self.planner = planner
+        self.robot, self.excess = fine_robot(planner.robot)
+        thing = planner.carrier.thing
+        if thing is not None:
+            self.robot = with_payload(self.robot, thing.spheres, thing.shell, [])
+        cell_map = planner.cell_map
+        self.static = StaticTest(
+            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
+        )
+        self.arm = arm_of(self.robot)
+        self.static.set_extra(planner.extra)
+        self.balls = self.arm.spheres[:, 3] + cell_map.safety.m + planner.extra
+        self.radii = np.zeros(len(self.balls))
+        moving = np.flatnonzero(self.robot.sphere_body > 0)
+        order = np.argsort(self.robot.sphere_body[moving], kind="stable")
+        self.link = self.robot.sphere_link[moving[order]]
+        n_bodies = len(self.robot.tree_i)
+        self.work = make_work(len(self.balls), n_bodies, self.robot.dof)
+        self._sampled: object = self
+        self._place: object = None
+
+    def follow(self) -> None:
+        """Take over the planner's scenery of the place and how points are sampled."""
+        planner = self.planner
+        if self._place is not planner.static.place_points:
+            self._place = planner.static.place_points
+            self.static.set_place(self._place)
+        if self._sampled != planner._sampled:
+            self._sampled = planner._sampled
+            declared, rounding = planner._sampled
+            rho = planner.rho if declared is None else declared
+            self.radii[:] = [
+                ball + rounded_covering(rho, rounding or 0.0, ball)
+                for ball in self.balls
+            ]
+
+    def cover(self) -> Cover:
+        """Return the spheres for `LastPhase`."""
+        links = [self.robot.link_names[k] for k in self.link]
+        return Cover(self.arm, self.radii, links, self.work)
+
+    def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
+        """Test q + t dq against points; where False, `work` says which one."""
+        tolerance = self.planner.cell_map.motion_tolerance
+        return close.motion_clear(
+            self.arm, self.radii, q, dq, tolerance, cloud, False, self.work
+        )

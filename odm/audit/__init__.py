@@ -1,0 +1,1 @@
+"""Attempts to falsify a map or a planner by exact geometry."""

@@ -1,0 +1,316 @@
+"""The audit's inner loop: place an obstacle, ask the map, measure exactly."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from odm.audit._exact import Convexes, core_distance, winding
+from odm.close_test._close import motion_clear
+from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
+from roadmap.kinematics._forward import body_frames
+
+FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
+STEPS = 16  # halvings: the boundary is met to 7 um
+
+
+class Library(NamedTuple):
+    """Obstacles with their samples, each in its own frame."""
+
+    parts: Convexes
+    part_ptr: np.ndarray  # (n + 1,) convex parts of an obstacle
+    hollow: np.ndarray  # (n,) True: the parts are facets of a mesh
+    points: np.ndarray  # (N, 3) samples
+    point_ptr: np.ndarray  # (n + 1,)
+    aims: np.ndarray  # (A, 6) surface points and outward directions
+    aim_ptr: np.ndarray  # (n + 1,)
+
+
+class Solids(NamedTuple):
+    """The robot's exact solids."""
+
+    parts: Convexes
+    body: np.ndarray  # (n,)
+    pose: np.ndarray  # (n, 12) in the body
+    used: np.ndarray  # (n,) False: never moves
+    targets: np.ndarray  # (K, 6) surface points and outward normals
+    target_part: np.ndarray  # (K,) solid they belong to
+
+
+class Asked(NamedTuple):
+    """The map under audit."""
+
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
+    nodes: np.ndarray
+    edges: np.ndarray
+    dq: np.ndarray  # (m, dof) along each edge
+    close: bool  # True: ask the close test instead of the cells
+    tolerance: float  # of the close test
+    radii: np.ndarray  # of the close test
+
+
+class Pairs(NamedTuple):
+    """Random choices, one row a pair."""
+
+    motion: np.ndarray  # (n,) edge, or -1 - node
+    t: np.ndarray  # (n,)
+    obstacle: np.ndarray  # (n,)
+    aim: np.ndarray  # (n,) row of Library.aims
+    target: np.ndarray  # (n,) row of Solids.targets
+    wobble: np.ndarray  # (n, 6) added to approach and to the obstacle's direction
+    spin: np.ndarray  # (n,) [rad]
+    shift: np.ndarray  # (n, 3) added to the target point [m]
+    start: np.ndarray  # (n,) distance where nothing is bisected; NaN: bisect
+
+
+class Found(NamedTuple):
+    """What came out, one row a pair."""
+
+    free: np.ndarray  # (n,) the map calls the motion free
+    boundary: np.ndarray  # (n,) the obstacle lies on the free side of its boundary
+    distance: np.ndarray  # (n,) exact, capped; lower bound [m]
+    gap: np.ndarray  # (n,) the true one is at most this much larger
+    part: np.ndarray  # (n,) solid nearest
+    frame: np.ndarray  # (n, 12) pose of the obstacle
+
+
+@njit(cache=True, nogil=True)
+def compose(f, g, out):
+    """Write the product of poses f and g (12,) to out."""
+    for i in range(3):
+        for j in range(3):
+            out[3 * i + j] = (
+                f[3 * i] * g[j] + f[3 * i + 1] * g[3 + j] + f[3 * i + 2] * g[6 + j]
+            )
+        out[9 + i] = (
+            f[3 * i] * g[9] + f[3 * i + 1] * g[10] + f[3 * i + 2] * g[11] + f[9 + i]
+        )
+
+
+@njit(cache=True, nogil=True)
+def place_solids(tree_i, tree_f, solids, q, bodies, frames):
+    """Write the poses of the robot's solids at q to `frames` (n, 12)."""
+    body_frames(tree_i, tree_f, q, bodies)
+    for i in range(frames.shape[0]):
+        compose(bodies[solids.body[i]], solids.pose[i], frames[i])
+
+
+@njit(cache=True, nogil=True)
+def basis(x, y, z, out):
+    """Write a right-handed basis whose first column is (x, y, z), made unit."""
+    size = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / size, y / size, z / size
+    if abs(x) <= abs(y) and abs(x) <= abs(z):
+        u, v, w = 0.0, -z, y
+    elif abs(y) <= abs(z):
+        u, v, w = z, 0.0, -x
+    else:
+        u, v, w = -y, x, 0.0
+    size = math.sqrt(u * u + v * v + w * w)
+    u, v, w = u / size, v / size, w / size
+    out[0, 0], out[1, 0], out[2, 0] = x, y, z
+    out[0, 1], out[1, 1], out[2, 1] = u, v, w
+    out[0, 2], out[1, 2], out[2, 2] = y * w - z * v, z * u - x * w, x * v - y * u
+
+
+@njit(cache=True, nogil=True)
+def turn(a, b, spin, frame):
+    """Write to `frame` a rotation that takes a to b, then turns by spin round b."""
+    from_, to = np.empty((3, 3)), np.empty((3, 3))
+    basis(a[0], a[1], a[2], from_)
+    basis(b[0], b[1], b[2], to)
+    c, s = math.cos(spin), math.sin(spin)
+    for i in range(3):
+        u = c * to[i, 1] + s * to[i, 2]
+        v = -s * to[i, 1] + c * to[i, 2]
+        for j in range(3):
+            frame[3 * i + j] = (
+                to[i, 0] * from_[j, 0] + u * from_[j, 1] + v * from_[j, 2]
+            )
+
+
+@njit(cache=True, nogil=True)
+def asked_free(asked, arm, motion, points, cloud, work):
+    """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
+    clear(cloud)
+    mark_points(points, cloud)
+    n_nodes = asked.nodes.shape[0]
+    if asked.close:
+        sort_points(points, cloud)
+        if motion < 0:
+            q, dq = asked.nodes[-1 - motion], np.zeros(asked.nodes.shape[1])
+        else:
+            q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
+        return motion_clear(
+            arm, asked.radii, q, dq, asked.tolerance, cloud, False, work
+        )
+    words = cloud.words
+    ptr, block, mask = asked.ptr, asked.block, asked.mask
+    if motion < 0:
+        return item_hit(ptr, block, mask, -1 - motion, words) < 0
+    if item_hit(ptr, block, mask, asked.edges[motion, 0], words) >= 0:
+        return False
+    if item_hit(ptr, block, mask, asked.edges[motion, 1], words) >= 0:
+        return False
+    return item_hit(ptr, block, mask, n_nodes + motion, words) < 0
+
+
+@njit(cache=True, nogil=True)
+def swallowed(solids, frames, library, k, frame):
+    """Return a solid that lies inside hollow obstacle k, or -1.
+
+    Only asked where no facet is touched: then one point of a solid speaks for it all.
+    """
+    b = library.parts
+    start, end = b.ptr[library.part_ptr[k]], b.ptr[library.part_ptr[k + 1]]
+    triangles = b.points[start:end].copy().reshape((end - start) // 3, 3, 3)
+    for i in range(frames.shape[0]):
+        if not solids.used[i]:
+            continue
+        f, ball = frames[i], solids.parts.ball[i]
+        p = np.empty(3)
+        for c in range(3):
+            p[c] = f[9 + c] - frame[9 + c] + f[3 * c] * ball[0]
+            p[c] += f[3 * c + 1] * ball[1] + f[3 * c + 2] * ball[2]
+        x = frame[0] * p[0] + frame[3] * p[1] + frame[6] * p[2]
+        y = frame[1] * p[0] + frame[4] * p[1] + frame[7] * p[2]
+        z = frame[2] * p[0] + frame[5] * p[1] + frame[8] * p[2]
+        if abs(winding(triangles, x, y, z)) > 0.5:
+            return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def exact_distance(solids, frames, library, k, frame, cap, found):
+    """Return (distance, gap) of the moving solids from obstacle k; see nearest_pair."""
+    best, gap = cap, 0.0
+    found[0] = -1
+    a, b = solids.parts, library.parts
+    first, last = library.part_ptr[k], library.part_ptr[k + 1]
+    centers = np.empty((last - first, 3))
+    for j in range(first, last):
+        ball = b.ball[j]
+        for c in range(3):
+            centers[j - first, c] = frame[9 + c] + (
+                frame[3 * c] * ball[0]
+                + frame[3 * c + 1] * ball[1]
+                + frame[3 * c + 2] * ball[2]
+            )
+    for i in range(frames.shape[0]):
+        if not solids.used[i]:
+            continue
+        f, ball = frames[i], a.ball[i]
+        x = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
+        y = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
+        z = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        for j in range(first, last):
+            c = centers[j - first]
+            reach = best + ball[3] + b.ball[j, 3]
+            d2 = (x - c[0]) ** 2 + (y - c[1]) ** 2 + (z - c[2]) ** 2
+            if reach <= 0.0 or d2 >= reach * reach:
+                continue
+            margin = a.margin[i] + b.margin[j]
+            low, high = core_distance(a, i, f, b, j, frame, best + margin)
+            if low - margin < best:
+                best, gap = low - margin, high - low
+                found[0] = i
+    if library.hollow[k] and best > 0.0:
+        inside = swallowed(solids, frames, library, k, frame)
+        if inside >= 0:
+            found[0] = inside
+            return 0.0, 0.0
+    return best, gap
+
+
+@njit(cache=True, nogil=True)
+def shifted(local, frame, out):
+    """Write the samples `local` (n, 3), placed by `frame`, to out."""
+    for i in range(local.shape[0]):
+        x, y, z = local[i, 0], local[i, 1], local[i, 2]
+        for c in range(3):
+            out[i, c] = (
+                frame[3 * c] * x + frame[3 * c + 1] * y + frame[3 * c + 2] * z
+            ) + frame[9 + c]
+
+
+@njit(cache=True, nogil=True)
+def approach(solids, frames, library, pairs, k, frame, line):
+    """Write the obstacle's turned pose to `frame`, and to `line` (6,) its way in.
+
+    At distance s the obstacle's origin is line[:3] + s line[3:]; its aim point is then
+    at the robot's target point, s along the approach.
+    """
+    target = solids.targets[pairs.target[k]]
+    f = frames[solids.target_part[pairs.target[k]]]
+    aim = library.aims[pairs.aim[k]]
+    facing = np.empty(3)
+    size = 0.0
+    for c in range(3):
+        normal = f[3 * c] * target[3] + f[3 * c + 1] * target[4]
+        normal += f[3 * c + 2] * target[5]
+        line[3 + c] = normal + pairs.wobble[k, c]
+        facing[c] = -normal + pairs.wobble[k, 3 + c]
+        size += line[3 + c] ** 2
+    size = math.sqrt(size)
+    turn(aim[3:6], facing, pairs.spin[k], frame)
+    for c in range(3):
+        line[3 + c] /= size
+        p = f[3 * c] * target[0] + f[3 * c + 1] * target[1] + f[3 * c + 2] * target[2]
+        offset = frame[3 * c] * aim[0] + frame[3 * c + 1] * aim[1]
+        offset += frame[3 * c + 2] * aim[2]
+        line[c] = p + f[9 + c] + pairs.shift[k, c] - offset
+
+
+@njit(cache=True, nogil=True)
+def free_at(s, asked, arm, motion, local, frame, line, points, cloud, work):
+    """Move the obstacle to distance s of its line and ask the map."""
+    for c in range(3):
+        frame[9 + c] = line[c] + s * line[3 + c]
+    shifted(local, frame, points)
+    return asked_free(asked, arm, motion, points, cloud, work)
+
+
+@njit(cache=True, nogil=True)
+def audit_pairs(asked, arm, solids, library, pairs, cap, cloud, work, found):
+    """Ask and measure all pairs; results go to `found`."""
+    bodies = np.empty((arm.tree_i.shape[0], 12))
+    frames = np.empty((solids.body.shape[0], 12))
+    q, line = np.empty(asked.nodes.shape[1]), np.empty(6)
+    nearest = np.empty(1, np.int64)
+    for k in range(pairs.motion.shape[0]):
+        motion, which = pairs.motion[k], pairs.obstacle[k]
+        if motion < 0:
+            q[:] = asked.nodes[-1 - motion]
+        else:
+            q[:] = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
+        place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, frames)
+        frame = found.frame[k]
+        approach(solids, frames, library, pairs, k, frame, line)
+        local = library.points[library.point_ptr[which] : library.point_ptr[which + 1]]
+        points = np.empty(local.shape)
+        job = (asked, arm, motion, local, frame, line, points, cloud, work)
+        bisect = math.isnan(pairs.start[k])
+        s = FAR if bisect else pairs.start[k]
+        free = free_at(s, *job)
+        found.boundary[k] = False
+        if bisect and free and not free_at(NEAR, *job):
+            low, high = NEAR, FAR
+            for _ in range(STEPS):
+                middle = 0.5 * (low + high)
+                if free_at(middle, *job):
+                    high = middle
+                else:
+                    low = middle
+            found.boundary[k] = free_at(high, *job)
+        found.free[k] = free
+        found.part[k] = -1
+        found.distance[k], found.gap[k] = np.nan, 0.0
+        if free:
+            found.distance[k], found.gap[k] = exact_distance(
+                solids, frames, library, which, frame, cap, nearest
+            )
+            found.part[k] = nearest[0]
+    clear(cloud)

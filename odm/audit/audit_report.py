@@ -1,0 +1,190 @@
+"""What an audit found: cases that can be run again, and sums over all pairs."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm.audit import _audit as kernels
+from odm.audit.audit_library import FAMILIES
+
+if TYPE_CHECKING:
+    from odm.audit.audit import Auditor
+
+N_WORST = 8
+EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One pair of the audit, enough to run it again.
+
+    Attributes:
+        motion: Edge, or -1 - node.
+        t: Where on the edge, in [0, 1].
+        q: (dof,) that configuration.
+        family, specimen: Which obstacle of the seed's library.
+        T_base_obstacle: (4, 4) its pose.
+        link: The nearest link.
+        distance: Exact separation [m], at most 0 in contact.
+    """
+
+    motion: int
+    t: float
+    q: np.ndarray
+    family: str
+    specimen: int
+    T_base_obstacle: np.ndarray
+    link: str
+    distance: float
+
+    def __str__(self) -> str:
+        """Return one line for a report."""
+        what = f"edge {self.motion}" if self.motion >= 0 else f"node {-1 - self.motion}"
+        return (
+            f"{self.distance * 1e3:7.2f} mm: {what} at t = {self.t:.6f}, {self.link} "
+            f"and {self.family} {self.specimen}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AuditReport:
+    """What an audit found.
+
+    Attributes:
+        asked: "cells" or "close test".
+        pairs, free: Pairs asked, and those that the map called free.
+        boundary: Pairs moved by bisection to the free side of the map's own boundary.
+        violations: Pairs called free whose exact separation is below m.
+        unresolved: Pairs whose two exact bounds lie on different sides of m.
+        smallest: Smallest exact separation among the pairs called free [m].
+        m: The clearance it is compared with [m].
+        worst: The nearest pairs called free, nearest first.
+        families: Family -> (pairs, free, violations, smallest separation).
+        seed, seconds, sabotage, complete: How it was run; not complete if interrupted.
+    """
+
+    asked: str
+    pairs: int
+    free: int
+    boundary: int
+    violations: int
+    unresolved: int
+    smallest: float
+    m: float
+    worst: tuple[Case, ...]
+    families: dict[str, tuple[int, int, int, float]]
+    seed: int
+    seconds: float
+    sabotage: str | None = None
+    complete: bool = True
+
+    @property
+    def free_share(self) -> float:
+        """Share of the pairs that the map called free."""
+        return self.free / max(1, self.pairs)
+
+    @property
+    def passed(self) -> bool:
+        """True if nothing called free comes nearer than m, and enough was free."""
+        clean = self.violations == 0 and self.unresolved == 0
+        return clean and self.complete and self.free_share >= 0.2
+
+    def as_dict(self) -> dict:
+        """Return everything but the poses as plain JSON data."""
+        names = (
+            "asked", "pairs", "free", "boundary", "violations", "unresolved",
+            "smallest", "m", "seed", "seconds", "sabotage", "complete",
+        )  # fmt: skip
+        plain = {name: getattr(self, name) for name in names}
+        plain["smallest"] = _number(self.smallest)
+        families = {k: [*v[:3], _number(v[3])] for k, v in self.families.items()}
+        worst = [str(case) for case in self.worst]
+        return plain | {
+            "free_share": self.free_share,
+            "passed": self.passed,
+            "families": families,
+            "worst": worst,
+        }
+
+    def __str__(self) -> str:
+        """Return the verdict in one sentence."""
+        verdict = "passed" if self.passed else "FAILED"
+        return (
+            f"audit of the {self.asked} {verdict}: {self.violations} of {self.pairs} "
+            f"pairs called free come nearer than m = {self.m * 1e3:.1f} mm, "
+            f"{self.free_share:.0%} called free, {self.boundary} tested at the map's "
+            f"boundary, smallest separation {self.smallest * 1e3:.2f} mm"
+        )
+
+
+def _number(distance: float) -> float | None:
+    """Return a distance as JSON knows it: none where nothing was called free."""
+    return distance if np.isfinite(distance) else None
+
+
+class Tally:
+    """Sums chunks up, in their order."""
+
+    def __init__(self, auditor: "Auditor") -> None:
+        """Start from nothing."""
+        self.auditor = auditor
+        self.m = auditor.cell_map.safety.m
+        self.complete = True
+        self.count = dict.fromkeys(("pairs", "free", "boundary", "bad", "open"), 0)
+        self.worst: list[Case] = []
+        self.families = {name: [0, 0, 0, np.inf] for name in FAMILIES}
+
+    def add(self, pairs: kernels.Pairs, found: kernels.Found) -> None:
+        """Count a chunk."""
+        low = np.where(found.free, found.distance, np.inf)
+        bad = low + found.gap < self.m
+        unsure = (low < self.m) & ~bad & (found.gap > EXACT_GAP)
+        bad |= (low < self.m) & ~unsure
+        count = self.count
+        count["pairs"] += len(low)
+        count["free"] += int(found.free.sum())
+        count["boundary"] += int(found.boundary.sum())
+        count["bad"] += int(bad.sum())
+        count["open"] += int(unsure.sum())
+        self._keep_worst(pairs, found, low)
+        names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
+        for i, name in enumerate(FAMILIES):
+            own = names[pairs.obstacle] == i
+            row = self.families[name]
+            row[0] += int(own.sum())
+            row[1] += int(found.free[own].sum())
+            row[2] += int(bad[own].sum())
+            row[3] = min(row[3], float(low[own].min(initial=np.inf)))
+
+    def _keep_worst(self, pairs, found, low):
+        """Keep the nearest pair of each of the nearest motions."""
+        order = np.argsort(low, kind="stable")[: 50 * N_WORST]
+        order = order[np.isfinite(low[order])]
+        _, first = np.unique(pairs.motion[order], return_index=True)
+        for k in order[np.sort(first)[:N_WORST]]:
+            self.worst.append(self.auditor.case(pairs, found, int(k)))
+        nearest = {}
+        for case in sorted(self.worst, key=lambda c: c.distance):
+            nearest.setdefault(case.motion, case)
+        self.worst = list(nearest.values())[:N_WORST]
+
+    def report(self, sabotage: str | None, seconds: float) -> AuditReport:
+        """Return the sums."""
+        count, auditor = self.count, self.auditor
+        return AuditReport(
+            asked="close test" if auditor.close else "cells",
+            pairs=count["pairs"],
+            free=count["free"],
+            boundary=count["boundary"],
+            violations=count["bad"],
+            unresolved=count["open"],
+            smallest=self.worst[0].distance if self.worst else np.inf,
+            m=self.m,
+            worst=tuple(self.worst),
+            families={k: tuple(v) for k, v in self.families.items()},
+            seed=auditor.seed,
+            seconds=seconds,
+            sabotage=sabotage,
+            complete=self.complete,
+        )

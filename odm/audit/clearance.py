@@ -1,0 +1,156 @@
+"""The clearance tax: how much farther than m an obstacle already blocks a motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm.audit import _clearance as kernels
+from odm.audit._audit import Solids
+from odm.audit.audit import Auditor
+from odm.audit.audit_library import draw_arms
+from odm.audit.exact import flat_frames, gather
+from odm.cell_map._sweep import sweep_nodes
+from odm.cell_map.cell_map import ROUNDING, CellMap
+from odm.close_test._arm import make_work
+from roadmap.robot.robot import Robot
+
+_STILL = 65  # configurations that stand for an edge without motion bound
+TERMS = ("cover", "rho", "cells", "mu")
+
+
+@dataclass(frozen=True)
+class ClearanceTax:
+    """Extra distance by term and in all: (mean, median, 95 %) [m].
+
+    How it is measured. The two-capsule arm, sampled with covering radius rho, comes
+    in on a straight line towards a random point of a random link. Noted is the exact
+    distance of the solids, robot to arm, when a test first gives the motion up:
+
+    * nodes: d0 solids come within m; d1 the cover's spheres come within m of the
+      solid arm; d2 they come within m + rho of a sample (the close test); d3 a sample
+      enters a swept cell. cover = d1 - d0, rho = d2 - d1, cells = d3 - d2.
+    * edges: distances are the smallest over the edge. mu = distance by the cells of
+      the map less that by the cells of still configurations, closely spaced.
+
+    `by_cells` is d3 - m (nodes) and `by_close_test` is d2 - m, `edge_by_cells` and
+    `edge_by_close_test` the same on edges. m itself is not a tax and is listed apart.
+
+    Attributes:
+        terms: Term -> (mean, median, 95 %) [m].
+        by_cells, by_close_test: The whole tax on nodes [m].
+        edge_by_cells, edge_by_close_test: The whole tax on edges [m].
+        m: Clearance [m].
+        lines, edge_lines: Approaches that counted.
+    """
+
+    terms: dict[str, tuple[float, float, float]]
+    by_cells: tuple[float, float, float]
+    by_close_test: tuple[float, float, float]
+    edge_by_cells: tuple[float, float, float]
+    edge_by_close_test: tuple[float, float, float]
+    m: float
+    lines: int
+    edge_lines: int
+
+    def as_dict(self) -> dict:
+        """Return everything as plain JSON data."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def clearance_tax(
+    cell_map: CellMap, n: int = 1000, seed: int = 0, n_edges: int = 200
+) -> ClearanceTax:
+    """Measure the clearance tax of a map; `ClearanceTax` says how.
+
+    Args:
+        cell_map: The map.
+        n: Approaches to nodes.
+        seed: Of nodes, lines and arms.
+        n_edges: Approaches to edges, which take longer.
+    """
+    safety = cell_map.safety
+    arms = draw_arms(40, safety.rho, np.random.default_rng([seed, 1]))
+    cells, close = (Auditor(cell_map, seed, c, specimens=arms) for c in (False, True))
+    cloud = cell_map.grid.new_cloud(int(np.diff(cells.library.point_ptr).max()))
+    robot = cell_map.robot
+    work = make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+    rng = np.random.default_rng([seed, 2])
+    common = (cell_map.arm, cells.solids)
+    pairs = cells.draw(0, n)._replace(
+        motion=-1 - rng.integers(0, cell_map.roadmap.n_nodes, n)
+    )
+    nodes = np.empty((n, 4))
+    kernels.node_taxes(
+        cells.asked, *common, _ball_solids(robot), cells.library, pairs,
+        safety.m, safety.rho, cloud, work, nodes,
+    )  # fmt: skip
+    pairs = cells.draw(1, n_edges)._replace(
+        motion=rng.integers(0, cell_map.roadmap.n_edges, n_edges)
+    )
+    words = np.array([_still_words(cell_map, cells, e) for e in pairs.motion])
+    edges = np.empty((n_edges, 3))
+    kernels.edge_taxes(
+        cells.asked, close.asked, *common, cells.library, pairs, words, _STILL, cloud,
+        work, edges,
+    )  # fmt: skip
+    return _summary(nodes, edges, safety.m)
+
+
+def _summary(nodes, edges, m) -> ClearanceTax:
+    nodes = nodes[np.isfinite(nodes).all(axis=1)]
+    edges = edges[np.isfinite(edges).all(axis=1)]
+    d0, d1, d2, d3 = nodes.T
+    close, still, cells = edges.T
+    steps = (d1 - d0, d2 - d1, d3 - d2, cells - still)
+    return ClearanceTax(
+        terms={name: _stats(s) for name, s in zip(TERMS, steps, strict=True)},
+        by_cells=_stats(d3 - m),
+        by_close_test=_stats(d2 - m),
+        edge_by_cells=_stats(cells - m),
+        edge_by_close_test=_stats(close - m),
+        m=m,
+        lines=len(nodes),
+        edge_lines=len(edges),
+    )
+
+
+def _stats(values):
+    if len(values) == 0:
+        return (float("nan"),) * 3
+    low, high = np.quantile(values, [0.5, 0.95])
+    return float(values.mean()), float(low), float(high)
+
+
+def _ball_solids(robot: Robot) -> Solids:
+    """Return the cover's moving spheres in the form of solids."""
+    moving = np.flatnonzero(robot.moving)
+    parts = [(np.zeros((1, 3)), r, 0.0, 0.0) for r in robot.spheres[moving, 3]]
+    poses = np.tile(np.eye(4), (len(moving), 1, 1))
+    poses[:, :3, 3] = robot.spheres[moving, :3]
+    return Solids(
+        parts=gather(parts, np.zeros(len(parts))),
+        body=np.asarray(robot.sphere_body[moving], np.int64),
+        pose=flat_frames(poses),
+        used=np.ones(len(parts), bool),
+        targets=np.empty((0, 6)),
+        target_part=np.empty(0, np.int64),
+    )
+
+
+def _still_words(cell_map: CellMap, auditor: Auditor, edge: int) -> np.ndarray:
+    """Return the cells of closely spaced still configurations of an edge."""
+    asked, arm, grid = auditor.asked, cell_map.arm, cell_map.grid
+    safety = cell_map.safety
+    t = np.linspace(0.0, 1.0, _STILL)[:, None]
+    q = asked.nodes[asked.edges[edge, 0]] + t * asked.dq[edge]
+    room = _STILL * grid.n_blocks
+    counts = np.empty(_STILL, np.int64)
+    blocks, masks = np.empty(room, np.uint32), np.empty(room, np.uint64)
+    radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
+    end = sweep_nodes(
+        arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii, q,
+        0.5 * safety.mu, grid.origin, grid.h, grid.blocks, counts, blocks, masks,
+    )  # fmt: skip
+    words = np.zeros(grid.n_blocks, np.uint64)
+    np.bitwise_or.at(words, blocks[:end], masks[:end])
+    return words

@@ -1,0 +1,292 @@
+"""Two oracles for the legs of an answer; neither remembers what the planner was told.
+
+The first is another planner that has seen this frame alone: its static test and its
+close test of each leg. The second is geometry: the robot's own solids, never spheres or
+cells, against the obstacles as solids, along the whole leg. Their distances come from
+`odm.audit.exact`, contacts from python-fcl too.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.audit.fcl_robot import FclRobot
+from odm.cell_map.cell_map import CellMap
+from odm.obstacles.shapes import Box, Capsule, Shape
+from odm.obstacles.surfaces import sample_capsules
+from odm.planner.planner import ReactivePlanner
+from odm.search.state import joint_sway
+from roadmap.kinematics.forward import difference
+
+SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
+TOLERANCE = 1e-6  # [m] of exact distances
+NEAR = 0.005  # [m] a leg that could not keep so much more is a near miss
+STEP = 0.006  # [m] least advance along a leg between two exact distances
+FAR = 0.3  # [m] distances beyond are not resolved
+EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
+LIMIT_TOLERANCE = 1e-3  # [rad or m] a start so far outside its limits is tolerated
+PLACES = 513  # of a leg that are looked at where the whole is refused
+GROUND = 20.0  # [m] side of the box that stands for a half-space
+
+
+@dataclass
+class World:
+    """What stands around the robot, and how it is told.
+
+    Attributes:
+        capsules: (k, 7) obstacles of the frame, base frame [m].
+        boxes: Scenery of the place, world frame.
+        T_world_base: (4, 4) pose of the base [m].
+        extra: Extra clearance [m].
+        held: (n, 4) spheres in the hand, tool frame [m]; None for nothing.
+        mode: "rho": samples within the map's rho; "round": the same, and told that all
+            is round; "dense": a smaller covering radius is declared.
+        repeat: Samples are repeated until they are so many, once.
+    """
+
+    capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    boxes: list[Box] = field(default_factory=list)
+    T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+    extra: float = 0.0
+    held: np.ndarray | None = None
+    mode: str = "rho"
+    repeat: int = 0
+
+    def points(self) -> np.ndarray:
+        """Return samples (n, 3) of the frame's obstacles, world frame [m]."""
+        spacing = DENSE if self.mode == "dense" else SPACING
+        points = sample_capsules(self.capsules, spacing)
+        if self.repeat and len(points):
+            points = np.tile(points, (-(-self.repeat // len(points)), 1))
+        self.repeat = 0
+        T = self.T_world_base
+        return points @ T[:3, :3].T + T[:3, 3]
+
+    def told(self) -> dict[str, float]:
+        """Return what `step` is told of how the points were sampled."""
+        if self.mode == "dense":
+            return {"covering_radius": DENSE}
+        if self.mode == "round" and len(self.capsules):
+            return {"rounding": float(self.capsules[:, 6].min())}
+        return {}
+
+
+@dataclass
+class Verdict:
+    """What was found about the legs of one answer.
+
+    Attributes:
+        wrong: One sentence for each fault; empty where all legs are free.
+        unproved: Legs of which the fresh planner refuses the whole, but no place: its
+            tests give up at a resolution, and of a part of a motion at another place.
+        near: Whether a leg comes near to what it must keep.
+        exact: Whether exact geometry was asked.
+        gap: Smallest exact distance less what must be kept [m]; inf where not asked.
+        distance: Smallest exact distance itself [m].
+    """
+
+    wrong: list[str] = field(default_factory=list)
+    unproved: int = 0
+    near: bool = False
+    exact: bool = False
+    gap: float = np.inf
+    distance: float = np.inf
+
+
+class Judge:
+    """Judges answers of planners on one map.
+
+    Args:
+        cell_map: The map.
+    """
+
+    def __init__(self, cell_map: CellMap) -> None:
+        """Make the planner that only ever sees one frame."""
+        self.cell_map = cell_map
+        self.fresh = ReactivePlanner(cell_map, always_replan=True)
+        self._q = cell_map.roadmap.nodes[0].copy()
+        self._plain = _ExactSide(cell_map, cell_map.robot)
+        self._boxes: list[Box] = []  # the scenery that the fresh planner knows
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin with another planner, around which nothing stands."""
+        self._side, self._dirty = self._plain, True
+        self._stand_free: set[bytes] = set()  # legs free of all that stands still
+
+    def changed(self) -> None:
+        """Take up the world anew: its base, scenery, clearance or hand has changed."""
+        self._dirty = True
+
+    def judge(
+        self,
+        world: World,
+        points: np.ndarray,
+        q: np.ndarray,
+        path: np.ndarray,
+        exact: bool,
+    ) -> Verdict:
+        """Judge a path that was answered from q.
+
+        Args:
+            world: What stands around the robot.
+            points: (n, 3) samples that the planner was given [m].
+            q: (dof,) where the path must begin [rad or m].
+            path: (k, dof) the answer.
+            exact: Ask exact geometry in any case, not only where it is near.
+        """
+        if self._dirty:
+            self._take_up(world)
+        verdict, robot = Verdict(), self.cell_map.robot
+        if not np.array_equal(path[0], q):
+            verdict.wrong.append(f"the path begins at {path[0]}, not at {q}")
+        # its answers do not depend on q: it stays, and nothing is attached anew
+        self.fresh.step(points, q=self._q, **world.told())
+        path = path.copy()
+        over = np.clip(path[0], robot.lower, robot.upper) - path[0]
+        tolerated = ~robot.continuous & (np.abs(over) <= LIMIT_TOLERANCE)
+        path[0] += np.where(tolerated, over, 0.0)
+        # what keeps NEAR more from the frame's points keeps enough
+        verdict.near = self.fresh.blocked_leg(path, NEAR) is not None
+        for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
+            key = a.tobytes() + b.tobytes()
+            if key in self._stand_free and not verdict.near:
+                continue
+            freedom = self.fresh.is_free(a, b)
+            if freedom:
+                self._stand_free.add(key)
+                continue
+            if self._refuses_a_place(a, b):
+                verdict.wrong.append(f"leg {k}: {freedom.failed}: {freedom.reason}")
+            else:
+                verdict.unproved += 1
+        if exact or verdict.near or verdict.wrong or verdict.unproved:
+            self._measure(world, path, verdict)
+        return verdict
+
+    def _refuses_a_place(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Return whether there is a place on a leg that the fresh planner refuses."""
+        dq = difference(self.cell_map.robot, a, b)
+        places = (a + t * dq for t in np.linspace(0.0, 1.0, PLACES))
+        return not all(self.fresh.is_free(q, q) for q in places)
+
+    def _take_up(self, world: World) -> None:
+        fresh, self._dirty = self.fresh, False
+        self._stand_free.clear()
+        if fresh.attached is not None:
+            fresh.detach()
+        if world.held is not None:
+            fresh.attach(world.held)
+        if not np.array_equal(fresh.world.T_world_base, world.T_world_base):
+            fresh.set_base(world.T_world_base)
+        if fresh.extra != world.extra:
+            fresh.set_extra_clearance(world.extra)
+        if self._boxes is not world.boxes:
+            fresh.set_static(world.boxes or np.zeros((0, 3)))
+            self._boxes = world.boxes
+        self._side = self._plain
+        if world.held is not None:
+            self._side = _ExactSide(self.cell_map, fresh.carrier.robot)
+
+    def _measure(self, world: World, path: np.ndarray, verdict: Verdict) -> None:
+        """Measure each leg with exact solids."""
+        T = np.linalg.inv(world.T_world_base)
+        m = self.cell_map.safety.m
+        moving: list[Shape] = [
+            Capsule.between(row[:3], row[3:6], row[6]) for row in world.capsules
+        ]
+        self._side.stand_around([*moving, *(box.moved(T) for box in world.boxes)])
+        verdict.exact = True
+        for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
+            dq = difference(self.cell_map.robot, a, b)
+            found = self._side.leg(a, dq, m + world.extra, m)
+            if found.gap < verdict.gap:
+                verdict.gap, verdict.distance = found.gap, found.distance
+            if found.gap < -TOLERANCE or found.touches:
+                verdict.wrong.append(
+                    f"leg {k}: exactly {1e3 * found.distance:.2f} mm from {found.what}"
+                    + (", in contact" if found.touches else "")
+                )
+
+
+@dataclass
+class _Found:
+    gap: float
+    distance: float
+    what: str
+    touches: bool = False
+
+
+class _ExactSide:
+    """Exact distances along legs of one robot, with or without something in hand."""
+
+    def __init__(self, cell_map: CellMap, robot: object) -> None:
+        """Gather the solids of the robot and of the map's own scenery."""
+        self.robot = robot
+        self.exact, self.fcl = ExactRobot(robot), FclRobot(robot)
+        self.sway = joint_sway(cell_map.arm, robot.dof)
+        scenery = cell_map.scenery
+        self.scenery = [
+            (obstacles_of([solid_of(row)]), name, self._heeds(name, scenery.dropped))
+            for row, name in zip(scenery.solids, scenery.names, strict=True)
+        ]
+
+    def _heeds(self, name: str, dropped: tuple) -> np.ndarray:
+        """Return which solids of the robot are tested against a part of the scenery."""
+        links = [self.robot.link_names.index(a) for a, b in dropped if b == name]
+        moving = self.robot.link_body[self.robot.solid_link] > 0
+        return moving & ~np.isin(self.robot.solid_link, links)
+
+    def stand_around(self, shapes: list[Shape]) -> None:
+        """Take the obstacles of a frame and the scenery of the place, base frame."""
+        self.fcl.set_obstacles(shapes)
+        self._near = obstacles_of(shapes) if shapes else None
+
+    def leg(self, q: np.ndarray, dq: np.ndarray, kept: float, m: float) -> _Found:
+        """Return the smallest distance on q + t dq, less what must be kept.
+
+        `kept` from what stands around [m], m from the map's own scenery.
+        """
+        best, near = _Found(np.inf, np.inf, "nothing"), self._near
+        bound = max(float(np.abs(dq) @ self.sway), 1e-12)
+        t, k = 0.0, 0
+        while True:
+            at = q + t * dq
+            here = np.inf
+            if near is not None:
+                found = self.exact.distance(at, near, cap=FAR)
+                here = found.distance - kept
+                best = _least(best, found.distance, kept, found.link)
+            for part, name, use in self.scenery:
+                found = self.exact.distance_of(use, at, part, FAR)
+                here = min(here, found.distance - m)
+                best = _least(best, found.distance, m, f"{name} ({found.link})")
+            if k % EVERY == 0 or t == 1.0:
+                own = self.exact.self_distance(at)
+                best = _least(best, own.distance, 0.0, f"itself ({own.link})")
+                best.touches |= near is not None and self.fcl.collides(at)
+            if t == 1.0:
+                return best
+            t, k = min(1.0, t + max(here, STEP) / bound), k + 1
+
+
+def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
+    if distance - kept >= best.gap:
+        return best
+    return _Found(distance - kept, distance, what, best.touches)
+
+
+def solid_of(row: np.ndarray) -> Box:
+    """Return a box for a row of `Scenery.solids`: a large one for a half-space."""
+    T = np.eye(4)
+    if row[0] == 1.0:
+        T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), row[1:4]
+        return Box(2.0 * row[13:16], T)
+    normal, offset = row[1:4], row[4]
+    aside = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    x = np.cross(aside, normal)
+    x /= np.linalg.norm(x)
+    T[:3, :3] = np.stack([x, np.cross(normal, x), normal], axis=1)
+    T[:3, 3] = (offset - 0.5 * GROUND) * normal
+    return Box(np.full(3, GROUND), T)

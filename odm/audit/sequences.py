@@ -1,0 +1,438 @@
+"""Attack a planner by long sequences: does what it remembers ever free a motion?
+
+A planner that lives long remembers: the path in use, motions that were attached,
+shortcuts, where obstacles have been. A frame is random here in all that a caller may
+do: obstacles come and go, goals are switched and kept, the robot follows, drifts, is
+pushed, trembles and jumps, something is taken into the hand, the base moves, frames are
+stale, broken or huge. After each frame every leg of the answer is judged by
+`odm.audit.sequence_judge`, which remembers nothing.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm.answer import HOLDING, Answer
+from odm.audit.sequence_judge import SPACING, Judge, Verdict, World
+from odm.cell_map.cell_map import CellMap
+from odm.obstacles.shapes import Box
+from odm.obstacles.surfaces import sample_capsules
+from odm.planner.planner import ReactivePlanner
+from odm.planner.settings import PlannerSettings
+from odm.search._paths import locate_on_way
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.transforms import pose_of
+
+PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
+AIM = 0.05  # [m] pushes go where this brings the robot nearest to an obstacle
+AIMED = 8  # frames between two looks where a push should go
+MISREAD = 0.004  # [rad or m] steady error of a joint, at most
+FEW, HUGE = 4, 40_000  # goals at most; points of a frame that makes the memory grow
+BUMP = 0.04  # [rad or m] of a joint
+TRIED = 500  # configurations that are drawn before the scenery goes
+PATIENCE = 12  # frames without a path, then the obstacles leave
+
+# What happens between two frames, and how often relative to each other.
+EVENTS = {
+    "follow": 60, "push": 5, "misread": 2, "tremble": 6, "bump": 3, "jump": 1,
+    "wait": 8, "polish": 25, "polish_ahead": 5, "switch_goals": 3, "keep_goals": 4,
+    "costs": 1, "approach_robot": 20, "move_obstacles": 20, "clear": 1, "come": 6,
+    "reset": 0.3, "hand": 0.4, "base": 0.15, "clearance": 0.3, "scenery": 0.15,
+    "stale": 0.8, "broken": 0.8, "grow": 0.03, "prepare": 0.4,
+}  # fmt: skip
+QUIET = {"wait", "polish", "keep_goals", "tremble"}  # while the robot is being pushed
+
+
+@dataclass(frozen=True)
+class Step:
+    """One frame of a sequence.
+
+    Attributes:
+        answer: What the planner said.
+        verdict: What was found about its legs; None where there was nothing to judge.
+    """
+
+    answer: Answer
+    verdict: Verdict | None
+
+
+class Sequence:
+    """The life of one planner, and of the robot and the obstacles around it.
+
+    Args:
+        cell_map: The map.
+        seed: Same seed, same sequence.
+        judge: Judges the answers; shared by sequences on one map.
+        tamper: Called with the planner and q before each frame; the audit of the audit.
+    """
+
+    def __init__(
+        self,
+        cell_map: CellMap,
+        seed: int,
+        judge: Judge,
+        tamper: Callable[[ReactivePlanner, np.ndarray], None] | None = None,
+    ) -> None:
+        """Let the robot stand somewhere, with a goal."""
+        self.cell_map, self.robot = cell_map, cell_map.robot
+        self.rng = np.random.default_rng(seed)
+        self.judge, self.tamper = judge, tamper
+        kept = int(self.rng.integers(0, 3))
+        self.planner = ReactivePlanner(
+            cell_map,
+            always_replan=bool(self.rng.random() < 0.15),
+            settings=PlannerSettings(max_points=4096, kept_goals=kept),
+        )
+        judge.begin()
+        self.world = World()
+        self.now = 0.0
+        self.q = self.draw_valid()
+        self.error = np.zeros(self.robot.dof)  # of the measured q
+        self.pushed = np.zeros(self.robot.dof)  # in every frame
+        self.pushes = 0  # frames in which that goes on
+        self.velocity = np.zeros((2, 3))
+        self.idle = 0
+        self.broken = self.stale = False
+        self.answer: Answer | None = None
+        self.switch_goals()
+
+    # --- what is drawn ----------------------------------------------------------
+
+    def draw_valid(self) -> np.ndarray:
+        """Return a configuration that nothing standing still blocks.
+
+        Where the scenery of this place leaves hardly any, it is taken away.
+        """
+        nodes, still = self.cell_map.roadmap.nodes, np.zeros(self.robot.dof)
+        for tried in itertools.count():
+            if tried and tried % TRIED == 0:
+                self.world.boxes = []
+                self._set_scenery()
+            q = nodes[self.rng.integers(len(nodes))] + self.rng.normal(
+                0.0, 0.1 if self.rng.random() < 0.8 else 0.0, self.robot.dof
+            )
+            q = self.inside(q)
+            if self.planner.static.motion_free(q, still):
+                return q
+
+    def inside(self, q: np.ndarray) -> np.ndarray:
+        """Return q moved inside the joints' limits."""
+        robot = self.robot
+        turned = (q + np.pi) % (2.0 * np.pi) - np.pi
+        clipped = np.clip(q, robot.lower, robot.upper)
+        return np.where(robot.continuous, turned, clipped)
+
+    def draw_arm(self, near: np.ndarray | None = None) -> np.ndarray:
+        """Return two capsules (2, 7) in the base frame, one through `near` [m]."""
+        rng, grid = self.rng, self.cell_map.grid
+        if near is None:
+            low, high = grid.origin, grid.origin + 4 * grid.h * grid.blocks
+            near = rng.uniform(low, high)
+        out = rng.normal(size=3) * [1.0, 1.0, 0.5]
+        elbow = near + out / max(np.linalg.norm(out), 1e-9) * 0.3
+        shoulder = elbow + rng.normal(size=3) * 0.15 + [0.0, 0.0, 0.2]
+        r = rng.uniform(0.02, 0.07)
+        return np.array([[*near, *elbow, r], [*elbow, *shoulder, r + 0.01]])
+
+    # --- what happens between frames --------------------------------------------
+
+    def follow(self) -> None:
+        """Move along the path that was answered, anywhere between nothing and far."""
+        if self.pushes or self.answer is None or self.answer.status == HOLDING:
+            return
+        left = self.rng.choice([0.005, 0.02, 0.05, 0.3]) * self.rng.random()
+        q = self.answer.path[0]
+        for corner in self.answer.path[1:]:
+            leg = corner - q
+            length = float(np.abs(leg).max())
+            if length > left:
+                q = q + leg * (left / length)
+                break
+            left -= length
+            q = corner
+        self.q = self.inside(q + self.error)
+
+    def push(self) -> None:
+        """Begin to be pushed off the path, mostly towards what is near."""
+        if len(self.world.capsules) and self.rng.random() < 0.5:
+            gap = self.rng.uniform(0.03, 0.15)
+            self._shift(self._ahead(), self.planner.keep + gap)
+        self.push_size = PUSH * 10.0 ** self.rng.uniform(-1.0, 0.0)
+        self.push_aimed = bool(self.rng.random() < 0.8)
+        self.pushes = int(self.rng.integers(1, 120))
+        self._aim()
+
+    def _aim(self) -> None:
+        """Choose where the robot is pushed to."""
+        drawn = self.rng.normal(size=(8, self.robot.dof))
+        scaled = [d / self._motion(d) for d in drawn]
+        near = [self.planner.separation(self.inside(self.q + AIM * d)) for d in scaled]
+        self.pushed = self.push_size * scaled[int(np.argmin(near))]
+
+    def _motion(self, dq: np.ndarray) -> float:
+        """Return how far the fastest sphere moves at q, per unit of dq [m]."""
+        small = 1e-4
+        here, there = (sphere_centers(self.robot, self.q + s * dq) for s in (0, small))
+        return max(float(np.linalg.norm(there - here, axis=1).max()) / small, 1e-3)
+
+    def misread(self) -> None:
+        """Begin to measure with a steady error, or right again."""
+        scale = MISREAD * self.rng.choice([0.0, 0.02, 0.2, 1.0])
+        self.error = self.rng.uniform(-scale, scale, self.robot.dof)
+
+    def tremble(self) -> None:
+        """Measure with noise."""
+        scale = self.rng.choice([1e-9, 1e-6, 1e-4, 1e-3])
+        self.q = self.inside(self.q + self.rng.normal(0.0, scale, self.robot.dof))
+
+    def bump(self) -> None:
+        """Be pushed by a lot at once."""
+        push = self.rng.uniform(-BUMP, BUMP, self.robot.dof)
+        self.q = self.inside(self.q + push)
+
+    def jump(self) -> None:
+        """Stand somewhere else: the robot was moved while nobody looked."""
+        self.q = self.draw_valid()
+
+    def wait(self) -> None:
+        """Stay."""
+
+    def polish(self) -> None:
+        """Improve the path in use."""
+        self.planner.polish(int(self.rng.integers(0, 13)))
+
+    def polish_ahead(self) -> None:
+        """Improve it from a place that the robot will come to, or just not."""
+        if self.answer is None or self.answer.status == HOLDING:
+            return
+        a, b = self.answer.path[:2]
+        ahead = a + self.rng.random() * (b - a)
+        if self.rng.random() < 0.3:
+            ahead = ahead + self.rng.normal(0.0, 1e-3, self.robot.dof)
+        self.planner.polish(int(self.rng.integers(0, 13)), ahead)
+
+    def switch_goals(self) -> None:
+        """Set other goals, sometimes some of the old ones with them."""
+        old = [g for g in self.planner.goals if self.rng.random() < 0.3]
+        new = [self.draw_valid() for _ in range(1 + self.rng.integers(FEW))]
+        self._set_goals([*new, *old], None)
+
+    def keep_goals(self) -> None:
+        """Set the goals again, in another order."""
+        goals = list(self.planner.goals)
+        self.rng.shuffle(goals)
+        self._set_goals(goals, self.planner.costs)
+
+    def costs(self) -> None:
+        """Let the goals' costs count."""
+        goals = list(self.planner.goals)
+        self._set_goals(goals, self.rng.uniform(0.0, 2.0, len(goals)))
+
+    def _set_goals(self, goals: list, costs: np.ndarray | None) -> None:
+        if not goals:
+            return
+        try:
+            self.planner.set_goals(goals, costs)
+        except BadInput:  # the scenery of this place, or what the hand holds, is there
+            pass
+
+    def prepare(self) -> None:
+        """Attach a goal ahead."""
+        try:
+            self.planner.prepare_goal(self.draw_valid())
+        except BadInput:
+            pass
+
+    def move_obstacles(self) -> None:
+        """Let the obstacles go on."""
+        self.velocity += self.rng.normal(0.0, 0.002, self.velocity.shape)
+        self.velocity *= 0.9
+        if len(self.world.capsules):
+            self.world.capsules[:, :3] += self.velocity[0]
+            self.world.capsules[:, 3:6] += self.velocity[1]
+
+    def approach_robot(self) -> None:
+        """Let the obstacles come as near to what lies ahead as they just may."""
+        if len(self.world.capsules):
+            q = self._ahead()
+            self._shift(q, self.planner.keep + 10.0 ** self.rng.uniform(-4.0, -1.5))
+
+    def come(self) -> None:
+        """Let obstacles appear, mostly beside what lies ahead."""
+        self.velocity = self.rng.normal(0.0, 0.002, (2, 3))
+        self.world.mode = str(self.rng.choice(["rho", "rho", "round", "dense"]))
+        if self.rng.random() < 0.2:
+            self.world.capsules = self.draw_arm()
+            return
+        q = self._ahead()
+        centers = sphere_centers(self.robot, q)[self.robot.moving]
+        beside = self.rng.normal(size=3)
+        beside *= 0.3 / max(float(np.linalg.norm(beside)), 1e-9)
+        near = centers[self.rng.integers(len(centers))] + beside
+        self.world.capsules = self.draw_arm(near)
+        self._shift(q, self.planner.keep + self.rng.uniform(0.0, 0.12))
+
+    def _ahead(self) -> np.ndarray:
+        """Return a configuration of the path, more often a near one; or q."""
+        if self.answer is None or self.answer.status == HOLDING:
+            return self.q
+        path = self.answer.path
+        k = 0 if self.rng.random() < 0.6 else int(self.rng.integers(len(path) - 1))
+        return path[k] + self.rng.random() * (path[k + 1] - path[k])
+
+    def _shift(self, q: np.ndarray, gap: float) -> None:
+        """Move the obstacles straight until they are so far from the cover at q [m]."""
+        robot, capsules = self.robot, self.world.capsules
+        centers = sphere_centers(robot, q)[robot.moving]
+        radii = robot.spheres[robot.moving, 3]
+        points = sample_capsules(capsules, SPACING)
+        away = points[:, None] - centers
+        length = np.linalg.norm(away, axis=2)
+        i, k = np.unravel_index(np.argmin(length - radii), length.shape)
+        now = length[i, k] - radii[k]
+        step = (gap - now) / max(float(length[i, k]), 1e-9) * away[i, k]
+        capsules[:, :3] += step
+        capsules[:, 3:6] += step
+
+    def clear(self) -> None:
+        """Let the obstacles leave."""
+        self.world.capsules = np.zeros((0, 7))
+
+    def reset(self) -> None:
+        """Forget the path in use."""
+        self.planner.reset()
+        self.answer = None
+
+    def hand(self) -> None:
+        """Take something into the hand, or let go of it."""
+        layer = self.cell_map.payload
+        if layer is None:
+            return
+        if self.world.held is not None:
+            self.planner.detach()
+            self.world.held = None
+        else:
+            center = layer.spheres[0, :3]
+            radius = 0.5 * float(layer.spheres[:, 3].max()) * self.rng.random()
+            held = np.array([[*center, radius + 0.01]])
+            self.planner.attach(held)
+            self.world.held = held
+        self.judge.changed()
+
+    def base(self) -> None:
+        """Move the base."""
+        p = self.rng.uniform([-0.3, -0.3, 0.0], [0.3, 0.3, 0.1])
+        self.world.T_world_base = pose_of(p, (0.0, 0.0, self.rng.uniform(-0.5, 0.5)))
+        self.planner.set_base(self.world.T_world_base)
+        self.judge.changed()
+
+    def clearance(self) -> None:
+        """Keep more or less distance."""
+        self.world.extra = float(self.rng.choice([0.0, 0.0, 0.01, 0.04]))
+        self.planner.set_extra_clearance(self.world.extra)
+        self.judge.changed()
+
+    def scenery(self) -> None:
+        """Put a box somewhere for good, or take it away."""
+        self.world.boxes = []
+        if self.rng.random() < 0.6:
+            size = self.rng.uniform(0.05, 0.3, 3)
+            p = self.draw_arm()[0, :3]
+            turn = self.rng.uniform(-1.0, 1.0, 3)
+            self.world.boxes = [Box(size).moved(pose_of(p, turn))]
+        self._set_scenery()
+
+    def _set_scenery(self) -> None:
+        self.planner.set_static(self.world.boxes or np.zeros((0, 3)))
+        self.judge.changed()
+
+    def stale_frame(self) -> None:
+        """Let the next frame be too old, or older than the one before."""
+        self.stale = True
+
+    def broken_frame(self) -> None:
+        """Let the next frame hold NaN."""
+        self.broken = True
+
+    def grow(self) -> None:
+        """Let the memory grow by a frame of very many points."""
+        if len(self.world.capsules):
+            self.world.repeat = HUGE
+
+    # --- a frame ----------------------------------------------------------------
+
+    def happen(self, name: str) -> None:
+        """Let one of `EVENTS` happen."""
+        special = {"stale": self.stale_frame, "broken": self.broken_frame}
+        special.get(name, getattr(self, name, self.wait))()
+
+    def frame(self, exact: bool = False) -> Step:
+        """Ask the planner for one frame and judge what it says."""
+        self.now += 0.01
+        world, points = self.world, self.world.points()
+        stamp, given = self.now, points
+        late = self.stale * float(self.rng.choice([0.05, 0.5]))
+        stamp -= late  # a little: to be refused if it is older than the frame before
+        if self.broken and len(points):
+            given = points.copy()
+            given[self.rng.integers(len(points)), self.rng.integers(3)] = np.nan
+        refused = late > 0.1 or (self.broken and len(points) > 0)
+        self.stale = self.broken = False
+        if self.tamper is not None:
+            self.tamper(self.planner, self.q)
+        answer = self.planner.step(
+            given, q=self.q, stamp=stamp, now=self.now, **world.told()
+        )
+        verdict = None
+        if answer.status != HOLDING:
+            verdict = self.judge.judge(world, points, self.q, answer.path, exact)
+            if refused:
+                verdict.wrong.append("a frame that cannot be used was answered")
+        self.answer = answer
+        self.idle = self.idle + 1 if answer.status == HOLDING else 0
+        if self.idle > PATIENCE:
+            self.clear()
+            self.pushes = self.idle = 0
+            self.q = self.draw_valid()
+        if self.pushes:
+            self.pushes -= 1
+            if self.push_aimed and self.pushes % AIMED == 0:
+                self._aim()
+            self.q = self.inside(self.q + self.pushed)
+        return Step(answer, verdict)
+
+    def run(self, steps: int, exact_every: int) -> Iterator[Step]:
+        """Run so many frames with random events between them, one at a time."""
+        names = list(EVENTS)
+        share = np.array(list(EVENTS.values()))
+        share = share / share.sum()
+        for k in range(steps):
+            for _ in range(1 + int(self.rng.integers(3))):
+                drawn = int(self.rng.choice(len(names), p=share))
+                if not self.pushes or names[drawn] in QUIET or self.rng.random() < 0.02:
+                    self.happen(names[drawn])
+            yield self.frame(exact=k % exact_every == 0)
+
+
+def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
+    """Let the certificate of the segment in use count for the motion from q beside it.
+
+    What an earlier version did: a robot within the tracking share beside its segment
+    was taken to be on it. The motion from there got the segment's cells and its mark of
+    being free of what stands still, and the next frame measured from that motion.
+
+    Args:
+        planner: Before it is asked.
+        q: (dof,) what it will be asked from.
+    """
+    own, way = planner.memory.own, planner.memory.way
+    if not np.isfinite(q).all():
+        return
+    at = int(locate_on_way(planner.memory.table, way, 0, q, own.out))
+    if at >= 0:
+        proof = planner.memory.proof
+        way.q[at] = proof.begin[at] = q
+        proof.end[at] = way.q[at + 1]

@@ -1,0 +1,1 @@
+"""The map: which cells each node and edge of a roadmap sweeps, built and stored."""

@@ -1,0 +1,347 @@
+"""Cells that the sphere cover sweeps, as 64-bit words of 4 x 4 x 4 cells.
+
+Cell (ix, iy, iz) is bit (ix & 3) << 4 | (iy & 3) << 2 | iz & 3 of the word of block
+(ix >> 2, iy >> 2, iz >> 2). A motion q + t dq, t in [0, 1], is sampled at dyadic t,
+for each sphere at a level of its own. Between two samples the centre stays within
+`sag` of the chord (|p''| dt^2 / 8), and a tube of radius R round a chord of length s
+lies in the union of the two balls of radius sqrt(R^2 + s^2 / 4) at its ends. So the
+balls of radius sqrt((R + sag)^2 + s^2 / 4) at the samples cover the whole sweep.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
+from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
+
+
+@njit(cache=True, nogil=True)
+def gap(cell, at):
+    """Return how far coordinate `at` is from the interval [cell, cell + 1]."""
+    return max(0.0, max(cell - at, at - cell - 1.0))
+
+
+@njit(cache=True, nogil=True)
+def mark_ball(x, y, z, radius, origin, h, shape, words):
+    """Set the bits of the cells whose cube comes within `radius` of a point.
+
+    The words of a column of blocks are gathered in registers and written once.
+    Returns False where a cell would lie outside the grid.
+    """
+    inv = 1.0 / h
+    gx, gy, gz = (x - origin[0]) * inv, (y - origin[1]) * inv, (z - origin[2]) * inv
+    r = radius * inv
+    nbx, nby, nbz = shape[0], shape[1], shape[2]
+    if gx - r < 0.0 or gy - r < 0.0 or gz - r < 0.0:
+        return False
+    if gx + r >= 4 * nbx or gy + r >= 4 * nby or gz + r >= 4 * nbz:
+        return False
+    x0, x1 = int(gx - r), int(gx + r)
+    y0, y1 = int(gy - r), int(gy + r)
+    b0, b1 = int(gz - r) >> 2, int(gz + r) >> 2
+    r2 = r * r
+    for bx in range(x0 >> 2, (x1 >> 2) + 1):
+        for by in range(y0 >> 2, (y1 >> 2) + 1):
+            base = (bx * nby + by) * nbz
+            # four blocks of z at a time: sixteen cells
+            for first in range(b0, b1 + 1, 4):
+                w0 = w1 = w2 = w3 = np.uint64(0)
+                low = 4 * first
+                for ix in range(max(x0, 4 * bx), min(x1, 4 * bx + 3) + 1):
+                    dx = gap(ix, gx)
+                    rest_x = r2 - dx * dx
+                    for iy in range(max(y0, 4 * by), min(y1, 4 * by + 3) + 1):
+                        dy = gap(iy, gy)
+                        rest = rest_x - dy * dy
+                        if rest < 0.0:
+                            continue
+                        w = math.sqrt(rest)
+                        z0 = max(int(gz - w) - low, 0)
+                        z1 = min(int(gz + w) - low, 15)
+                        if z0 > z1:
+                            continue
+                        line = np.uint64(((1 << (z1 - z0 + 1)) - 1) << z0)
+                        shift = np.uint64(((ix & 3) << 4) | ((iy & 3) << 2))
+                        w0 |= (line & np.uint64(15)) << shift
+                        w1 |= ((line >> np.uint64(4)) & np.uint64(15)) << shift
+                        w2 |= ((line >> np.uint64(8)) & np.uint64(15)) << shift
+                        w3 |= (line >> np.uint64(12)) << shift
+                at = base + first
+                if w0 != 0:
+                    words[at] |= w0
+                if w1 != 0:
+                    words[at + 1] |= w1
+                if w2 != 0:
+                    words[at + 2] |= w2
+                if w3 != 0:
+                    words[at + 3] |= w3
+    return True
+
+
+@njit(cache=True, nogil=True)
+def longest_chord(centers, i, step, pieces):
+    """Return the longest chord of ball i between every `step`-th of its samples."""
+    longest = 0.0
+    for k in range(0, pieces, step):
+        a, b = centers[k, i], centers[k + step, i]
+        dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        longest = max(longest, dx * dx + dy * dy + dz * dz)
+    return math.sqrt(longest)
+
+
+@njit(cache=True, nogil=True)
+def place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers):
+    """Write the centres of all spheres at t = k / pieces to centers[k]."""
+    for k in range(pieces + 1):
+        for j in range(dq.shape[0]):
+            point[j] = q[j] + dq[j] * k / pieces
+        body_frames(tree_i, tree_f, point, frames)
+        place_points(frames, body, spheres, centers[k])
+
+
+@njit(cache=True, nogil=True)
+def sweep_motion(
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    dq,
+    tolerance,
+    origin,
+    h,
+    shape,
+    words,
+    scratch,
+    centers,
+):
+    """Mark in `words` all cells of the motion q + t dq; False: outside the grid.
+
+    `radii` (n,) already hold rho and clearance; spheres of body 0 are left out, they
+    never move. A negative tolerance leaves the motion bound out: for the audit of the
+    audit only. `scratch` and `centers` are work space, see `sweep_space`.
+    """
+    n = spheres.shape[0]
+    frames, speed, bend, point, rates = scratch
+    motion_bounds(tree_i, tree_f, reach, dq, rates, speed, bend)
+    finest = 0
+    for i in range(n):
+        level, _ = sample_level(radii[i], speed[i], bend[i], abs(tolerance))
+        finest = max(finest, level)
+    pieces = 1 << finest
+    place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers)
+    for i in range(n):
+        if body[i] == 0:
+            continue
+        if speed[i] == 0.0 or tolerance < 0.0:
+            pieces_i = 0
+        else:
+            # by the true chords, fewer pieces do than by the bound on the speed
+            pieces_i = 1
+            while True:
+                dt = 1.0 / pieces_i
+                tube = radii[i] + SAG_SHARE * bend[i] * dt * dt / 8.0
+                half = 0.5 * longest_chord(centers, i, pieces // pieces_i, pieces)
+                if math.sqrt(tube * tube + half * half) - radii[i] <= tolerance:
+                    break
+                if pieces_i == pieces:
+                    break
+                pieces_i *= 2
+        if not mark_samples(
+            centers, i, radii[i], bend[i], pieces, pieces_i, origin, h, shape, words
+        ):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def mark_samples(centers, i, radius, bend, pieces, pieces_i, origin, h, shape, words):
+    """Mark the balls of sphere i at its pieces_i + 1 samples; 0: at the first only."""
+    step = pieces
+    tube = radius
+    if pieces_i > 0:
+        step = pieces // pieces_i
+        tube += SAG_SHARE * bend / (8.0 * pieces_i * pieces_i)
+    before = 0.0
+    for k in range(0, pieces + 1 if pieces_i > 0 else 1, step):
+        c = centers[k, i]
+        after = 0.0
+        if pieces_i > 0 and k < pieces:
+            d = centers[k + step, i]
+            after = (d[0] - c[0]) ** 2 + (d[1] - c[1]) ** 2 + (d[2] - c[2]) ** 2
+        ball = math.sqrt(tube * tube + 0.25 * max(before, after))
+        if not mark_ball(c[0], c[1], c[2], ball, origin, h, shape, words):
+            return False
+        before = after
+    return True
+
+
+@njit(cache=True, nogil=True)
+def sweep_space(n_spheres, n_bodies, dof):
+    """Return (scratch, centers) for sweep_motion."""
+    scratch = (
+        np.empty((n_bodies, 12)),
+        np.empty(n_spheres),
+        np.empty(n_spheres),
+        np.empty(dof),
+        np.empty((2, n_bodies)),
+    )
+    return scratch, np.empty(((1 << MAX_LEVEL) + 1, n_spheres, 3))
+
+
+@njit(cache=True, nogil=True)
+def take_words(words, blocks, masks, start):
+    """Move the non-zero words to lists from `start` on, clear them; return the end."""
+    end = start
+    for b in range(words.shape[0]):
+        if words[b] != 0:
+            if end >= blocks.shape[0]:
+                return -1
+            blocks[end] = b
+            masks[end] = words[b]
+            words[b] = 0
+            end += 1
+    return end
+
+
+@njit(cache=True, nogil=True)
+def remove_words(ptr, blocks, masks, item, words):
+    """Clear from `words` the cells of a stored item."""
+    for k in range(ptr[item], ptr[item + 1]):
+        words[blocks[k]] &= ~masks[k]
+
+
+@njit(cache=True, nogil=True)
+def sweep_nodes(
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    tolerance,
+    origin,
+    h,
+    shape,
+    counts,
+    blocks,
+    masks,
+):
+    """Sweep configurations `q` (k, dof) into lists; returns the number of entries.
+
+    -1: the lists are too short; -2: a cell lies outside the grid.
+    """
+    words = np.zeros(shape[0] * shape[1] * shape[2], np.uint64)
+    scratch, centers = sweep_space(spheres.shape[0], tree_i.shape[0], q.shape[1])
+    still = np.zeros(q.shape[1])
+    end = 0
+    for k in range(q.shape[0]):
+        if not sweep_motion(
+            tree_i,
+            tree_f,
+            spheres,
+            body,
+            reach,
+            radii,
+            q[k],
+            still,
+            tolerance,
+            origin,
+            h,
+            shape,
+            words,
+            scratch,
+            centers,
+        ):
+            return -2
+        start = end
+        end = take_words(words, blocks, masks, start)
+        if end < 0:
+            return -1
+        counts[k] = end - start
+    return end
+
+
+@njit(cache=True, nogil=True)
+def sweep_edges(
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    radii,
+    q,
+    dq,
+    ends,
+    tolerance,
+    origin,
+    h,
+    shape,
+    node_ptr,
+    node_blocks,
+    node_masks,
+    counts,
+    blocks,
+    masks,
+):
+    """Sweep motions q[k] + t dq[k], less the cells of their two end nodes.
+
+    `ends` (k, 2) are node ids, or -1 to keep all cells. Returns as sweep_nodes.
+    """
+    words = np.zeros(shape[0] * shape[1] * shape[2], np.uint64)
+    scratch, centers = sweep_space(spheres.shape[0], tree_i.shape[0], q.shape[1])
+    end = 0
+    for k in range(q.shape[0]):
+        if not sweep_motion(
+            tree_i,
+            tree_f,
+            spheres,
+            body,
+            reach,
+            radii,
+            q[k],
+            dq[k],
+            tolerance,
+            origin,
+            h,
+            shape,
+            words,
+            scratch,
+            centers,
+        ):
+            return -2
+        for side in range(2):
+            if ends[k, side] >= 0:
+                remove_words(node_ptr, node_blocks, node_masks, ends[k, side], words)
+        start = end
+        end = take_words(words, blocks, masks, start)
+        if end < 0:
+            return -1
+        counts[k] = end - start
+    return end
+
+
+@njit(cache=True, nogil=True)
+def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
+    """Turn item -> (block, mask) lists into block -> (item, mask) lists."""
+    n_blocks = t_ptr.shape[0] - 1
+    for b in range(n_blocks + 1):
+        t_ptr[b] = 0
+    for k in range(blocks.shape[0]):
+        t_ptr[blocks[k] + 1] += 1
+    for b in range(n_blocks):
+        t_ptr[b + 1] += t_ptr[b]
+    for item in range(ptr.shape[0] - 1):
+        for k in range(ptr[item], ptr[item + 1]):
+            at = t_ptr[blocks[k]]
+            t_items[at] = item
+            t_masks[at] = masks[k]
+            t_ptr[blocks[k]] = at + 1
+    for b in range(n_blocks, 0, -1):
+        t_ptr[b] = t_ptr[b - 1]
+    t_ptr[0] = 0

@@ -1,0 +1,260 @@
+"""CellMap: a robot, its roadmap and the cells every node and edge sweeps."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from odm.cell_map.recipe import PayloadRecipe, Recipe, recipe_of_map
+from odm.close_test._arm import Arm
+from odm.close_test.arm import _moving_order, arm_of
+from odm.close_test.safety import Safety
+from odm.obstacles.grid import WorkspaceGrid
+from odm.obstacles.scenery import Scenery
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput, BadMap
+from roadmap.graph.roadmap import Roadmap
+from roadmap.robot.robot import Robot
+from roadmap.store import made_of, read_folder, write_folder
+
+ROUNDING = 1e-6  # [m] added to every swept radius
+
+
+@dataclass(frozen=True, eq=False)
+class CellLists:
+    """One layer of a map, in both views.
+
+    An *item* is a node (its number) or an edge (n_nodes + its number). An edge's
+    list holds only the cells that neither of its end nodes sweeps.
+
+    Attributes:
+        ptr: (n_items + 1,) item i owns entries ptr[i]:ptr[i + 1].
+        block: (n,) block of each entry, ascending within an item.
+        mask: (n,) swept cells of that block.
+        t_ptr: (n_blocks + 1,) the same by block.
+        t_item: (n,) items of a block, ascending.
+        t_mask: (n,) their cells.
+    """
+
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
+    t_ptr: np.ndarray
+    t_item: np.ndarray
+    t_mask: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays, keeping their types."""
+        for name in ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask"):
+            array = getattr(self, name)
+            object.__setattr__(self, name, frozen(array, array.dtype))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, for the store."""
+        names = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
+        return {name: getattr(self, name) for name in names}
+
+    def bytes_by_view(self) -> tuple[int, int]:
+        """Return the bytes of the edge-major and of the block-major view."""
+        edge_major = self.ptr.nbytes + self.block.nbytes + self.mask.nbytes
+        return edge_major, self.t_ptr.nbytes + self.t_item.nbytes + self.t_mask.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadLayer:
+    """What nodes and edges sweep with the largest payload in hand, beside the arm.
+
+    Attributes:
+        recipe: The envelope.
+        spheres: (n, 4) spheres that contain it, tool frame [m].
+        ptr, block, mask: Its swept cells, as in `CellLists`; an edge's list leaves
+            out what the envelope sweeps at the edge's nodes.
+        closed: (n_items,) True where the envelope touches the arm or the recipe's
+            scenery.
+    """
+
+    recipe: PayloadRecipe
+    spheres: np.ndarray
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
+    closed: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays, keeping their types."""
+        for name, array in self.arrays().items():
+            object.__setattr__(self, name, frozen(array, array.dtype))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the arrays by name, for the store."""
+        names = ("spheres", "ptr", "block", "mask", "closed")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, eq=False)
+class CellMap:
+    """Everything the planner needs, frozen; made by `build_map`, read by `load_map`.
+
+    A map that was loaded pickles by its folder: who unpickles it loads it from there,
+    and is refused where another map lies there by now. A copy of a map is the map.
+
+    Attributes:
+        robot: The robot.
+        roadmap: Its roadmap.
+        grid: The workspace grid.
+        recipe: What it was built from.
+        arm_cells: Swept cells of the layer `arm`, the gripper included.
+        scenery: What stands still around the robot in this recipe.
+        payload: Layer of what may be carried, or None.
+        built: Facts of the build: seconds, counts, components, versions.
+        hash: SHA-256 of the stored map; empty while it was not stored.
+    """
+
+    robot: Robot
+    roadmap: Roadmap
+    grid: WorkspaceGrid
+    recipe: Recipe
+    arm_cells: CellLists
+    scenery: Scenery
+    payload: PayloadLayer | None = None
+    built: dict = field(default_factory=dict)
+    hash: str = ""
+    # where exactly this map lies: (folder, verified when loaded)
+    _lies: tuple[str, bool] | None = field(default=None, init=False, repr=False)
+
+    def __copy__(self) -> "CellMap":
+        """Return the map itself: nothing in it can change."""
+        return self
+
+    def __deepcopy__(self, memo: dict) -> "CellMap":
+        """Return the map itself: nothing in it can change."""
+        return self
+
+    def __reduce__(self) -> tuple:
+        """Pickle by folder and hash.
+
+        Raises:
+            BadInput: The map was not loaded, or was altered after that.
+        """
+        if self._lies is None:
+            raise BadInput(
+                "a map pickles by its folder, and this one was not loaded from any; "
+                "save it, and pickle what odm.load_map returns for that folder"
+            )
+        return _load_again, (*self._lies, self.hash)
+
+    @property
+    def safety(self) -> Safety:
+        """The terms of the safety argument."""
+        return self.recipe.safety
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The moving spheres sorted by body, for the compiled loops."""
+        return arm_of(self.robot)
+
+    @cached_property
+    def sphere_order(self) -> np.ndarray:
+        """(n,) index in `robot.spheres` of each sphere of `arm`."""
+        return _moving_order(self.robot)
+
+    @property
+    def motion_tolerance(self) -> float:
+        """Largest inflation of a piece of motion, mu / 2 [m]."""
+        return 0.5 * self.safety.mu
+
+    def swept_radii(self) -> np.ndarray:
+        """Radii of `arm`'s spheres grown by rho + m [m]: the close test's."""
+        return self.arm.spheres[:, 3] + self.safety.rho + self.safety.m
+
+    def save(self, path: str | Path) -> Path:
+        """Write the map to a folder, atomically."""
+        manifest = {
+            "kind": "cell map",
+            "recipe": self.recipe.for_map(),
+            "robot": self.robot.meta(),
+            "robot_hash": self.robot.fingerprint(),
+            "safety": self.safety.as_dict(),
+            "layers": ["arm"] if self.payload is None else ["arm", "payload"],
+            "grid": {"h": self.grid.h},
+            "scenery": self.scenery.meta(),
+            "built": self.built,
+        }
+        arrays = {f"robot.{k}": a for k, a in self.robot.arrays().items()}
+        arrays |= {f"roadmap.{k}": a for k, a in self.roadmap.arrays().items()}
+        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.arrays().items()}
+        if self.payload is not None:
+            arrays |= {f"payload.{k}": a for k, a in self.payload.arrays().items()}
+        arrays |= {f"scenery.{k}": a for k, a in self.scenery.arrays().items()}
+        arrays |= {"grid.origin": self.grid.origin, "grid.blocks": self.grid.blocks}
+        return write_folder(path, manifest, arrays)
+
+
+def load_map(
+    path: str | Path, verify: bool = True, robot: Robot | None = None
+) -> CellMap:
+    """Load a map; no URDF is needed.
+
+    Args:
+        path: Folder of the map.
+        verify: Read every array into memory of its own and compare these very bytes
+            with their SHA-256: what happens to the files later changes nothing.
+            False maps the files instead, in milliseconds and shared by all processes:
+            while the map is in use nobody may write into them (to replace the whole
+            folder, as `CellMap.save` does, is safe).
+        robot: Where given, the map must be for exactly this robot.
+
+    Raises:
+        BadMap: Not a map, truncated, altered, of another version or robot.
+    """
+    manifest, arrays = read_folder(path, verify)
+    if manifest.get("kind") != "cell map":
+        raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
+    with made_of(path):
+        loaded = _made(manifest, arrays)
+    if robot is not None and robot.fingerprint() != manifest["robot_hash"]:
+        raise BadMap(
+            f"map {path} was built for another robot ({loaded.robot.name}, hash "
+            f"{manifest['robot_hash'][:12]}, not {robot.fingerprint()[:12]}); build a "
+            "map for this one"
+        )
+    object.__setattr__(loaded, "_lies", (str(Path(path).resolve()), verify))
+    return loaded
+
+
+def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
+    """Make a map of what a folder holds."""
+    recipe = recipe_of_map(manifest["recipe"])
+    payload = None
+    if recipe.payload is not None:
+        payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))
+    return CellMap(
+        robot=Robot.from_store(manifest["robot"], _part(arrays, "robot.")),
+        roadmap=Roadmap(**_part(arrays, "roadmap.")),
+        grid=WorkspaceGrid(
+            arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
+        ),
+        recipe=recipe,
+        arm_cells=CellLists(**_part(arrays, "arm.")),
+        scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
+        payload=payload,
+        built=manifest["built"],
+        hash=manifest["hash"],
+    )
+
+
+def _load_again(path: str, verify: bool, wanted: str) -> CellMap:
+    """Load a map that was pickled, if it is still that map."""
+    loaded = load_map(path, verify)
+    if loaded.hash != wanted:
+        raise BadMap(
+            f"map {path} has the hash {loaded.hash[:12]}, but {wanted[:12]} was "
+            "pickled; pickle the map again, or store that one there"
+        )
+    return loaded
+
+
+def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    cut = len(prefix)
+    return {k[cut:]: a for k, a in arrays.items() if k.startswith(prefix)}

@@ -1,0 +1,78 @@
+"""What a build will cost, known before it is begun."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm.cell_map.recipe import Recipe
+from odm.obstacles.grid import bounding_ball, grid_for
+from roadmap.errors import BuildRefused
+from roadmap.robot.robot import Robot
+
+_SHARE = 0.5  # of the memory that is there
+_EDGE_FACTOR = 0.62  # measured: edges per node and neighbour, twins and blocked gone
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Rough size of a map.
+
+    Attributes:
+        n_edges: Edges.
+        blocks_per_edge: Blocks in an edge's list.
+        map_bytes: Both views on disk.
+        build_bytes: Largest memory of the build.
+        grid_cells: Cells of the grid.
+    """
+
+    n_edges: int
+    blocks_per_edge: float
+    map_bytes: int
+    build_bytes: int
+    grid_cells: int
+
+
+def estimate(robot: Robot, recipe: Recipe) -> Estimate:
+    """Estimate bytes from the robot's size, cell size and node count."""
+    h, settings = recipe.safety.h, recipe.roadmap
+    _, radius = bounding_ball(robot)
+    side = 2 * (radius + recipe.safety.rho + recipe.safety.m + h)
+    n_blocks = np.ceil(side / (4 * h)) ** 3
+    n_edges = int(_EDGE_FACTOR * settings.nodes * settings.neighbors)
+    # an arm of this reach is a tube; an edge sweeps its mantle about once
+    thick = 2 * (0.06 + recipe.safety.rho + recipe.safety.m)
+    blocks = 1.3 * radius * (thick + 4 * h) ** 2 / (4 * h) ** 3
+    entries = blocks * (1.6 * n_edges + settings.nodes)
+    map_bytes = int(entries * 22)
+    return Estimate(
+        n_edges,
+        blocks,
+        map_bytes,
+        int(3 * map_bytes + 16 * n_blocks),
+        int(64 * n_blocks),
+    )
+
+
+def check_size(robot: Robot, recipe: Recipe) -> None:
+    """Refuse a build that would not fit in memory.
+
+    Raises:
+        BuildRefused: Names the estimate, the memory and what to change.
+    """
+    size = estimate(robot, recipe)
+    room = _free_memory()
+    if size.build_bytes > _SHARE * room:
+        raise BuildRefused(
+            f"building {recipe.roadmap.nodes} nodes with cells of {recipe.safety.h} m "
+            f"would take about {size.build_bytes / 1e9:.3g} GB, more than half of the "
+            f"{room / 1e9:.3g} GB of free memory; take larger cells or fewer nodes"
+        )
+    grid_for(robot, recipe.safety.h, recipe.safety.rho + recipe.safety.m)
+
+
+def _free_memory() -> int:
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (ValueError, OSError):
+        return 8_000_000_000

@@ -1,0 +1,1 @@
+"""Whether a motion keeps its distance: its spheres against points and scenery."""

@@ -1,0 +1,328 @@
+"""The close test: a motion's spheres against points, continuous, without cells.
+
+A motion q + t dq is split by dichotomy. An interval is free when at its middle every
+sphere is farther from every point than its radius plus the way it can make in half
+the interval. Where that fails, the sphere's chord, thickened by the bound on the sag
+(|p''| dt^2 / 8), may free it as soon as the sag is small, and decides at the bottom
+level.
+"""
+
+import math
+
+from numba import njit
+
+from odm.obstacles._cloud import N_OCCUPIED
+from roadmap.kinematics._forward import body_frames, motion_bounds
+
+FINE_SAG = 5e-4  # [m] the chord test may give away this much
+EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
+ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
+
+
+@njit(cache=True, nogil=True)
+def box_distance2(x, y, z, box):
+    """Return the squared distance of a point from an axis-aligned box (6,)."""
+    dx = max(0.0, max(box[0] - x, x - box[3]))
+    dy = max(0.0, max(box[1] - y, y - box[4]))
+    dz = max(0.0, max(box[2] - z, z - box[5]))
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True, nogil=True)
+def chord_distance2(px, py, pz, ax, ay, az, bx, by, bz):
+    """Return the squared distance of point p from segment a b."""
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    wx, wy, wz = px - ax, py - ay, pz - az
+    length2 = ux * ux + uy * uy + uz * uz
+    s = 0.0
+    if length2 > 0.0:
+        s = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length2))
+    dx, dy, dz = wx - s * ux, wy - s * uy, wz - s * uz
+    return dx * dx + dy * dy + dz * dz
+
+
+@njit(cache=True, nogil=True)
+def prepare_motion(arm, radii, dq, tolerance, work):
+    """Fill the motion bounds of `work` for displacement `dq`.
+
+    Returns False where a radius is not finite: nothing can be proved then.
+    """
+    motion_bounds(
+        arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
+    )
+    for b in range(arm.tree_i.shape[0]):
+        fastest = 0.0
+        bend = 0.0
+        widest = 0.0
+        thinnest = math.inf
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            fastest = max(fastest, work.speed[i])
+            bend = max(bend, work.bend[i])
+            widest = max(widest, radii[i])
+            thinnest = min(thinnest, radii[i])
+            if not abs(radii[i]) < math.inf:
+                return False
+        bottom = 0
+        if widest > 0.0:
+            # at least as deep as the cells of any of its spheres
+            bottom, _ = sample_level(thinnest, fastest, bend, tolerance)
+            bottom += 1
+        while bottom < MAX_LEVEL and bend > 8.0 * FINE_SAG * (1 << 2 * bottom):
+            bottom += 1
+        early = 0
+        while early < bottom and bend > 8.0 * EARLY_SAG * (1 << 2 * early):
+            early += 1
+        work.early[b] = early
+        work.body_speed[b] = fastest
+        work.body_radius[b] = widest
+        work.bottom[b] = bottom
+    return True
+
+
+@njit(cache=True, nogil=True)
+def set_point(q, dq, t, point):
+    """Write q + t dq to `point`."""
+    for j in range(q.shape[0]):
+        point[j] = q[j] + t * dq[j]
+
+
+@njit(cache=True, nogil=True)
+def displacement(q_from, q_to, continuous, dq):
+    """Write q_to - q_from to `dq`, continuous joints the short way."""
+    for j in range(dq.shape[0]):
+        d = q_to[j] - q_from[j]
+        if continuous[j]:
+            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+        dq[j] = d
+
+
+@njit(cache=True, nogil=True)
+def threshold(radius, i, px, py, pz, escape, anchor):
+    """Return the distance that sphere i must keep from a point."""
+    if not escape:
+        return radius
+    dx, dy, dz = px - anchor[i, 0], py - anchor[i, 1], pz - anchor[i, 2]
+    now = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return min(radius, max(0.0, now - ESCAPE_SLACK))
+
+
+@njit(cache=True, nogil=True)
+def body_at(arm, b, radii, frame, half, cloud, escape, work):
+    """Test body b at one configuration; 0 free, 1 open, 2 in the way of a point."""
+    near = arm.bound[b, 3] + work.body_radius[b]
+    reach = near + work.body_speed[b] * half
+    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
+    f = frame
+    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
+    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
+    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
+    result = 0
+    for k in range(cloud.counts[N_OCCUPIED]):
+        if box_distance2(wx, wy, wz, cloud.box[k]) >= reach * reach:
+            continue
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            s = arm.spheres[i]
+            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            # once the interval is open, only a point in the way is news
+            way = work.speed[i] * half if result == 0 else 0.0
+            far = radii[i] + way
+            if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
+                continue
+            for p in range(cloud.start[k], cloud.start[k + 1]):
+                px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
+                dx, dy, dz = px - cx, py - cy, pz - cz
+                d2 = dx * dx + dy * dy + dz * dz
+                if d2 >= far * far:
+                    continue
+                r = threshold(radii[i], i, px, py, pz, escape, work.anchor)
+                if d2 < r * r:
+                    work.found[0] = i
+                    work.found[1] = cloud.order[p]
+                    work.value[1] = math.sqrt(d2)
+                    return 2
+                if result == 0 and d2 < (r + way) * (r + way):
+                    result = 1
+                    reach = near
+    return result
+
+
+@njit(cache=True, nogil=True)
+def body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
+    """Test body b along the chords between frames f and g; False: in the way."""
+    for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+        s = arm.spheres[i]
+        ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+        ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+        az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+        bx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
+        by = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
+        bz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
+        sag = work.bend[i] * dt * dt / 8.0
+        mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
+        half = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) * 0.5
+        far = radii[i] + sag + half
+        for k in range(cloud.counts[N_OCCUPIED]):
+            if box_distance2(mx, my, mz, cloud.box[k]) >= far * far:
+                continue
+            for p in range(cloud.start[k], cloud.start[k + 1]):
+                px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
+                d2 = chord_distance2(px, py, pz, ax, ay, az, bx, by, bz)
+                r = radii[i] + sag
+                if d2 >= r * r:
+                    continue
+                r = threshold(radii[i], i, px, py, pz, escape, work.anchor) + sag
+                if d2 < r * r:
+                    work.found[0] = i
+                    work.found[1] = cloud.order[p]
+                    work.value[1] = math.sqrt(d2)
+                    return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def is_finite(q, dq):
+    """Return False where a motion holds NaN or infinity: comparisons would lie."""
+    for j in range(q.shape[0]):
+        if not (abs(q[j]) < math.inf and abs(dq[j]) < math.inf):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
+    """Return True if the whole motion q + t dq, t in [0, 1], keeps its distance.
+
+    `radii` (n,) hold radius, covering radius and clearance. On False, work.found
+    has the sphere and the point's index and work.value t and the distance. What is
+    not finite is not clear, whatever stands about: the point is -1 then. With
+    `escape`, points nearer than that need only not come nearer than work.anchor has
+    them. The points must have been sorted.
+    """
+    work.found[2] += 1
+    known = is_finite(q, dq)
+    if known and cloud.counts[N_OCCUPIED] == 0:
+        return True
+    if not (known and prepare_motion(arm, radii, dq, tolerance, work)):
+        work.found[0] = 0
+        work.found[1] = -1
+        work.value[0] = 0.0
+        work.value[1] = 0.0
+        return False
+    n_bodies = arm.tree_i.shape[0]
+    top = 0
+    work.stack[0, 0] = 0
+    work.stack[0, 1] = 0
+    for b in range(n_bodies):
+        work.masks[0, b] = b > 0 and arm.body_ptr[b + 1] > arm.body_ptr[b]
+    while top >= 0:
+        level, index = work.stack[top, 0], work.stack[top, 1]
+        dt = 1.0 / (1 << level)
+        t = (index + 0.5) * dt
+        set_point(q, dq, t, work.point)
+        body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
+        work.found[3] += 1
+        mask = work.masks[top]
+        open_ = False
+        chords = False
+        for b in range(1, n_bodies):
+            if not mask[b]:
+                continue
+            state = body_at(
+                arm, b, radii, work.frames[0, b], 0.5 * dt, cloud, escape, work
+            )
+            if state == 2:
+                work.value[0] = t
+                return False
+            mask[b] = state == 1
+            if state == 1:
+                if level >= work.early[b]:
+                    chords = True
+                else:
+                    open_ = True
+        if chords:
+            set_point(q, dq, index * dt, work.point)
+            body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[1])
+            set_point(q, dq, (index + 1) * dt, work.point)
+            body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[2])
+            work.found[3] += 2
+            for b in range(1, n_bodies):
+                if mask[b] and level >= work.early[b]:
+                    f, g = work.frames[1, b], work.frames[2, b]
+                    if body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
+                        mask[b] = False
+                    elif level < work.bottom[b]:
+                        open_ = True
+                    else:
+                        work.value[0] = t
+                        return False
+        if not open_:
+            top -= 1
+            continue
+        # the first half goes on top of the second
+        for b in range(n_bodies):
+            work.masks[top + 1, b] = mask[b]
+        work.stack[top, 0] = level + 1
+        work.stack[top, 1] = 2 * index + 1
+        work.stack[top + 1, 0] = level + 1
+        work.stack[top + 1, 1] = 2 * index
+        top += 1
+    return True
+
+
+@njit(cache=True, nogil=True)
+def separation(arm, q, cloud, limit, work):
+    """Return the smallest distance of the cover from the points, at most `limit`.
+
+    work.found gets the sphere and the point's index (-1: none within `limit`).
+    """
+    body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
+    best = limit
+    work.found[0] = -1
+    work.found[1] = -1
+    for b in range(1, arm.tree_i.shape[0]):
+        f = work.frames[0, b]
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            s = arm.spheres[i]
+            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            for k in range(cloud.counts[N_OCCUPIED]):
+                far = best + s[3]
+                if far <= 0.0:
+                    break
+                if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
+                    continue
+                for p in range(cloud.start[k], cloud.start[k + 1]):
+                    dx = cloud.xyz[p, 0] - cx
+                    dy = cloud.xyz[p, 1] - cy
+                    dz = cloud.xyz[p, 2] - cz
+                    d = math.sqrt(dx * dx + dy * dy + dz * dz) - s[3]
+                    if d < best:
+                        best = d
+                        work.found[0] = i
+                        work.found[1] = cloud.order[p]
+    return best
+
+
+MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead
+
+
+# All finer chords stay within 1 + 1/4 times the sag of a coarse one (see docs); the
+# cells take 4/3, so that what cells call free the close test calls free at any depth.
+SAG_SHARE = 4.0 / 3.0
+
+
+@njit(cache=True, nogil=True)
+def sample_level(radius, speed, bend, tolerance):
+    """Return (level, ball radius) for a sphere: 2**level pieces of its motion."""
+    level = 0
+    while True:
+        dt = 1.0 / (1 << level)
+        sag = SAG_SHARE * bend * dt * dt / 8.0
+        half = 0.5 * speed * dt
+        ball = math.sqrt((radius + sag) * (radius + sag) + half * half)
+        if ball - radius <= tolerance or level == MAX_LEVEL:
+            return level, ball
+        level += 1

@@ -1,0 +1,37 @@
+"""A robot's moving spheres as the compiled loops take them."""
+
+import numpy as np
+
+from odm.close_test._arm import Arm
+from roadmap.arrays import frozen
+from roadmap.robot.robot import Robot
+
+
+def arm_of(robot: Robot) -> Arm:
+    """Return a robot's moving spheres, sorted by body, with bounding balls."""
+    order = _moving_order(robot)
+    spheres = robot.spheres[order]
+    body = robot.sphere_body[order]
+    n_bodies = len(robot.tree_i)
+    ptr = np.searchsorted(body, np.arange(n_bodies + 1)).astype(np.int64)
+    bound = np.zeros((n_bodies, 4))
+    for b in range(n_bodies):
+        own = spheres[ptr[b] : ptr[b + 1], :3]
+        if len(own):
+            center = 0.5 * (own.min(axis=0) + own.max(axis=0))
+            far = np.linalg.norm(own - center, axis=1).max() * (1 + 1e-12) + 1e-12
+            bound[b, :3], bound[b, 3] = center, far
+    return Arm(
+        robot.tree_i,
+        robot.tree_f,
+        frozen(spheres, float),
+        frozen(body, np.int32),
+        frozen(robot.sphere_reach[order], float),
+        frozen(ptr, np.int64),
+        frozen(bound, float),
+    )
+
+
+def _moving_order(robot: Robot) -> np.ndarray:
+    moving = np.flatnonzero(robot.sphere_body > 0)
+    return moving[np.argsort(robot.sphere_body[moving], kind="stable")]

@@ -1,0 +1,58 @@
+"""Points laid out for the close test, beside those of the frame."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from odm.close_test._sorted_clouds import lay_out
+from odm.obstacles.grid import WorkspaceGrid
+
+
+class SortedCloud:
+    """Room for points that are laid out anew as often as one likes.
+
+    Points outside the grid count, too: radii may be grown by extra clearance, or by how
+    far a person can come. So its words are no occupancy.
+
+    Args:
+        grid: The map's grid.
+    """
+
+    def __init__(self, grid: WorkspaceGrid) -> None:
+        """Have no room yet."""
+        self.grid = grid
+        self._cloud = grid.new_cloud(0)
+
+    def of(self, points: np.ndarray) -> object:
+        """Return (n, 3) points [m] as a cloud; the one before is overwritten."""
+        return self.of_all(points)[0]
+
+    def of_all(self, points: np.ndarray) -> tuple[object, int]:
+        """Return the same and how many are not finite, which are left out."""
+        self._make_room(points)
+        return self._cloud, lay_out(points, self._cloud)
+
+    def _make_room(self, points: np.ndarray) -> None:
+        if len(points) > len(self._cloud.where):
+            self._cloud = self.grid.new_cloud(2 * len(points))
+
+
+class SortedClouds:
+    """Room for several sets of points at a time.
+
+    Args:
+        grid: The map's grid.
+    """
+
+    def __init__(self, grid: WorkspaceGrid) -> None:
+        """Have no room yet."""
+        self._grid = grid
+        self._rooms: list[SortedCloud] = []
+
+    def of(self, sets: Sequence[np.ndarray]) -> list:
+        """Return sets of points (n, 3) [m] as clouds; those before are overwritten."""
+        while len(self._rooms) < len(sets):
+            self._rooms.append(SortedCloud(self._grid))
+        return [
+            room.of(points) for room, points in zip(self._rooms, sets, strict=False)
+        ]

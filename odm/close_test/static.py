@@ -1,0 +1,233 @@
+"""What never moves: self-collision, the recipe's scenery, this place's scenery."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from odm.close_test import _close as close
+from odm.close_test import _solids as solids
+from odm.close_test._arm import make_work
+from odm.close_test._static import motions_free
+from odm.close_test.arm import arm_of
+from odm.close_test.safety import Safety
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles import _world_frame as layers
+from odm.obstacles._cloud import Cloud
+from odm.obstacles.grid import WorkspaceGrid, grid_for
+from odm.obstacles.scenery import Scenery
+from roadmap.errors import BadInput
+from roadmap.geometry._self_collision import motion_clear
+from roadmap.geometry.self_collision import MARGIN, TOLERANCE, self_collision
+from roadmap.loading.held_link import extended_collision
+from roadmap.robot.robot import Robot
+
+_CHUNK = 128
+
+
+class StaticTest:
+    """Tests of motions against the robot itself and what stands still around it.
+
+    Args:
+        robot: The robot.
+        scenery: The recipe's scenery.
+        safety: Its m is kept from scenery, its mu bounds the pieces of a motion.
+        grid: Grid for surface points; made for the robot when None.
+        threads: Worker threads of `motions_free`; 0 means one per core.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        scenery: Scenery,
+        safety: Safety,
+        grid: WorkspaceGrid | None = None,
+        threads: int = 0,
+    ) -> None:
+        """Lay out scratch and the scenery's points."""
+        self.robot, self.scenery, self.safety = robot, scenery, safety
+        self.arm = arm_of(robot)
+        self.tolerance = 0.5 * safety.mu
+        self.threads = threads or os.cpu_count() or 1
+        self.grid = grid or grid_for(robot, safety.h, safety.rho + safety.m + 0.02)
+        self.itself = self_collision(robot)
+        self.skip = _skipped(robot, scenery)
+        self.radii = self.arm.spheres[:, 3] + scenery.covering_radius + safety.m
+        self.cloud = self._cloud(scenery.points)
+        self.place_points = np.zeros((0, 3))
+        self.place_cloud = self._cloud(self.place_points)
+        self.set_extra(0.0)
+        self.work = self._work()
+
+    def set_place(self, points: np.ndarray) -> int:
+        """Take (n, 3) surface points of this place [m]; return how many lie outside."""
+        self.place_points = points
+        self.place_cloud = self._cloud(points, self.extra)
+        return int(self.place_cloud.counts[2])
+
+    def carrying(self, loaded: Robot) -> "StaticTest":
+        """Return the same test of the robot with a payload; points are shared."""
+        other = copy(self)
+        other.robot, other.arm = loaded, arm_of(loaded)
+        other.itself = extended_collision(self.itself, loaded)
+        other.skip = _skipped(loaded, self.scenery)
+        grown = self.scenery.covering_radius + self.safety.m
+        other.radii = other.arm.spheres[:, 3] + grown
+        other.work = other._work()
+        other.set_extra(self.extra)
+        return other
+
+    def set_extra(self, extra: float) -> None:
+        """Keep that much more distance from the scenery of this place [m]."""
+        self.extra = extra
+        grown = self.safety.rho + self.safety.m + extra
+        self.place_radii = self.arm.spheres[:, 3] + grown
+
+    def motions_free(
+        self, q: np.ndarray, dq: np.ndarray, more: float = 0.0
+    ) -> np.ndarray:
+        """Test motions q + t dq, t in [0, 1]; (k, dof) twice -> (k,) bool.
+
+        With `more` every point of the robot may be so far beside the motion [m].
+        """
+        radii, place_radii = self.radii, self.place_radii
+        if more:
+            radii, place_radii = radii + more, place_radii + more
+        q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
+        result = np.zeros(len(q), np.bool_)
+        parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
+
+        def run(part: slice) -> None:
+            motions_free(
+                self.arm,
+                q[part],
+                dq[part],
+                self.itself.model,
+                MARGIN + 2.0 * more,
+                TOLERANCE,
+                self.itself.scratch(),
+                self.scenery.solids,
+                self.skip,
+                self.safety.m + more,
+                radii,
+                self.cloud,
+                place_radii,
+                self.place_cloud,
+                self.tolerance,
+                self._work(),
+                result[part],
+            )
+
+        if len(parts) <= 1 or self.threads == 1:
+            for part in parts:
+                run(part)
+            return result
+        with ThreadPoolExecutor(self.threads) as pool:
+            list(pool.map(run, parts))
+        return result
+
+    def motion_free(self, q: np.ndarray, dq: np.ndarray, more: float = 0.0) -> bool:
+        """Test one motion; see `motions_free`."""
+        return bool(self.motions_free(q[None], dq[None], more)[0])
+
+    def why(self, q: np.ndarray, dq: np.ndarray) -> str | None:
+        """Say what the motion q + t dq runs into, or None where it is free."""
+        text = self.touches_itself(q, dq)
+        if text is not None:
+            return text
+        work = self.work
+        if not solids.motion_clear_of_solids(
+            self.arm, self.safety.m, q, dq, self.scenery.solids, self.skip, work
+        ):
+            name = self.scenery.names[work.found[1]]
+            return f"{self.link_of(work.found[0])} would touch {name}"
+        for cloud, radii, name in (
+            (self.cloud, self.radii, "a scenery mesh"),
+            (self.place_cloud, self.place_radii, "the scenery set by set_static"),
+        ):
+            if not close.motion_clear(
+                self.arm, radii, q, dq, self.tolerance, cloud, False, work
+            ):
+                return f"{self.link_of(work.found[0])} would touch {name}"
+        return None
+
+    def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
+        """Say which links the motion q + t dq brings together, or None."""
+        pair, t = motion_clear(
+            self.itself.model, q, dq, MARGIN, TOLERANCE, self.itself.scratch()
+        )
+        if pair < 0:
+            return None
+        a, b = (self.robot.link_names[i] for i in self.itself.links[pair])
+        return f"{a} would touch {b} at {t:.0%} of the motion"
+
+    def link_of(self, sphere: int) -> str:
+        """Return the link that a sphere of the moving robot belongs to."""
+        order = np.flatnonzero(self.robot.sphere_body > 0)
+        order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
+        return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
+
+    def _work(self):  # noqa: ANN202 (Work)
+        n_bodies = len(self.robot.tree_i)
+        return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
+
+    def _cloud(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
+        cloud = self.grid.new_cloud(max(1, len(points)))
+        points = np.ascontiguousarray(points, float).reshape(-1, 3)
+        occupancy.mark_points(points, cloud)
+        if extra > 0.0:
+            layers.dilate_points(points, extra, cloud)
+        if cloud.counts[3]:
+            raise BadInput(
+                f"{cloud.counts[3]} scenery points are NaN or infinite; remove them"
+            )
+        occupancy.sort_points(points, cloud)
+        return cloud
+
+
+def _skipped(robot: Robot, scenery: Scenery) -> np.ndarray:
+    skip = np.zeros((len(robot.tree_i), max(1, len(scenery.solids))), np.bool_)
+    for link, solid in scenery.dropped:
+        body = robot.link_body[robot.link_names.index(link)]
+        skip[body, scenery.names.index(solid)] = True
+    return skip
+
+
+def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
+    """Drop (link, solid) pairs that touch in every one of 256 drawn configurations.
+
+    Such a link stands in the scenery by construction (a shoulder by its mounting
+    plate). Only bodies that the first joint alone moves are looked at, so a link that
+    could get away is never dropped. Every drop is listed in the map.
+    """
+    arm, work = arm_of(robot), None
+    rng = np.random.default_rng(0)
+    sample = robot.lower + rng.random((256, robot.dof)) * (robot.upper - robot.lower)
+    dropped = []
+    still = np.zeros(robot.dof)
+    for body in range(1, len(robot.tree_i)):
+        if robot.tree_i[body, 0] != 0:
+            continue
+        own = np.flatnonzero(arm.body == body)
+        if not len(own):
+            continue
+        work = make_work(len(arm.spheres), len(robot.tree_i), robot.dof)
+        for k in range(len(scenery.solids)):
+            skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
+            skip[body, k] = False
+            touching = all(
+                not solids.motion_clear_of_solids(
+                    arm, safety.m, q, still, scenery.solids, skip, work
+                )
+                for q in sample
+            )
+            if touching:
+                links = [
+                    n
+                    for n, b in zip(robot.link_names, robot.link_body, strict=True)
+                    if b == body
+                ]
+                dropped.extend((link, scenery.names[k]) for link in links)
+    return replace(scenery, dropped=tuple(dropped))

@@ -1,0 +1,79 @@
+"""The test behind every set-point: can the robot stop before the person is there?
+
+The way up to the end of a stop is tested against the person's points, grown by how far
+the person can come meanwhile (design, step 7).
+"""
+
+import math
+
+from odm.execution.threat import Threat
+from roadmap.motion.motion import Motion
+
+_SLICE = 0.04  # a motion is tested in pieces of this length [s]
+
+
+class BrakingTest:
+    """Tests stops against a person who moves on.
+
+    Args:
+        planner: Asked with `blocked_leg`.
+    """
+
+    def __init__(self, planner: object) -> None:
+        """Keep the planner."""
+        self.planner = planner
+
+    def passes(
+        self,
+        motion: Motion,
+        t: float,
+        begin: float,
+        stop: Motion,
+        threat: Threat,
+        closer: float = 0.0,
+        beside: float = 0.0,
+    ) -> bool:
+        """Whether the way to the end of a stop is free, whenever the robot is where.
+
+        First as a whole, against where the person can be at any time of it, which is
+        enough while nobody is near; then in pieces by time.
+
+        Args:
+            motion: The motion in use.
+            t: The present time on it [s].
+            begin: When the stop begins, on the same clock [s].
+            stop: The stop on the same way.
+            threat: The person.
+            closer: How much nearer than m the robot may come [m].
+            beside: How far from the motion any point of the robot may be [m]: the
+                points are grown by that, too.
+        """
+        closer = closer - beside
+        go = max(begin - t, 0.0)  # a motion may be over
+        points, radius = threat.between(0.0, go + stop.duration)
+        way = motion.path_from(t, stop.length)
+        if self.planner.blocked_leg(way, radius - closer, points) is None:
+            return True
+        if not self._clear(motion, t, begin, 0.0, threat, closer):
+            return False
+        return self._clear(stop, 0.0, stop.duration, go, threat, closer)
+
+    def _clear(
+        self,
+        motion: Motion,
+        begin: float,
+        end: float,
+        later: float,
+        threat: Threat,
+        closer: float,
+    ) -> bool:
+        """Test a motion from `begin` to `end`, which is at `later` from now on."""
+        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
+        for k in range(n):
+            a = begin + (end - begin) * k / n
+            b = begin + (end - begin) * (k + 1) / n
+            points, radius = threat.between(later + a - begin, later + b - begin)
+            corners = motion.path_from(a, motion.place(b))
+            if self.planner.blocked_leg(corners, radius - closer, points) is not None:
+                return False
+        return True

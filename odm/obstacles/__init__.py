@@ -1,0 +1,1 @@
+"""What obstacles are: shapes, points on their surfaces, and the cells they occupy."""

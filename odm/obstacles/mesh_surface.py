@@ -1,0 +1,141 @@
+"""Points on a closed triangle mesh, and the covering radius computed for them."""
+
+import numpy as np
+
+from odm.obstacles._surfaces import greedy_cover
+from roadmap.errors import BadInput
+
+_FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
+_MAX_PAIRS = 1e6  # of neighbouring triangles: bounds memory and time
+
+
+def sample_closed_mesh(
+    vertices: np.ndarray, faces: np.ndarray, spacing: float
+) -> tuple[np.ndarray, float]:
+    """Choose few points of a closed mesh that cover its whole surface.
+
+    Triangles are halved until the smallest circle around each is small; a triangle
+    is covered by a point when its circle's centre is near enough for the whole circle
+    to lie within `spacing`. Points are chosen greedily by the area they newly cover.
+
+    Args:
+        vertices: (n, 3) [m].
+        faces: (m, 3) vertex indices.
+        spacing: Bound on the covering radius [m].
+
+    Returns:
+        (k, 3) points on the mesh and the covering radius proved for them [m].
+
+    Raises:
+        BadInput: The mesh is not closed, or too large for the spacing.
+    """
+    corners = closed_triangles(vertices, faces)
+    area = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    # a halved triangle converges to half a square, of area (circle radius)^2
+    finest = (np.pi * area.sum() * spacing**2 / _MAX_PAIRS) ** 0.25
+    fine = max(spacing / _FINE, finest)
+    if fine > 0.5 * spacing:
+        least = np.sqrt(16.0 * np.pi * area.sum() / _MAX_PAIRS)
+        raise BadInput(
+            f"a mesh of {area.sum():.3g} m2 is too large for spacing {spacing} m: "
+            f"use at least {least:.3g} m, or cut the mesh into closed parts"
+        )
+    centers, radii, area = _cut(corners, fine)
+    keep = _choose(centers, radii, area, spacing)
+    return centers[keep], _proved_radius(centers, radii, keep)
+
+
+def cover_densely(vertices: np.ndarray, faces: np.ndarray, radius: float) -> np.ndarray:
+    """Return many points of a closed mesh with covering radius at most `radius` [m]."""
+    return _cut(closed_triangles(vertices, faces), radius)[0]
+
+
+def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the corners (m, 3, 3) of a mesh; refuse one that is not closed."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=True)
+    if not mesh.is_watertight:
+        raise BadInput(
+            f"a mesh of {len(faces)} faces is not closed (watertight): fill its holes, "
+            "or give its points with a declared covering radius"
+        )
+    return np.asarray(mesh.triangles, float)
+
+
+def enclosing_circles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return centres (m, 3) and radii (m,) of the smallest circles around triangles."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    squared = np.einsum("mij,mij->mi", edges, edges)
+    longest = squared.argmax(axis=1)
+    rows = np.arange(len(corners))
+    centers = corners[rows, longest] + 0.5 * edges[rows, longest]
+    a = squared[:, [1, 2, 0]]  # squared length opposite to corner 0, 1, 2
+    total = a.sum(axis=1, keepdims=True)
+    weights = a * (total - 2.0 * a)
+    acute = (total[:, 0] - 2.0 * squared.max(axis=1)) > 1e-12 * total[:, 0]
+    w = weights[acute] / weights[acute].sum(axis=1, keepdims=True)
+    centers[acute] = np.einsum("mi,mij->mj", w, corners[acute])
+    # a circle around all three corners holds the triangle wherever its centre is
+    radii = np.linalg.norm(corners - centers[:, None], axis=2).max(axis=1)
+    return centers, radii
+
+
+def _cut(corners, fine):
+    done_centers, done_radii, done_area = [], [], []
+    while len(corners):
+        centers, radii = enclosing_circles(corners)
+        small = radii <= fine
+        sides = corners[small, 1:] - corners[small, :1]
+        normal = np.cross(sides[:, 0], sides[:, 1])
+        done_centers.append(centers[small])
+        done_radii.append(radii[small])
+        done_area.append(0.5 * np.linalg.norm(normal, axis=1))
+        corners = _halve(corners[~small])
+    joined = (done_centers, done_radii, done_area)
+    return tuple(np.concatenate(part) for part in joined)
+
+
+def _halve(corners):
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.einsum("mij,mij->mi", edges, edges).argmax(axis=1)
+    rows = np.arange(len(corners))
+    p = corners[rows, longest]
+    q = corners[rows, (longest + 1) % 3]
+    r = corners[rows, (longest + 2) % 3]
+    middle = 0.5 * (p + q)
+    return np.concatenate(
+        [np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)]
+    )
+
+
+def _choose(centers, radii, area, spacing):
+    from scipy.sparse import csr_array
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(centers)
+    pairs = tree.sparse_distance_matrix(tree, spacing, output_type="coo_matrix")
+    fits = pairs.data + radii[pairs.col] <= spacing
+    n = len(centers)
+    own = np.arange(n)
+    i = np.concatenate([pairs.row[fits], own])
+    j = np.concatenate([pairs.col[fits], own])
+    covers = csr_array((np.ones(len(i), np.int8), (i, j)), (n, n))
+    covered_by = covers.T.tocsr()
+    # a triangle of no area still has to be covered
+    weight = np.maximum(area, 1e-9 * area.sum() / n + 1e-30)
+    chosen = np.empty(n, np.int64)
+    n_chosen = greedy_cover(
+        covers.indptr, covers.indices, covered_by.indptr, covered_by.indices,
+        weight, chosen,
+    )  # fmt: skip
+    return chosen[:n_chosen]
+
+
+def _proved_radius(centers, radii, keep):
+    from scipy.spatial import cKDTree
+
+    nearest, _ = cKDTree(centers[keep]).query(centers)
+    return float((nearest + radii).max())

@@ -1,0 +1,320 @@
+"""Obstacle surfaces as points with a proved covering radius, caps and corners included.
+
+The covering radius is the largest distance from any point of the closed surface to its
+nearest sample. It is what the safety argument (design step 4) needs: a map built for
+`rho` heeds every closed obstacle whose covering radius is at most `rho`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odm.obstacles import shapes as solid
+from odm.obstacles._surfaces import SHRINK, sample_rods
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.ranges import is_between
+
+MOST_POINTS = 20_000_000  # of one shape
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Points that stand for one obstacle.
+
+    Attributes:
+        points: (n, 3) samples [m].
+        covering_radius: Largest distance from the surface to its nearest sample [m]:
+            proved where `surface_of` made it, declared by the caller otherwise.
+        label: Name of the obstacle.
+        closed: True if the whole surface of a closed solid is covered; raw points of
+            a sensor are not.
+    """
+
+    points: np.ndarray
+    covering_radius: float
+    label: str = ""
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        """Check points and radius."""
+        points = np.asarray(self.points, float)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise BadInput(f"points have shape {points.shape}: give them as (n, 3) [m]")
+        bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
+        if bad:
+            raise BadInput(
+                f"{bad} points of {self.label or 'a surface'} are NaN or infinite: "
+                "remove them"
+            )
+        radius = self.covering_radius
+        if not is_between(radius, 0.0, 1e3):
+            raise BadInput(
+                f"covering radius {radius} m must be at least 0: declare the largest "
+                "distance from the surface to its nearest point"
+            )
+        radius = float(radius)
+        object.__setattr__(self, "points", frozen(points, np.float64))
+        object.__setattr__(self, "covering_radius", radius)
+
+    def moved(self, T: np.ndarray) -> "Surface":
+        """Return the surface moved by a rigid `T` (4, 4); the radius stays."""
+        T = solid._check_pose(T)
+        return replace(self, points=self.points @ T[:3, :3].T + T[:3, 3])
+
+
+def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Surface:
+    """Sample the whole surface of a closed shape.
+
+    Args:
+        shape: A solid with its pose.
+        spacing: Bound on the covering radius [m].
+        label: Name of the obstacle; the shape's type when empty.
+
+    Returns:
+        Points and covering radius: `spacing`, or for a mesh the smaller value that was
+        computed.
+    """
+    if not isinstance(shape, solid.Shape):
+        raise BadInput(
+            f"a {type(shape).__name__} is no shape: give a Sphere, Capsule, Cylinder, "
+            "Box or Mesh"
+        )
+    T = shape.T_base_shape
+    radius = spacing
+    _check_spacing(spacing)
+    _check_area(shape, spacing)
+    if isinstance(shape, solid.Sphere):
+        points = sample_spheres(np.append(T[:3, 3], shape.radius)[None], spacing)
+    elif isinstance(shape, solid.Capsule):
+        points = sample_capsules(_rod_row(shape), spacing)
+    elif isinstance(shape, solid.Cylinder):
+        points = sample_cylinders(_rod_row(shape), spacing)
+    elif isinstance(shape, solid.Box):
+        points = sample_boxes(T[None], shape.size[None], spacing)
+    else:
+        points, radius = sample_mesh(shape.vertices, shape.faces, spacing)
+        points = points @ T[:3, :3].T + T[:3, 3]
+    return Surface(points, radius, label or type(shape).__name__.lower(), closed=True)
+
+
+def require_covering(surface: Surface | float, rho: float) -> None:
+    """Refuse a covering radius larger than the map's `rho` [m]."""
+    radius = getattr(surface, "covering_radius", surface)
+    if not radius <= rho:
+        name = getattr(surface, "label", "") or "points"
+        raise BadInput(
+            f"the covering radius {radius:.4g} m of '{name}' is larger than the map's "
+            f"rho {rho:.4g} m: sample it more densely or build a map with a larger rho"
+        )
+
+
+def rounded_covering(covering_radius: float, rounding: float, ball: float) -> float:
+    """Return the smaller covering radius that a rounded obstacle needs against balls.
+
+    A convex solid that is a union of balls of radius `rounding` (a capsule or sphere:
+    its own radius) is sampled with covering radius rho. Let a point c lie D <= `ball`
+    from it, x be the nearest surface point and n its normal, c = x + D n. The sample
+    p nearest to x is below the tangent plane, but outside the ball of radius a that
+    touches x from inside, so its depth is at most |p - x|^2 / (2 a), and
+
+        |p - c|^2 = |p - x|^2 + D^2 - 2 D n.(p - x) <= D^2 + rho^2 (1 + D / a).
+
+    Hence some sample is within `ball` + result of c; the result falls as `ball` grows,
+    so the smallest ball counts.
+
+    Args:
+        covering_radius: rho of the samples [m].
+        rounding: Radius a [m].
+        ball: Smallest radius asked about: least cover sphere plus clearance m [m].
+
+    Returns:
+        A radius that takes the place of rho in the tests of spheres this large [m].
+    """
+    rho = covering_radius
+    if not (rounding > 0.0 and ball > 0.0) or rho >= 2.0 * rounding:
+        return rho
+    return min(rho, np.sqrt(ball**2 + rho**2 * (1.0 + ball / rounding)) - ball)
+
+
+def sample_capsules(capsules: np.ndarray, spacing: float = 0.03) -> np.ndarray:
+    """Sample the whole surfaces of capsules, both end caps included.
+
+    Args:
+        capsules: (k, 7) ends a and b and radius [m]; a zero length is a sphere.
+        spacing: Bound on the covering radius [m]; the pattern is the sparsest of its
+            kind that is proved to keep it (`odm.obstacles._surfaces`).
+
+    Returns:
+        (n, 3) points [m], capsule by capsule.
+
+    Raises:
+        BadInput: Wrong shape, a value that is not finite, or a radius <= 0.
+    """
+    return sample_rods(False, _checked_rods(capsules, "capsule", spacing), spacing)
+
+
+def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray:
+    """Sample cylinders (k, 7) [a, b, radius] with their end discs, (n, 3) [m]."""
+    rods = _checked_rods(cylinders, "cylinder", spacing)
+    length = np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
+    if (length <= 1e-9).any():
+        i = int(length.argmin())
+        raise BadInput(
+            f"cylinder {i} has length {length[i]} m and so no direction: give it two "
+            "different ends, or use a sphere"
+        )
+    return sample_rods(True, rods, spacing)
+
+
+def sample_spheres(spheres: np.ndarray, spacing: float = 0.03) -> np.ndarray:
+    """Sample spheres (k, 4) [centre, radius] [m]; see sample_capsules."""
+    spheres = _checked(spheres, 4, "sphere")
+    return sample_capsules(spheres[:, [0, 1, 2, 0, 1, 2, 3]], spacing)
+
+
+def sample_boxes(
+    T_base_box: np.ndarray, size: np.ndarray, spacing: float = 0.03
+) -> np.ndarray:
+    """Sample all six faces of boxes, (n, 3) [m].
+
+    Args:
+        T_base_box: (k, 4, 4) poses of the box centres.
+        size: (k, 3) full edge lengths [m].
+        spacing: Bound on the covering radius [m].
+    """
+    _check_spacing(spacing)
+    size = _checked(size, 3, "box")
+    parts = [np.empty((0, 3))]
+    for T, edges in zip(T_base_box, size, strict=True):
+        box = solid.Box(edges, T)
+        local = _box_points(box.size, spacing * SHRINK)
+        parts.append(local @ box.T_base_shape[:3, :3].T + box.T_base_shape[:3, 3])
+    return np.concatenate(parts)
+
+
+def sample_mesh(
+    vertices: np.ndarray, faces: np.ndarray, spacing: float = 0.03
+) -> tuple[np.ndarray, float]:
+    """Sample a closed mesh; see `odm.obstacles.mesh_surface.sample_closed_mesh`."""
+    from odm.obstacles.mesh_surface import sample_closed_mesh
+
+    _check_spacing(spacing)
+    mesh = solid.Mesh(vertices, faces)
+    return sample_closed_mesh(mesh.vertices, mesh.faces, spacing)
+
+
+def _rod_row(rod):
+    a, b = rod.ends()
+    return np.concatenate([a, b, [rod.radius]])[None]
+
+
+def _check_area(shape, spacing):
+    """Refuse a shape that would take more memory than there is."""
+    if isinstance(shape, solid.Sphere):
+        area = 4 * np.pi * shape.radius**2
+    elif isinstance(shape, solid.Box):
+        area = 2 * float(shape.size @ np.roll(shape.size, 1))
+    elif isinstance(shape, solid.Mesh):
+        return
+    else:
+        area = 2 * np.pi * shape.radius * (shape.length + 2 * shape.radius)
+    if area > MOST_POINTS * spacing**2:
+        raise BadInput(
+            f"a {type(shape).__name__.lower()} of {area:.3g} m2 takes more than "
+            f"{MOST_POINTS} points {spacing} m apart: give metres, or cut it"
+        )
+
+
+def _check_spacing(spacing):
+    if not is_between(spacing, 1e-6, np.inf):
+        raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
+
+
+def _checked(rows, width, kind):
+    array = np.ascontiguousarray(rows, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise BadInput(f"{kind} rows have shape {array.shape}: give (k, {width}) [m]")
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise BadInput(
+            f"{kind} {row} has {array[row, column]} in column {column}: leave it out "
+            "until its values are finite"
+        )
+    return array
+
+
+def _checked_rods(rods, kind, spacing):
+    _check_spacing(spacing)
+    array = _checked(rods, 7, kind)
+    radius = array[:, 6]
+    if len(array) and radius.min() <= 0.0:
+        i = int(radius.argmin())
+        raise BadInput(
+            f"{kind} {i} has radius {radius[i]} m, which must be above 0: give the "
+            "true radius or leave it out"
+        )
+    return array
+
+
+def _box_points(size, rho):
+    parts = []
+    for axis in range(3):
+        others = [(axis + 1) % 3, (axis + 2) % 3]
+        face = _face_points(size[others[0]], size[others[1]], rho)
+        points = np.empty((len(face), 3))
+        points[:, others] = face - 0.5 * size[others]
+        for side in (-0.5, 0.5):
+            points[:, axis] = side * size[axis]
+            parts.append(points.copy())
+    return np.concatenate(parts)
+
+
+def _face_points(width, height, rho):
+    """Return the fewest points that cover [0, width] x [0, height]."""
+    upright = _staggered(height, width, rho)[:, ::-1]
+    patterns = (_grid(width, height, rho), _staggered(width, height, rho), upright)
+    return min(patterns, key=len)
+
+
+def _grid(width, height, rho):
+    # a point in the middle of each of n x m equal rectangles reaches their corners
+    first = int(np.ceil(width / (2.0 * rho)))
+    best = None
+    for n in range(first, 2 * first + 3):
+        slack = rho**2 - (0.5 * width / n) ** 2
+        if slack > 0.0:
+            m = int(np.ceil(height / (2.0 * np.sqrt(slack))))
+            if best is None or n * m < best[0] * best[1]:
+                best = (n, m)
+    n, m = best
+    x, y = (np.arange(n) + 0.5) * width / n, (np.arange(m) + 0.5) * height / m
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _staggered(width, height, rho):
+    """Rows of n + 1 and n points in turn; with s = width / n proved like the tube.
+
+    In [0, s / 2] x [0, d] between a point (0, 0) and the next row's (s / 2, d) the
+    farthest point is at (d + C / d) / 2, C = s^2 / 4; these rectangles tile the face.
+    The first and the last row reach e = sqrt(rho^2 - C) outwards.
+    """
+    first = int(np.ceil(width / (2.0 * rho)))
+    best = None
+    for n in range(first, 2 * first + 3):
+        slack = rho**2 - (0.5 * width / n) ** 2
+        if slack <= 0.0:
+            continue
+        edge = np.sqrt(slack)
+        inner = max(0.0, height - 2.0 * edge)
+        rows = 1 + int(np.ceil(inner / (rho + edge)))
+        total = rows * n + (rows + 1) // 2
+        if best is None or total < best[0]:
+            best = (total, n, rows, inner)
+    _, n, rows, inner = best
+    parts = []
+    for row in range(rows):
+        x = (np.arange(n + 1 - row % 2) + 0.5 * (row % 2)) * width / n
+        y = 0.5 * (height - inner) + (inner * row / (rows - 1) if rows > 1 else 0.0)
+        parts.append(np.column_stack([x, np.full(len(x), y)]))
+    return np.concatenate(parts)

@@ -1,0 +1,1 @@
+"""ReactivePlanner: what it is told, what it answers, and what it remembers."""

@@ -1,0 +1,72 @@
+"""Goals that were attached before: to set one of them again costs next to nothing.
+
+To attach a goal takes milliseconds: certified motions to near nodes, their cells, and
+the cost to go from every node. None of that depends on the frame, so it can be done in
+a frame that has the time, and kept for one that has not.
+"""
+
+import numpy as np
+
+from odm.search import _types as kinds
+
+_KEPT = ("h", "node", "length", "ref", "number", "vertex")
+
+
+class KeptGoals:
+    """What is known of the goals attached last; the one not used longest makes room.
+
+    Args:
+        goals: The planner's table of goals.
+        most: Goals kept; 0: none.
+    """
+
+    def __init__(self, goals: kinds.Goals, most: int) -> None:
+        """Lay out the memory; know no goal."""
+        self.most = most
+        self._rows = {
+            name: np.empty_like(getattr(goals, name)[:1]).repeat(most, axis=0)
+            for name in _KEPT
+        }
+        self._row_of: dict[bytes, int] = {}  # by configuration; last used last
+
+    def __contains__(self, q: np.ndarray) -> bool:
+        """Return whether a goal is kept."""
+        return q.tobytes() in self._row_of
+
+    def clear(self) -> None:
+        """Forget all: the hand, the scenery or the pool has changed."""
+        self._row_of.clear()
+
+    def keep(self, goals: kinds.Goals, g: int) -> None:
+        """Keep what stands at rank `g` of the table of goals."""
+        if not self.most:
+            return
+        key = goals.q[g].tobytes()
+        row = self._row_of.pop(key, None)
+        if row is None:
+            row = len(self._row_of)
+            if row == self.most:
+                row = self._row_of.pop(next(iter(self._row_of)))
+        self._row_of[key] = row
+        for name, rows in self._rows.items():
+            rows[row] = getattr(goals, name)[g]
+
+    def restore(self, goals: kinds.Goals, g: int) -> bool:
+        """Write what is kept of the goal at rank `g`; False where nothing is."""
+        key = goals.q[g].tobytes()
+        row = self._row_of.pop(key, None)
+        if row is None:
+            return False
+        self._row_of[key] = row
+        for name, rows in self._rows.items():
+            getattr(goals, name)[g] = rows[row]
+        goals.stuck[g] = -1.0
+        goals.at[g] = -1
+        number = int(goals.number[g])
+        goals.at[g, goals.node[g, :number]] = np.arange(number)
+        return True
+
+    def refs(self) -> list[np.ndarray]:
+        """Return views of the pool items that are kept, to be renumbered in place."""
+        ref, number = self._rows["ref"], self._rows["number"]
+        return [ref[row, : number[row]] for row in self._row_of.values()]

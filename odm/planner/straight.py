@@ -1,0 +1,66 @@
+"""The straight way to the goal, for a robot that just found another one on its way."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm.close_test import _close as close
+from odm.search import _paths as ways
+from odm.search import _step as step
+from odm.search._types import N_SAME, N_SEGMENT, N_STEP, NO_ITEM
+
+if TYPE_CHECKING:
+    from odm.planner.planner import ReactivePlanner
+
+_WAIT = 8  # steps from a look that found it blocked to the next
+_WORTH = 1.1  # times the straight length: a rest shorter than that stays
+
+
+class Straightener:
+    """Goes straight where that is free.
+
+    From an attached start the search itself tries the straight motion, by its cells.
+    On the way there are none for it: the close test decides.
+
+    Args:
+        planner: The planner whose way is changed.
+    """
+
+    def __init__(self, planner: "ReactivePlanner") -> None:
+        """No look has found anything."""
+        self.planner = planner
+        self._next = 0  # step of the next look
+
+    def reset(self) -> None:
+        """Look again in the next frame: there are other goals, or another start."""
+        self._next = 0
+
+    def run(self) -> None:
+        """Take the straight way for one that was just found, where it is free."""
+        planner = self.planner
+        m, way = planner.memory, planner.memory.way
+        at = int(m.own.numbers[N_SEGMENT])
+        last = int(way.count[0]) - 1
+        now = int(m.own.numbers[N_STEP])
+        if now < self._next or planner.attacher.is_fresh(planner._q):
+            return
+        q = planner._q.copy()
+        dq = planner._difference(q, way.q[last])
+        if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
+            return
+        tolerance = planner.cell_map.motion_tolerance
+        cloud = planner.calm_cloud()
+        if not close.motion_clear(
+            m.arm, planner.radii, q, dq, tolerance, cloud, False, m.work
+        ) or not planner.static.motion_free(q, dq):
+            self._next = now + _WAIT
+            return
+        way.vertex[:2] = m.goals.count[2], way.vertex[last]
+        way.q[0], way.q[1] = q, q + dq
+        way.ref[0] = NO_ITEM
+        way.count[0] = 2
+        ways.certify_whole(way, 0, m.proof)
+        m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
+
+    def _length(self, dq: np.ndarray) -> float:
+        return float(np.linalg.norm(dq * self.planner.cell_map.roadmap.weights))

@@ -1,0 +1,106 @@
+"""Attaching configurations: near nodes, cells of motions, cost to go."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from odm.cell_map._sweep import sweep_motion
+from odm.close_test._close import displacement
+
+
+@njit(cache=True, nogil=True)
+def distances(nodes, q, weights, continuous, out):
+    """Write the weighted distance of every node from q to `out`."""
+    for i in range(nodes.shape[0]):
+        total = 0.0
+        for j in range(q.shape[0]):
+            d = nodes[i, j] - q[j]
+            if continuous[j]:
+                d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+            d *= weights[j]
+            total += d * d
+        out[i] = math.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def sweep_into_pool(
+    arm, radii, q, dq, tolerance, cloud, region, pool, words, scratch, centers
+):
+    """Add the cells of motions q[k] + t dq[k]; returns the first item, -1 when full.
+
+    A motion that leaves the grid (none within limits does) gives -2.
+    """
+    first = pool.used[0]
+    for k in range(q.shape[0]):
+        item, end = pool.used[0], pool.used[1]
+        if item >= pool.begin.shape[0]:
+            return -1
+        inside = sweep_motion(
+            arm.tree_i,
+            arm.tree_f,
+            arm.spheres,
+            arm.body,
+            arm.reach,
+            radii,
+            q[k],
+            dq[k],
+            tolerance,
+            cloud.origin,
+            cloud.h,
+            cloud.shape,
+            words,
+            scratch,
+            centers,
+        )
+        if not inside:
+            words[:] = 0
+            return -2
+        pool.begin[item] = end
+        for k4 in range(4 * item, 4 * item + 4):
+            pool.sign[k4] = 0
+        for b in range(words.shape[0]):
+            if words[b] != 0:
+                if end < pool.block.shape[0]:
+                    pool.block[end] = b
+                    pool.mask[end] = words[b]
+                bit = region[b]
+                pool.sign[4 * item + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
+                end += 1
+                words[b] = 0
+        if end > pool.block.shape[0]:
+            return -1
+        pool.end[item] = end
+        pool.used[0] = item + 1
+        pool.used[1] = end
+    return first
+
+
+@njit(cache=True, nogil=True)
+def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
+    """Fill `h` with lower bounds on the cost to go to a node, by landmarks."""
+    distances(nodes, q, weights, continuous, h)
+    for i in range(landmarks.shape[0]):
+        best = h[i]
+        for k in range(landmarks.shape[1]):
+            best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
+        # rounding must not lift the bound above the truth
+        h[i] = best * (1.0 - 1e-12)
+
+
+@njit(cache=True, nogil=True)
+def items_hit(ptr, block, mask, words, out):
+    """Write to `out` which items share a cell with `words`."""
+    for i in range(ptr.shape[0] - 1):
+        out[i] = False
+        for k in range(ptr[i], ptr[i + 1]):
+            if words[block[k]] & mask[k] != 0:
+                out[i] = True
+                break
+
+
+@njit(cache=True, nogil=True)
+def motions_to(q, nodes, ids, continuous, dq):
+    """Write the displacements from q to some nodes to `dq` (k, dof)."""
+    for k in range(ids.shape[0]):
+        displacement(q, nodes[ids[k]], continuous, dq[k])

@@ -1,0 +1,112 @@
+"""Ways that long searches found lately bound the next one.
+
+Where one of them is free in this frame, no way longer than it is of interest: A* need
+not keep entries beyond it, and returns what it would have returned anyway.
+"""
+
+import math
+
+from numba import njit
+
+from odm.search._items import FREE, item_free, way_in_free
+from odm.search._types import EDGE_BASE
+
+ROUNDING = 1.0 + 1e-9
+
+
+@njit(cache=True, nogil=True)
+def way_bound(past, r, graph, pool, words, starts, goals, g, search, frame, best):
+    """Return the length of past way r to goal g where it is free and below `best`.
+
+    A way counts from any vertex that the start is joined to.
+    """
+    if past.vertex[r] != goals.vertex[g]:
+        return best
+    n = graph.adj_ptr.shape[0] - 1
+    free = 4 * frame + FREE
+    length = goals.cost[g]
+    for i in range(past.count[r]):
+        v, via = past.node[r, i], past.via[r, i]
+        length += past.length[r, i]
+        if length >= best:
+            break
+        if i == 0:
+            if not way_in_free(goals, pool, words, search, frame, g, via):
+                break
+        elif not item_free(graph, words, search, frame, n + via):
+            break
+        if not item_free(graph, words, search, frame, v):
+            break
+        for k in range(starts.count[0]):
+            if starts.node[k] == v and starts.memo[k] == free:
+                best = min(best, length + starts.length[k])
+    return best
+
+
+@njit(cache=True, nogil=True)
+def recent_bound(past, graph, pool, words, starts, goals, g, search, frame):
+    """Return the length of the way found last if it leads to g and is free, or inf."""
+    r = past.count[past.vertex.shape[0] + 1]
+    return ROUNDING * way_bound(
+        past, r, graph, pool, words, starts, goals, g, search, frame, math.inf
+    )
+
+
+@njit(cache=True, nogil=True)
+def free_bound(past, graph, pool, words, starts, goals, g, search, frame):
+    """Return the length of the shortest past way to goal g that is free, or inf."""
+    best = math.inf
+    for r in range(past.vertex.shape[0]):
+        best = way_bound(
+            past, r, graph, pool, words, starts, goals, g, search, frame, best
+        )
+    return best * ROUNDING
+
+
+@njit(cache=True, nogil=True)
+def remember_way(past, search, goals, entry, g):
+    """Keep the way that ends in heap entry `entry` at goal g."""
+    rows = past.vertex.shape[0]
+    r = past.count[rows]
+    via = -2 - search.e_ref[entry]
+    e = search.e_from[entry]
+    count = 0
+    after = search.e_g[entry]
+    past.vertex[r] = -1
+    while e >= 0:
+        if count >= past.node.shape[1]:
+            return
+        past.node[r, count] = search.e_node[e]
+        past.via[r, count] = via
+        past.length[r, count] = after - search.e_g[e]
+        after = search.e_g[e]
+        via = EDGE_BASE - search.e_ref[e]
+        e = search.e_from[e]
+        count += 1
+    if count == 0:
+        return
+    past.length[r, 0] -= goals.cost[g]
+    past.count[r] = count
+    past.vertex[r] = goals.vertex[g]
+    same = row_with(past, r)
+    if same >= 0:
+        past.vertex[r] = -1
+        past.count[rows + 1] = same
+    else:
+        past.count[rows] = (r + 1) % rows
+        past.count[rows + 1] = r
+
+
+@njit(cache=True, nogil=True)
+def row_with(past, r):
+    """Return another row that ends as row r does, all its way; -1 if there is none."""
+    count = past.count[r]
+    for s in range(past.vertex.shape[0]):
+        if s == r or past.vertex[s] != past.vertex[r] or past.count[s] < count:
+            continue
+        same = past.via[s, 0] == past.via[r, 0]
+        for i in range(count):
+            same = same and past.node[s, i] == past.node[r, i]
+        if same:
+            return s
+    return -1

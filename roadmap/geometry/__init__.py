@@ -1,0 +1,1 @@
+"""Solids of the links, the spheres that cover them, and what may touch."""

@@ -1,0 +1,246 @@
+"""Self-collision: which pairs of links are tested, and proofs that they stay apart.
+
+Links are tested by their shells, convex polytopes that contain the solids. A pair is
+clear at a configuration when a separating direction proves it; a whole motion is
+clear when that distance outweighs all the two links can move relative to each other.
+Joints that carry both links do not count.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.geometry import _self_collision as kernels
+from roadmap.kinematics.forward import checked, difference
+from roadmap.robot.robot import Robot
+
+# Shells are proved this far apart [m].
+MARGIN = 1e-4
+# A motion is given up where a pair is nearer than its displacement over this [m].
+TOLERANCE = 1e-3
+_MAX_DEPTH = 40
+_SAMPLES = 500
+ALWAYS = "always in contact"
+
+
+@dataclass(frozen=True, eq=False)
+class SelfCollision:
+    """What the kernels need to test a robot against itself.
+
+    Attributes:
+        links: (n, 2) the two links of each pair of shells.
+        model: Arrays for the kernels: tree_i, tree_f, pair_i (n, 8), pair_reach
+            (n, dof) [m/rad or 1], balls (n_shells, 4) around the shells, points.
+    """
+
+    links: np.ndarray
+    model: tuple[np.ndarray, ...]
+
+    def scratch(self) -> tuple[np.ndarray, ...]:
+        """Return working memory for the kernels; one per thread."""
+        tree_i, _, pair_i, pair_reach = self.model[:4]
+        n = len(pair_i)
+        return (
+            np.zeros((len(tree_i), 12)),
+            np.zeros((n, 3)),
+            np.zeros(n),
+            np.zeros((_MAX_DEPTH, n), np.int32),
+            np.zeros((_MAX_DEPTH + 1, max(4, pair_reach.shape[1]))),
+            np.zeros((16, 3)),
+        )
+
+
+@lru_cache(maxsize=8)
+def self_collision(robot: Robot) -> SelfCollision:
+    """Return the self-collision model of a robot (made once for each robot)."""
+    tested = set(map(tuple, np.sort(robot.self_pairs, axis=1).tolist()))
+    n = len(robot.shell_link)
+    body = robot.link_body[robot.shell_link]
+    rows, reach = [], []
+    for a in range(n):
+        for b in range(a + 1, n):
+            links = sorted((int(robot.shell_link[a]), int(robot.shell_link[b])))
+            if tuple(links) not in tested:
+                continue
+            span = [*robot.shell_ptr[a : a + 2], *robot.shell_ptr[b : b + 2]]
+            rows.append((a, b, body[a], body[b], *span))
+            reach.append(relative_reach(robot, a, b))
+    pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
+    links = robot.shell_link[pair_i[:, :2]]
+    balls = [
+        _ball(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
+        for i in range(n)
+    ]
+    model = (
+        robot.tree_i,
+        robot.tree_f,
+        pair_i,
+        frozen(np.array(reach).reshape(-1, robot.dof), np.float64),
+        frozen(np.array(balls).reshape(-1, 4), np.float64),
+        robot.shell_points,
+    )
+    return SelfCollision(frozen(links, np.int32), model)
+
+
+def configuration_free(
+    robot: Robot, q: np.ndarray, margin: float = MARGIN
+) -> tuple[bool, str]:
+    """Say if `q` is within limits and free of self-collision.
+
+    Args:
+        robot: The robot.
+        q: (dof,) configuration [rad or m].
+        margin: Distance that links must keep [m], above 0.
+
+    Returns:
+        (True, "") or (False, sentence that names the joint or the links).
+
+    Raises:
+        BadConfiguration: `q` has the wrong length or is not finite.
+    """
+    q = checked(robot, q)
+    out = (q < robot.lower) | (q > robot.upper)
+    out &= ~robot.continuous
+    if out.any():
+        j = int(out.argmax())
+        return False, (
+            f"joint {robot.joint_names[j]!r} at {q[j]:.4f} is outside its limits "
+            f"{robot.lower[j]:.4f} to {robot.upper[j]:.4f}"
+        )
+    tested = self_collision(robot)
+    pair = kernels.configuration_clear(tested.model, q, margin, tested.scratch())
+    if pair < 0:
+        return True, ""
+    a, b = (robot.link_names[i] for i in tested.links[pair])
+    return False, f"{a} and {b} collide or are nearer than {margin:g} m"
+
+
+def motion_free(
+    robot: Robot, q_a: np.ndarray, q_b: np.ndarray, margin: float = MARGIN
+) -> tuple[bool, tuple[str, str] | None]:
+    """Say if the straight motion between two configurations is proved free.
+
+    Args:
+        robot: The robot.
+        q_a: (dof,) start [rad or m].
+        q_b: (dof,) end; a continuous joint goes the short way.
+        margin: Distance that links must keep all along [m], above 0.
+
+    Returns:
+        (True, None), or (False, (link, link)) with a pair that is not proved free.
+    """
+    q_a, q_b = checked(robot, q_a), checked(robot, q_b)
+    tested = self_collision(robot)
+    dq = difference(robot, q_a, q_b)
+    pair, _ = kernels.motion_clear(
+        tested.model, q_a, dq, margin, TOLERANCE, tested.scratch()
+    )
+    if pair < 0:
+        return True, None
+    a, b = (robot.link_names[i] for i in tested.links[pair])
+    return False, (a, b)
+
+
+def with_pairs(
+    robot: Robot,
+    adjacent: set[frozenset[str]],
+    disabled: dict[frozenset[str], str],
+) -> Robot:
+    """Return the robot with its pairs chosen; whatever is dropped has a reason.
+
+    Dropped are links of one body, links joined by a joint, pairs that the SRDF
+    disables, and pairs in contact in *every* sampled configuration. A pair that was
+    never seen in contact stays: samples prove nothing.
+    """
+    names, kept, dropped = robot.link_names, [], []
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            key = frozenset((names[i], names[j]))
+            if robot.link_body[i] == robot.link_body[j]:
+                dropped.append((names[i], names[j], "fixed to each other"))
+            elif key in adjacent:
+                dropped.append((names[i], names[j], "joined by a joint"))
+            elif key in disabled:
+                dropped.append((names[i], names[j], f"SRDF: {disabled[key]}"))
+            else:
+                kept.append((i, j))
+    robot = replace(robot, self_pairs=np.array(kept).reshape(-1, 2))
+    share = _contact_share(robot)
+    always = [pair for pair in kept if share[pair] == 1.0]
+    reason = f"{ALWAYS} ({_SAMPLES + 2} configurations)"
+    dropped += [(names[i], names[j], reason) for i, j in always]
+    often = [
+        f"{names[i]} and {names[j]} are in contact in {share[i, j]:.0%} of all poses"
+        for i, j in kept
+        if 0.5 < share[i, j] < 1.0
+    ]
+    kept = [pair for pair in kept if pair not in always]
+    return replace(
+        robot,
+        self_pairs=np.array(kept).reshape(-1, 2),
+        dropped_pairs=tuple(dropped),
+        notes=(*robot.notes, *often),
+    )
+
+
+def crowded_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Return the pairs of links that touch in more than half of all sampled poses."""
+    often = [pair for pair, share in _contact_share(robot).items() if share > 0.5]
+    named = {frozenset(robot.link_names[i] for i in pair) for pair in often}
+    return always_touching_pairs(robot) | named
+
+
+def always_touching_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Return the pairs of links that are not tested since they always touch."""
+    return {frozenset(pair[:2]) for pair in robot.dropped_pairs if ALWAYS in pair[2]}
+
+
+def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:
+    """Return how often each pair of links is in contact, over fixed samples."""
+    tested = self_collision.__wrapped__(robot)
+    rng = np.random.default_rng(0)
+    samples = rng.uniform(robot.lower, robot.upper, (_SAMPLES, robot.dof))
+    middle = (robot.lower + robot.upper) / 2
+    home = np.clip(0.0, robot.lower, robot.upper)
+    contacts = np.zeros((_SAMPLES + 2, len(tested.links)), np.bool_)
+    for k, q in enumerate([middle, home, *samples]):
+        kernels.contacts(tested.model, q, tested.scratch(), contacts[k])
+    share = {}
+    for pair in map(tuple, robot.self_pairs.tolist()):
+        own = (tested.links == pair).all(axis=1) | (tested.links[:, ::-1] == pair).all(
+            axis=1
+        )
+        share[pair] = float(contacts[:, own].any(axis=1).mean())
+    return share
+
+
+def relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
+    """Bound how far two shells move against each other per unit of each joint."""
+    weights = np.zeros(robot.dof)
+    body_a, body_b = robot.link_body[robot.shell_link[[a, b]]]
+    common = set(_ancestors(robot, body_a)) & set(_ancestors(robot, body_b))
+    for shell, body in ((a, body_a), (b, body_b)):
+        for k in _ancestors(robot, body):
+            if k not in common and robot.tree_i[k, 1] >= 0:
+                factor = abs(robot.tree_f[k, 15])
+                weights[robot.tree_i[k, 1]] += factor * robot.shell_reach[shell, k]
+    return weights
+
+
+def _ancestors(robot: Robot, body: int) -> list[int]:
+    chain = []
+    while body >= 0:
+        chain.append(int(body))
+        body = robot.tree_i[body, 0]
+    return chain
+
+
+def _ball(points: np.ndarray) -> tuple[float, ...]:
+    """Return a small ball around the points, by the walk of [Badoiu2003]."""
+    center = points.mean(axis=0)
+    for k in range(1, 200):
+        far = points[((points - center) ** 2).sum(axis=1).argmax()]
+        center = center + (far - center) / (k + 1)
+    return (*center, np.linalg.norm(points - center, axis=1).max() + 1e-9)

@@ -1,0 +1,82 @@
+"""The exact solids of a link: hulls of meshes, boxes, cylinders, spheres."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.robot.description import Link, Shape
+from roadmap.robot.meshes import find_mesh, read_vertices
+from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
+
+# A mesh thinner than this is no solid: its points become cubes of this edge [m].
+MIN_THICKNESS = 1e-4
+
+_NO_POINTS = np.empty((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex solid at `T_body_solid`; see `Robot.solid_kind` for kinds and sizes."""
+
+    kind: int
+    link: int
+    T_body_solid: np.ndarray
+    size: tuple[float, float, float]
+    points: np.ndarray
+
+    def body_points(self) -> np.ndarray:
+        """Return the hull's vertices in the body frame, (n, 3) [m]."""
+        return self.points @ self.T_body_solid[:3, :3].T + self.T_body_solid[:3, 3]
+
+
+def solid_of(
+    shape: Shape, owner: Link, index: int, T_body_link: np.ndarray, lookup: tuple
+) -> tuple[Solid, str]:
+    """Return the solid of one shape, and a note where it had to be thickened.
+
+    Args:
+        shape: The shape.
+        owner: Its link.
+        index: Index of the link among those with geometry.
+        T_body_link: Pose of the link in its body, (4, 4) [m].
+        lookup: Path of the URDF and the package folders.
+    """
+    pose = T_body_link @ shape.T_link_shape
+    if shape.kind == "box":
+        return Solid(BOX, index, pose, shape.size, _NO_POINTS), ""
+    if shape.kind == "cylinder":
+        size = (*shape.size, 0.0)
+        return Solid(CYLINDER, index, pose, size, _NO_POINTS), ""
+    if shape.kind == "sphere":
+        return Solid(SPHERE, index, pose, (*shape.size, 0.0, 0.0), _NO_POINTS), ""
+    urdf, package_dirs = lookup
+    path = find_mesh(shape.filename, Path(urdf), package_dirs, owner.name)
+    points = read_vertices(path, shape.size, owner.name)
+    points, note = _thickened(points), ""
+    if len(points[0]) and points[1]:
+        note = (
+            f"{owner.name}: the mesh {path.name} is flat; thickened to "
+            f"{MIN_THICKNESS * 1e3:g} mm"
+        )
+    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), _extreme(points[0])), note
+
+
+def _thickened(points: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return the points, or cubes around them where they span no volume."""
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
+    thickness = np.ptp(centred @ axes.T, axis=0)
+    if len(thickness) == 3 and thickness.min() >= MIN_THICKNESS:
+        return points, False
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    corners *= MIN_THICKNESS / 2
+    return (points[:, None, :] + corners).reshape(-1, 3), True
+
+
+def _extreme(points: np.ndarray) -> np.ndarray:
+    """Return the vertices of the convex hull, in the order of the file."""
+    from scipy.spatial import ConvexHull
+
+    points = np.unique(points, axis=0)
+    return points[np.sort(ConvexHull(points).vertices)]

@@ -1,0 +1,1 @@
+"""The roadmap: configurations drawn and connected, in CSR form."""

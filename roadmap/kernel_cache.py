@@ -1,0 +1,114 @@
+"""Compiled loops never outlive their sources: stale machine code is dropped here.
+
+numba's cache looks at the file of a function only, not at what the function calls in
+other files or at their constants. Stale machine code is a safety matter, so whatever
+was compiled from a file is thrown away whenever the text of that file, or of any file
+of ours that it imports, directly or not, has changed. The files are found by what they
+hold, so a new folder is protected as soon as it has a loop.
+"""
+
+import hashlib
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+PACKAGES = ("roadmap", "odm", "handover", "sim")
+_STAMP = "kernels.json"
+_IMPORT = re.compile(r"^[ \t]*from ([\w.]+) import (\([^)]*\)|.*)", re.MULTILINE)
+_PLAIN = re.compile(r"^[ \t]*import ([\w., ]+)", re.MULTILINE)
+
+
+class Sources:
+    """The Python files of the packages in a folder, and what each imports.
+
+    Args:
+        root: The folder that holds the packages.
+    """
+
+    def __init__(self, root: Path) -> None:
+        """Read nothing yet."""
+        self.root = root
+        self.text = cache(self._text)
+        self.imported = cache(self._imported)
+
+    def compiled(self) -> list[Path]:
+        """Return the files with loops that numba compiles."""
+        found = (f for p in PACKAGES for f in (self.root / p).rglob("*.py"))
+        return sorted(f for f in found if b"njit" in self.text(f))
+
+    def digest(self, file: Path) -> str:
+        """Return a SHA-256 over a file and all files of ours that it needs."""
+        seen, todo = {file}, [file]
+        while todo:
+            new = self.imported(todo.pop()) - seen
+            seen |= new
+            todo += new
+        digest = hashlib.sha256()
+        for path in sorted(seen):
+            digest.update(str(path.relative_to(self.root)).encode() + self.text(path))
+        return digest.hexdigest()
+
+    def _text(self, file: Path) -> bytes:
+        return file.read_bytes()
+
+    def _imported(self, file: Path) -> frozenset[Path]:
+        text = self.text(file).decode()
+        names = []
+        for module, what in _IMPORT.findall(text):
+            if module.partition(".")[0] in PACKAGES:
+                names += [f"{module}.{n}" for n in re.findall(r"\w+", what)] + [module]
+        for line in _PLAIN.findall(text):
+            names += [n.split()[0] for n in line.split(",") if n.strip()]
+        ours = (n for n in names if n.partition(".")[0] in PACKAGES)
+        files = (self.root / f"{name.replace('.', '/')}.py" for name in ours)
+        return frozenset(f for f in files if f.is_file())
+
+
+def drop_stale_code(root: Path | None = None) -> list[Path]:
+    """Delete compiled loops that do not belong to the present sources.
+
+    Args:
+        root: The folder that holds the packages; None: the one this file lies in.
+
+    Returns:
+        The files whose code was dropped. Folders that cannot be written are left
+        alone.
+    """
+    sources = Sources(root or Path(__file__).parents[1])
+    folders: dict[Path, dict[str, str]] = {}
+    for file in sources.compiled():
+        known = folders.setdefault(file.parent, {})
+        known[file.stem] = sources.digest(file)
+    return [f for folder, digests in folders.items() for f in _drop(folder, digests)]
+
+
+def _drop(folder: Path, digests: dict[str, str]) -> list[Path]:
+    """Delete what was compiled in a folder from other texts than these."""
+    compiled = folder / "__pycache__"
+    stamp = compiled / _STAMP
+    try:
+        before = _known(stamp)
+        if before == digests:
+            return []
+        stale = [s for s in digests if before.get(s) != digests[s]]
+        kept = set(digests) - set(stale)
+        for file in compiled.glob("*.nb[ic]"):
+            if file.name.partition(".")[0] not in kept:
+                file.unlink(missing_ok=True)
+        compiled.mkdir(exist_ok=True)
+        stamp.write_text(json.dumps(digests))
+    except OSError:
+        return []
+    return [folder / f"{name}.py" for name in stale]
+
+
+def _known(stamp: Path) -> dict[str, str]:
+    """Return what a stamp says; a damaged one says nothing."""
+    try:
+        return dict(json.loads(stamp.read_text()))
+    except (FileNotFoundError, ValueError, TypeError):
+        return {}
+
+
+drop_stale_code()

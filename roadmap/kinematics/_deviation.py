@@ -1,0 +1,196 @@
+"""How far sphere centres stray while the joints leave a path by a little.
+
+Where q leaves a configuration along dq, a centre's velocity is J dq. J itself changes
+along another direction: |d/dt J(q + t da) db| is bounded by `mixed_bends` over all
+configurations. So what is known exactly at one configuration holds nearby, but for a
+term of second order (docs/decisions/0006).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from roadmap.kinematics._forward import body_frames
+
+PEAK = 3.0 / 16.0  # farthest of a blend from its corner path, in d |w - u|
+_ALONG = 3.0 / 8.0  # what the way to the corner may weigh; see `longest_blend`
+
+
+@njit(cache=True, nogil=True)
+def center_speeds(tree_i, tree_f, spheres, body, q, dq, frames, twist, speed):
+    """Write |J(q) dq| of every sphere's centre to `speed` (n,).
+
+    frames (n_bodies, 12) and twist (n_bodies, 6), angular and linear velocity of the
+    bodies' origins, are filled on the way.
+    """
+    body_frames(tree_i, tree_f, q, frames)
+    for b in range(tree_i.shape[0]):
+        parent = tree_i[b, 0]
+        if parent < 0:
+            for k in range(6):
+                twist[b, k] = 0.0
+            continue
+        up, f, t = frames[parent], frames[b], twist[parent]
+        x, y, z = f[9] - up[9], f[10] - up[10], f[11] - up[11]
+        for k in range(3):
+            twist[b, k] = t[k]
+        twist[b, 3] = t[3] + t[1] * z - t[2] * y
+        twist[b, 4] = t[4] + t[2] * x - t[0] * z
+        twist[b, 5] = t[5] + t[0] * y - t[1] * x
+        if tree_i[b, 2] == 0:
+            continue
+        rate = tree_f[b, 15] * dq[tree_i[b, 1]]
+        first = 0 if tree_i[b, 2] == 1 else 3
+        axis = tree_f[b]
+        for k in range(3):
+            along = f[3 * k] * axis[12] + f[3 * k + 1] * axis[13]
+            twist[b, first + k] += rate * (along + f[3 * k + 2] * axis[14])
+    for i in range(spheres.shape[0]):
+        f, t, s = frames[body[i]], twist[body[i]], spheres[i]
+        x = f[0] * s[0] + f[1] * s[1] + f[2] * s[2]
+        y = f[3] * s[0] + f[4] * s[1] + f[5] * s[2]
+        z = f[6] * s[0] + f[7] * s[1] + f[8] * s[2]
+        vx = t[3] + t[1] * z - t[2] * y
+        vy = t[4] + t[2] * x - t[0] * z
+        vz = t[5] + t[0] * y - t[1] * x
+        speed[i] = math.sqrt(vx * vx + vy * vy + vz * vz)
+
+
+@njit(cache=True, nogil=True)
+def mixed_rates(tree_i, tree_f, a, b, rates):
+    """Write what body k's joint adds to |p''[a, b]|, per reach, to `rates`.
+
+    p''[a, b] is the sum of p_jk (a_j b_k + a_k b_j) over joints j before k, and of
+    p_kk a_k b_k; |p_jk| is at most the distance of p from axis k (1 for a slide), and
+    0 where j is a slide. With b = a that is `motion_bounds`.
+    """
+    for k in range(tree_i.shape[0]):
+        rates[k] = 0.0
+        if tree_i[k, 2] == 0:
+            continue
+        a_k = abs(tree_f[k, 15] * a[tree_i[k, 1]])
+        b_k = abs(tree_f[k, 15] * b[tree_i[k, 1]])
+        a_before = 0.0
+        b_before = 0.0
+        j = tree_i[k, 0]
+        while j > 0:
+            if tree_i[j, 2] == 1:
+                a_before += abs(tree_f[j, 15] * a[tree_i[j, 1]])
+                b_before += abs(tree_f[j, 15] * b[tree_i[j, 1]])
+            j = tree_i[j, 0]
+        rates[k] = a_before * b_k + b_before * a_k
+        if tree_i[k, 2] == 1:
+            rates[k] += a_k * b_k
+
+
+@njit(cache=True, nogil=True)
+def reached(rates, reach, i):
+    """Return the bound on a centre that rates by body amount to."""
+    total = 0.0
+    for k in range(rates.shape[0]):
+        total += rates[k] * reach[i, k]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def longest_blend(tree_i, tree_f, spheres, body, reach, corner, u, w, room, most):
+    """Return (d, stray): the half-length of a corner's blend, and a bound on it [m].
+
+    No centre strays farther than `stray` <= `most` [m] from the corner path, and d is
+    at most `room`. The blend is beside the corner path by e(y) (w - u) with
+    e = 2 d y^3 (1 - y / 2), where that is r = d (1 - 2 y) from the corner, y from 0
+    to 1/2 there and back. There |J (w - u)| <= V + B r + C e, with V at the corner
+    itself, B bounding p''[u, w - u] and p''[w, w - u], and C p''[w - u, w - u]; so
+
+        stray <= e (V + B r) + C e^2 / 2 <= P d max(V, 3/8 B d) + C (P d)^2 / 2
+
+    with P = 3/16, since e (1 + 8/3 (1 - 2 y)) is largest at y = 1/2.
+    """
+    n, n_bodies, dof = spheres.shape[0], tree_i.shape[0], u.shape[0]
+    turn = np.empty(dof)
+    for j in range(dof):
+        turn[j] = w[j] - u[j]
+    speed = np.empty(n)
+    frames, twist = np.empty((n_bodies, 12)), np.empty((n_bodies, 6))
+    rates = np.empty((3, n_bodies))
+    center_speeds(tree_i, tree_f, spheres, body, corner, turn, frames, twist, speed)
+    mixed_rates(tree_i, tree_f, u, turn, rates[0])
+    mixed_rates(tree_i, tree_f, w, turn, rates[1])
+    mixed_rates(tree_i, tree_f, turn, turn, rates[2])
+    d = room
+    for i in range(n):
+        along = max(reached(rates[0], reach, i), reached(rates[1], reach, i))
+        bend = reached(rates[2], reach, i)
+        first, second = PEAK * speed[i], 0.5 * PEAK * PEAK * bend
+        if (first + second * d) * d > most:
+            d = 2.0 * most / (first + math.sqrt(first * first + 4.0 * second * most))
+        second += PEAK * _ALONG * along
+        if second * d * d > most:
+            d = math.sqrt(most / second)
+    stray = 0.0
+    for i in range(n):
+        along = max(reached(rates[0], reach, i), reached(rates[1], reach, i))
+        e = PEAK * d
+        fastest = max(speed[i], _ALONG * along * d)
+        bend = reached(rates[2], reach, i)
+        stray = max(stray, e * fastest + 0.5 * bend * e * e)
+    return d, min(stray, most)
+
+
+@njit(cache=True, nogil=True)
+def legs_stray(
+    tree_i,
+    tree_f,
+    spheres,
+    body,
+    reach,
+    q_leg,
+    leg,
+    share,
+    off,
+    frames,
+    twist,
+    along,
+    bend,
+    rate,
+    speed,
+):
+    """Bound how far motions from beside a leg to its two ends stray from it [m].
+
+    They begin at q_leg + off, with q_leg at `share` of the leg, whose displacement is
+    `leg`. After the part t of such a motion a centre is off the leg by at most
+
+        (1 - t) min(G, V + t B + (1 - t) C / 2),
+
+    with V = |J(q_leg) off|, B bounding p''[off] along what is left of the leg, C
+    p''[off, off], and G |J off| at any configuration. frames (n_bodies, 12), twist
+    (n_bodies, >= 6), along, bend, rate (n_bodies,) and speed (n,) are scratch.
+    """
+    center_speeds(tree_i, tree_f, spheres, body, q_leg, off, frames, twist, speed)
+    mixed_rates(tree_i, tree_f, leg, off, along)
+    mixed_rates(tree_i, tree_f, off, off, bend)
+    for k in range(tree_i.shape[0]):
+        rate[k] = 0.0
+        if tree_i[k, 2] != 0:
+            rate[k] = abs(tree_f[k, 15] * off[tree_i[k, 1]])
+    longer = max(share, 1.0 - share)
+    worst = 0.0
+    for i in range(spheres.shape[0]):
+        most = reached(rate, reach, i)
+        if most <= worst:
+            continue
+        begin = speed[i] + 0.5 * reached(bend, reach, i)
+        worst = max(worst, highest(begin, longer * reached(along, reach, i), most))
+    return worst
+
+
+@njit(cache=True, nogil=True)
+def highest(begin, slope, most):
+    """Return the largest (1 - t) min(most, begin + t slope) for t in [0, 1]."""
+    if begin >= most:
+        return most
+    t = max(0.0, 0.5 * (slope - begin) / slope) if slope > 0.0 else 0.0
+    if begin + t * slope <= most:
+        return (1.0 - t) * (begin + t * slope)
+    return (1.0 - (most - begin) / slope) * most

@@ -1,0 +1,104 @@
+"""Forward kinematics of a Robot, and bounds on how far its points can move."""
+
+import numpy as np
+
+from roadmap.errors import BadConfiguration
+from roadmap.kinematics import _forward as kernels
+from roadmap.kinematics.joint_tree import JointTree
+
+
+def body_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return T_base_body of every body, (n_bodies, 4, 4) [m]."""
+    flat = _flat_frames(robot, q)
+    poses = np.zeros((len(flat), 4, 4))
+    poses[:, :3, :3] = flat[:, :9].reshape(-1, 3, 3)
+    poses[:, :3, 3] = flat[:, 9:]
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def tool_pose(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return T_base_tool, (4, 4) [m]."""
+    return body_frames(robot, q)[robot.tip_body] @ robot.T_body_tip
+
+
+def sphere_centers(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return the centres of the cover's spheres in the base frame, (n, 3) [m]."""
+    out = np.empty((len(robot.spheres), 3))
+    flat = _flat_frames(robot, q)
+    kernels.place_points(flat, robot.sphere_body, robot.spheres, out)
+    return out
+
+
+def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return the (6, dof) Jacobian of the tool in the base frame: linear, angular."""
+    poses = body_frames(robot, q)
+    p_tool = (poses[robot.tip_body] @ robot.T_body_tip)[:3, 3]
+    result = np.zeros((6, robot.dof))
+    body = robot.tip_body
+    while body > 0:
+        parent, joint, kind = robot.tree_i[body]
+        axis, scale = robot.tree_f[body, 12:15], robot.tree_f[body, 15]
+        z = poses[body, :3, :3] @ axis  # the axis is fixed under its own rotation
+        if kind == 1:
+            arm = p_tool - poses[body, :3, 3]
+            result[:3, joint] += scale * np.cross(z, arm)
+            result[3:, joint] += scale * z
+        elif kind == 2:
+            result[:3, joint] += scale * z
+        body = parent
+    return result
+
+
+def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
+    """Return `q_to - q_from`, (..., dof); a continuous joint goes the short way."""
+    dq = np.asarray(q_to, float) - np.asarray(q_from, float)
+    turns = np.round(dq / (2 * np.pi))
+    return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
+
+
+def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bound speed and bending of the cover's centres while q moves by `dq`.
+
+    Args:
+        robot: The robot.
+        dq: (dof,) joint displacement [rad or m].
+
+    Returns:
+        Two (n,) arrays [m]: the largest |dp/dt| and |d2p/dt2| for t in [0, 1].
+    """
+    n = len(robot.spheres)
+    first, second = np.empty(n), np.empty(n)
+    kernels.motion_bounds(
+        robot.tree_i,
+        robot.tree_f,
+        robot.sphere_reach,
+        np.asarray(dq, float),
+        np.empty((2, len(robot.tree_i))),
+        first,
+        second,
+    )
+    return first, second
+
+
+def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    frames = np.empty((len(robot.tree_i), 12))
+    q = np.ascontiguousarray(q, dtype=np.float64)
+    kernels.body_frames(robot.tree_i, robot.tree_f, q, frames)
+    return frames
+
+
+def checked(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return `q` as a (dof,) float array, or raise BadConfiguration."""
+    try:
+        q = np.ascontiguousarray(q, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadConfiguration(f"q must be {robot.dof} numbers, not {q!r}") from error
+    if q.shape != (robot.dof,):
+        raise BadConfiguration(
+            f"q has the shape {q.shape}, but {robot.name} has {robot.dof} joints: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if not np.isfinite(q).all():
+        raise BadConfiguration(f"q holds NaN or infinity: {q.tolist()}")
+    return q

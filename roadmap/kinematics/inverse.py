@@ -1,0 +1,136 @@
+"""Inverse kinematics: configurations that bring the tool to a pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.kinematics._inverse import descend
+from roadmap.kinematics.forward import checked, difference, tool_pose
+from roadmap.kinematics.joint_tree import JointTree
+
+
+class BadPose(BadInput):
+    """A tool pose is not a rigid (4, 4) transform."""
+
+
+@dataclass(frozen=True, eq=False)
+class IkSolution:
+    """A configuration within limits and what is left of the way to the pose.
+
+    Attributes:
+        q: (dof,) configuration [rad or m].
+        position_error: Distance of the tool from the pose [m].
+        rotation_error: Angle between tool and pose [rad].
+    """
+
+    q: np.ndarray
+    position_error: float
+    rotation_error: float
+
+
+def solve(
+    robot: JointTree,
+    T_base_tool: np.ndarray,
+    q_seed: np.ndarray | None = None,
+    *,
+    attempts: int = 20,
+    steps: int = 200,
+    position_tolerance: float = 1e-6,
+    rotation_tolerance: float = 1e-6,
+    seed: int = 0,
+) -> list[IkSolution]:
+    """Return distinct configurations that reach a tool pose, nearest to q_seed first.
+
+    Damped least squares from q_seed, from the middle of the limits and from random
+    configurations. Self-collision is not looked at. The same input gives the same
+    list.
+
+    Args:
+        robot: The robot.
+        T_base_tool: (4, 4) pose of the tool in the base frame [m].
+        q_seed: (dof,) start and measure of nearness; default: the middle.
+        attempts: Number of starts, at least 1.
+        steps: Most steps from each start. A pose in reach takes about 5 from a near
+            start; one out of reach takes all of them, some 60 us each.
+        position_tolerance: Largest position error of a solution [m].
+        rotation_tolerance: Largest rotation error of a solution [rad].
+        seed: Seed of the random starts.
+
+    Returns:
+        Solutions within limits; empty when the pose is out of reach.
+
+    Raises:
+        BadPose: The pose is not a finite rigid transform.
+        BadConfiguration: `q_seed` has the wrong length or is not finite.
+    """
+    T_base_tool = checked_pose(T_base_tool)
+    limits = np.stack([robot.lower, robot.upper], axis=1)
+    middle = limits.mean(axis=1)
+    start = middle if q_seed is None else checked(robot, q_seed)
+    rng = np.random.default_rng(seed)
+    starts = [start, middle, *rng.uniform(*limits.T, (max(attempts, 2), robot.dof))]
+    if q_seed is None:
+        starts = starts[1:]
+    limits[robot.continuous] = -np.inf, np.inf
+    goal = np.array([position_tolerance, rotation_tolerance])
+    found: list[IkSolution] = []
+    for q in starts[: max(attempts, 1)]:
+        q = np.clip(q, limits[:, 0], limits[:, 1])
+        errors = descend(
+            robot.tree_i,
+            robot.tree_f,
+            robot.tip_body,
+            _flat(robot.T_body_tip),
+            _flat(T_base_tool),
+            limits,
+            q,
+            steps,
+            # a little further than asked, so that a solution stays one when checked
+            goal / 2,
+        )
+        if (np.array(errors) <= goal).all():
+            _add(robot, found, q, T_base_tool)
+    return sorted(found, key=lambda s: np.linalg.norm(difference(robot, start, s.q)))
+
+
+def checked_pose(T: np.ndarray) -> np.ndarray:
+    """Return a (4, 4) float array that is a rigid transform, or raise BadPose."""
+    try:
+        T = np.asarray(T, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadPose(f"a pose must be a (4, 4) array of numbers, not {T!r}") from error
+    if T.shape != (4, 4):
+        raise BadPose(f"a pose must have the shape (4, 4), not {T.shape}")
+    if not np.isfinite(T).all():
+        raise BadPose("a pose must be finite, this one holds NaN or infinity")
+    R = T[:3, :3]
+    off = np.abs(R @ R.T - np.eye(3)).max()
+    if off > 1e-6 or np.linalg.det(R) < 0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
+        raise BadPose(
+            f"a pose must be rigid: its rotation is off by {off:.1e} (limit 1e-6), "
+            "its last row must be 0 0 0 1 and mirroring is not allowed"
+        )
+    return T
+
+
+def _add(
+    robot: JointTree, found: list[IkSolution], q: np.ndarray, T: np.ndarray
+) -> None:
+    turn = 2 * np.pi
+    wrapped = q - turn * np.round(q / turn)
+    q = np.where(robot.continuous, wrapped, q)
+    q = np.clip(q, robot.lower, robot.upper)
+    if any(np.abs(difference(robot, s.q, q)).max() < 1e-3 for s in found):
+        return
+    reached = tool_pose(robot, q)
+    R = T[:3, :3] @ reached[:3, :3].T
+    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    angle = np.arctan2(np.linalg.norm(skew) / 2, (np.trace(R) - 1) / 2)
+    distance = np.linalg.norm(T[:3, 3] - reached[:3, 3])
+    found.append(IkSolution(frozen(q, np.float64), float(distance), float(angle)))
+
+
+def _flat(T: np.ndarray) -> np.ndarray:
+    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])

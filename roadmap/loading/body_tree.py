@@ -1,0 +1,262 @@
+"""From a robot description to bodies: which joints move, what is fixed to what."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.errors import BadRobot
+from roadmap.robot.description import MOVABLE, Description, Joint
+from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
+from roadmap.robot.robot import FIXED, PRISMATIC, REVOLUTE
+
+# Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
+DEFAULT_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
+# A URDF has no acceleration or jerk: full speed in 0.25 s, full acceleration in 0.1 s.
+ACCELERATION_PER_VELOCITY = 4.0
+JERK_PER_ACCELERATION = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTree:
+    """Bodies and where each link sits; see `Robot` for the arrays.
+
+    `standing` holds the values of the joints that stand still, drivers only [rad or m].
+    """
+
+    joint_names: tuple[str, ...]
+    limits: dict[str, np.ndarray]
+    tree_i: np.ndarray
+    tree_f: np.ndarray
+    link_body: dict[str, int]
+    T_body_link: dict[str, np.ndarray]
+    standing: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def build_tree(
+    description: Description,
+    tip: str,
+    locked: Mapping[str, float],
+    given: Mapping[str, Mapping[str, float] | None] | None = None,
+) -> BodyTree:
+    """Fold everything into bodies; only the joints on the way to `tip` move.
+
+    A joint off the way is locked at its value in `locked`, else at 0 clipped into its
+    limits. A mimic joint moves with the joint it follows, wherever both are. `given`
+    holds limits of "velocity", "acceleration" and "jerk" by joint.
+
+    Raises:
+        BadRobot: No joint moves, `locked` names a joint or value that cannot be, or a
+            given limit is none.
+    """
+    drives = {
+        j.name: drive(description, j)
+        for j in description.joints.values()
+        if j.kind in MOVABLE
+    }
+    _check_locked(description, drives, locked)
+    limits = {name: _limits(description.joints[name]) for name, _, _ in drives.values()}
+    moving = _moving(description, tip, drives, locked, limits)
+    values = standing_values(description, moving, locked)
+    if not moving:
+        raise BadRobot(
+            f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
+            "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
+        )
+    bodies = _bodies(description, drives, moving, values)
+    joint_limits, notes = _joint_limits(description, moving, limits, drives)
+    _take_limits(joint_limits, moving, drives, given or {})
+    return BodyTree(tuple(moving), joint_limits, *bodies, values, tuple(notes))
+
+
+def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
+    """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
+    factor, offset, seen = 1.0, 0.0, {joint.name}
+    while joint.mimic is not None:
+        name, f, o = joint.mimic
+        if name in seen or name not in description.joints:
+            raise BadRobot(
+                f"joint {joint.name!r} mimics {name!r}, which is "
+                f"{'itself a follower of it' if name in seen else 'not in the file'}"
+            )
+        # value = factor * (f * q + o) + offset
+        factor, offset = factor * f, factor * o + offset
+        seen.add(name)
+        joint = description.joints[name]
+    if joint.kind not in MOVABLE:
+        raise BadRobot(f"a joint mimics the fixed joint {joint.name!r}; remove <mimic>")
+    return joint.name, factor, offset
+
+
+def _limits(joint: Joint) -> tuple[float, float]:
+    if joint.kind == "continuous":
+        return -np.pi, np.pi
+    lower, upper = joint.lower, joint.upper
+    if lower is None and upper is None and joint.kind == "revolute":
+        return -np.pi, np.pi
+    if lower is None or upper is None or not np.isfinite([lower, upper]).all():
+        raise BadRobot(
+            f"joint {joint.name!r} has the limits {lower} to {upper}; give it a finite "
+            "<limit lower=... upper=...>"
+        )
+    if lower > upper:
+        raise BadRobot(
+            f"joint {joint.name!r} has lower {lower} above upper {upper}; swap them"
+        )
+    return float(lower), float(upper)
+
+
+def standing_values(
+    description: Description, moving: Collection[str], locked: Mapping[str, float]
+) -> dict[str, float]:
+    """Return where the drivers that are not `moving` stand [rad or m].
+
+    Where they are locked, else at 0 clipped into their limits.
+    """
+    values = {}
+    for joint in description.joints.values():
+        if joint.kind in MOVABLE:
+            name = drive(description, joint)[0]
+            if name not in moving and name not in values:
+                rest = np.clip(0.0, *_limits(description.joints[name]))
+                values[name] = float(locked.get(name, rest))
+    return values
+
+
+def driven_by(description: Description, name: str) -> list[tuple[str, float, float]]:
+    """Return (joint, factor, offset) of `name` and of all that follow it."""
+    joints = [j for j in description.joints.values() if j.kind in MOVABLE]
+    rows = [(joint.name, *drive(description, joint)) for joint in joints]
+    return [(own, f, o) for own, driver, f, o in rows if driver == name]
+
+
+def _check_locked(description, drives, locked) -> None:
+    for name, value in locked.items():
+        if name not in drives:
+            raise BadRobot(
+                f"cannot lock {name!r}: the joints that can be locked are "
+                f"{sorted(drives)}"
+            )
+        driver = drives[name][0]
+        if driver != name:
+            raise BadRobot(f"joint {name!r} mimics {driver!r}; lock {driver!r} instead")
+        lower, upper = _limits(description.joints[name])
+        if description.joints[name].kind == "continuous":
+            lower, upper = -TURN, TURN  # nobody writes more than a turn
+        if not np.isfinite(value) or not lower - 1e-9 <= value <= upper + 1e-9:
+            prismatic = description.joints[name].kind == "prismatic"
+            hint = f"; {DEGREES}" if looks_like_degrees(value, prismatic) else ""
+            raise BadRobot(
+                f"joint {name!r} cannot be locked at {value}: its limits are "
+                f"{lower:.6g} to {upper:.6g}{hint}"
+            )
+
+
+def _moving(description, tip, drives, locked, limits) -> list[str]:
+    """Return the driving joints on the way to the tip, base first."""
+    on_chain = [j.name for j in description.path(tip) if j.kind in MOVABLE]
+    drivers = dict.fromkeys(drives[name][0] for name in on_chain)
+    return [d for d in drivers if d not in locked and limits[d][0] < limits[d][1]]
+
+
+def _bodies(description, drives, moving, values):
+    rows_i, rows_f = [(-1, -1, FIXED)], [_row(np.eye(4))]
+    link_body, T_body_link = {description.root: 0}, {description.root: np.eye(4)}
+    queue = [description.root]
+    while queue:
+        link = queue.pop()
+        # the first joint of the file is followed first
+        for joint in description.children(link)[::-1]:
+            queue.append(joint.child)
+        for joint in description.children(link):
+            pose = T_body_link[link] @ joint.T_parent_joint
+            driver, factor, offset = drives.get(joint.name, ("", 0.0, 0.0))
+            if driver in moving:
+                link_body[joint.child] = len(rows_i)
+                T_body_link[joint.child] = np.eye(4)
+                kind = PRISMATIC if joint.kind == "prismatic" else REVOLUTE
+                rows_i.append((link_body[link], moving.index(driver), kind))
+                rows_f.append(_row(pose, joint.axis, factor, offset))
+                continue
+            link_body[joint.child] = link_body[link]
+            value = factor * values[driver] + offset if driver else 0.0
+            T_body_link[joint.child] = pose @ _motion(joint, value)
+    return np.array(rows_i), np.array(rows_f), link_body, T_body_link
+
+
+def _row(pose, axis=(0.0, 0.0, 1.0), factor=1.0, offset=0.0) -> np.ndarray:
+    return np.concatenate([pose[:3, :3].ravel(), pose[:3, 3], axis, [factor, offset]])
+
+
+def _motion(joint: Joint, value: float) -> np.ndarray:
+    T = np.eye(4)
+    if joint.kind == "prismatic":
+        T[:3, 3] = value * joint.axis
+    elif joint.kind != "fixed":
+        x, y, z = joint.axis
+        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        T[:3, :3] += np.sin(value) * K + (1 - np.cos(value)) * K @ K
+    return T
+
+
+def _take_limits(
+    joint_limits: dict[str, np.ndarray],
+    moving: list[str],
+    drives: Mapping,
+    given: Mapping[str, Mapping[str, float] | None],
+) -> None:
+    """Put the given limits in place of those of the file or the defaults."""
+    for kind, values in given.items():
+        for name, value in (values or {}).items():
+            if name not in drives:
+                raise BadRobot(
+                    f"there is no joint {name!r} to have a limit of {kind}; the "
+                    f"joints are {list(drives)}"
+                )
+            if not 0.0 < value < np.inf:
+                raise BadRobot(
+                    f"joint {name!r} has a limit of {kind} of {value}; give a number "
+                    "above 0"
+                )
+            if name in moving:
+                joint_limits[f"max_{kind}"][moving.index(name)] = value
+
+
+def _joint_limits(description, moving, limits, drives):
+    joints = [description.joints[name] for name in moving]
+    notes, velocity, endless = [], [], []
+    for joint in joints:
+        fastest = joint.velocity
+        if fastest is None or not np.isfinite(fastest) or fastest <= 0:
+            fastest = DEFAULT_VELOCITY[joint.kind]
+            unit = "m/s" if joint.kind == "prismatic" else "rad/s"
+            notes.append(f"{joint.name}: velocity limit taken as {fastest} {unit}")
+        velocity.append(fastest)
+        factors = [f for driver, f, _ in drives.values() if driver == joint.name]
+        turns = joint.kind == "continuous"
+        if turns and any(f != round(f) for f in factors):
+            notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
+            turns = False
+        endless.append(turns)
+        if joint.name in description.remarks:
+            notes.append(description.remarks[joint.name])
+        if joint.kind == "revolute" and joint.lower is None and joint.upper is None:
+            notes.append(f"{joint.name}: no position limits, taken as (-pi, pi)")
+    velocity = np.array(velocity)
+    acceleration = ACCELERATION_PER_VELOCITY * velocity
+    notes.append(
+        f"where none is given, limits of acceleration are "
+        f"{ACCELERATION_PER_VELOCITY:g}/s x velocity, of jerk "
+        f"{JERK_PER_ACCELERATION:g}/s x acceleration (a URDF has none)"
+    )
+    bounds = np.array([limits[name] for name in moving])
+    table = {
+        "lower": bounds[:, 0],
+        "upper": bounds[:, 1],
+        "continuous": np.array(endless),
+        "max_velocity": velocity,
+        "max_acceleration": acceleration,
+        "max_jerk": JERK_PER_ACCELERATION * acceleration,
+    }
+    return table, notes

@@ -1,0 +1,87 @@
+"""Which joints beyond the tool are fingers: held over their whole travel by default.
+
+A finger hangs on the last body that moves the tool, has two limits and does not move
+the tool itself. What the user locks stands still, as does what cannot be held.
+"""
+
+from collections.abc import Collection, Mapping
+
+from roadmap.loading.body_tree import BodyTree, drive
+from roadmap.loading.finger_chain import carried_links, has_limits
+from roadmap.loading.travel import WIDEST
+from roadmap.robot.description import MOVABLE, Description
+
+_FARTHEST = 0.5  # [m] what moves something farther is an arm, not a finger
+
+
+def finger_joints(
+    description: Description,
+    tree: BodyTree,
+    tip: str,
+    locked: Collection[str],
+    radii: Mapping[str, float],
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Choose the joints that travel where nothing is said.
+
+    Args:
+        description: The robot.
+        tree: Its bodies.
+        tip: Link of the tool.
+        locked: Joints that the user locked.
+        radii: How far the solids of each link reach from its origin [m].
+
+    Returns:
+        Names of the joints that travel, and of those of the gripper that do not: why.
+    """
+    chosen, not_chosen = [], {}
+    for name in _beyond(description, tree, tip):
+        joint = description.joints[name]
+        if name in locked or (has_limits(joint) and joint.lower == joint.upper):
+            continue
+        if has_limits(joint):
+            chosen.append(name)
+        else:
+            not_chosen[name] = "it has no two limits"
+    while True:
+        worst = _too_wide(description, tree, chosen, radii)
+        if worst is None:
+            return tuple(chosen), not_chosen
+        chosen.remove(worst[0])
+        not_chosen[worst[0]] = worst[1]
+
+
+def _beyond(description: Description, tree: BodyTree, tip: str) -> list[str]:
+    """Return the drivers that move links of the tool's body, but not the tip."""
+    body = tree.link_body[tip]
+    moves = [
+        (drive(description, joint)[0], joint.child)
+        for joint in description.joints.values()
+        if joint.kind in MOVABLE
+    ]
+    on_way = {joint.child for joint in description.path(tip)}
+    fixed = {name for name, child in moves if child in on_way}
+    names = [name for name, child in moves if tree.link_body[child] == body]
+    still = [n for n in names if n not in fixed and n not in tree.joint_names]
+    return list(dict.fromkeys(still))
+
+
+def _too_wide(
+    description: Description,
+    tree: BodyTree,
+    chosen: list[str],
+    radii: Mapping[str, float],
+) -> tuple[str, str] | None:
+    """Return the joint that moves a link too far, and why it cannot travel."""
+    worst, why, farthest = None, "", 0.0
+    for link, carried in carried_links(description, tree, chosen).items():
+        if link not in radii:
+            continue
+        ways = carried.ways(radii[link])
+        name, way = carried.drivers[ways.argmax()], float(ways.max())
+        several = carried.cells(radii[link])[2] > WIDEST
+        if (way > _FARTHEST or several) and way > farthest:
+            worst, farthest = name, way
+            why = f"it would move {link} by up to {way:.2f} m"
+            if way <= _FARTHEST and len(carried.drivers) > 1:
+                why = f"{link} hangs on {' and '.join(carried.drivers)}"
+    return None if worst is None else (worst, why)

@@ -1,0 +1,1 @@
+"""Paths in time: blended corners, jerk-limited timing, joins and stops."""

@@ -1,0 +1,224 @@
+"""The way of a motion: pieces with the limits of the arc length on them."""
+
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import difference
+from roadmap.motion.blending import (
+    Piece,
+    lay_way,
+    scalar_limits,
+    slowing_limit,
+    without_gaps,
+)
+from roadmap.motion.timing import State
+from roadmap.robot.joint_values import check_values
+from roadmap.robot.robot import Robot
+
+SAME = 1e-9
+NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
+
+
+class Turn(NamedTuple):
+    """A corner of a way: its arc length, where its blend begins, and its (dof,) q."""
+
+    s: float
+    begin: float
+    q: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Pieces with the limits of the arc length on them.
+
+    Attributes:
+        robot: Whose limits they are.
+        pieces: In order, each from the end of the one before.
+        swift: (n,) speed by the joints' velocities.
+        turning: (n,) speed by what turning on a blend takes; infinite without one.
+        a, j: (n,) acceleration and jerk.
+        stray: No centre of the cover strays farther from the corner path [m].
+        home: (dof,) where a way without pieces stands.
+    """
+
+    robot: Robot
+    pieces: tuple[Piece, ...]
+    swift: np.ndarray
+    turning: np.ndarray
+    a: np.ndarray
+    j: np.ndarray
+    stray: float
+    home: np.ndarray
+
+    @classmethod
+    def of(
+        cls, robot: Robot, pieces: tuple[Piece, ...], stray: float, home: np.ndarray
+    ) -> "Way":
+        """Return the way over some pieces, with the limits of a robot."""
+        if not pieces:
+            none = np.zeros(0)
+            return cls(robot, (), none, none, none, none, 0.0, home)
+        pieces = without_gaps(pieces)
+        return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
+
+    def index(self, s: float) -> int:
+        """Return the piece that holds arc length `s`."""
+        return max(0, bisect_right(self._begins, s) - 1)
+
+    @cached_property
+    def _begins(self) -> list[float]:
+        return [p.begin for p in self.pieces]
+
+    def index_of(self, state: State) -> int:
+        """Return the piece a state is on; without acceleration, a next one counts."""
+        slack = NEAR if abs(state.a) < NEAR else 0.0
+        return self.index(state.s + slack)
+
+    def at(self, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q, dq/ds and d2q/ds2 (dof,) at arc length `s`."""
+        if not self.pieces:
+            none = np.zeros_like(self.home)
+            return self.home, none, none
+        return self.pieces[self.index(s)].at(s)
+
+    def behind_blend(self, s: float, end: float) -> float:
+        """Return the first arc length from `s` on at which another path may well begin.
+
+        Not on a blend, where it would lead off at an angle, but far enough behind one
+        for a corner there to be rounded; at most `end`.
+        """
+        for k in range(self.index(s), len(self.pieces)):
+            piece = self.pieces[k]
+            if piece.d == 0.0:
+                lead = self.pieces[k - 1].d if k else 0.0
+                return min(max(s, piece.begin + min(lead, piece.length)), end)
+        return min(s, end)
+
+    @cached_property
+    def turns(self) -> "list[Turn]":
+        """The corners of the way, the end as the last one."""
+        turns = []
+        for k, p in enumerate(self.pieces):
+            if p.d > 0.0:
+                turns.append(Turn(p.anchor + p.d, p.anchor, p.corner()))
+            elif k and self.pieces[k - 1].d == 0.0:
+                turns.append(Turn(p.begin, p.begin, p.at(p.begin)[0]))
+        if self.pieces:
+            end = self.pieces[-1].end
+            turns.append(Turn(end, end, self.at(end)[0]))
+        return turns
+
+    def along(self, s: float, path: np.ndarray) -> "tuple[int, float]":
+        """Return how far a path keeps to this way.
+
+        Args:
+            s: Arc length of its first corner.
+            path: (k, dof) corners [rad or m].
+
+        Returns:
+            Index of the last corner to which the way leads over the same corners and
+            where a blend, if any, begins behind `s`; and its arc length. (0, s): none.
+        """
+        ahead = [turn for turn in self.turns if turn.s > s + NEAR]
+        first = 1
+        while first < len(path) and np.abs(path[first] - path[0]).max() <= NEAR:
+            first += 1
+        rounded = bool(ahead) and ahead[0].begin < s - NEAR  # its blend has begun
+        for skip in (0, 1) if rounded else (0,):  # the path may leave that corner out
+            kept = _common(ahead[skip:], path[first:])
+            if kept > (rounded and not skip):
+                return first + kept - 1, ahead[skip + kept - 1].s
+        return 0, s
+
+    def to_corner(self, begin: float, s: float) -> "Way":
+        """Return the part from `begin` to the corner at arc length `s`, not rounded."""
+        kept = [p for p in self.pieces if p.end > begin + SAME and p.begin < s - SAME]
+        if kept and kept[-1].d > 0.0 and kept[-1].anchor + kept[-1].d > s - NEAR:
+            kept.pop()
+        if kept and kept[-1].d > 0.0:  # no straight piece is between two blends
+            last = kept[-1]
+            at = last.at(last.end)[0]
+            kept.append(Piece(last.end, s, at, last.end, last.w, last.w, 0.0))
+        pieces = tuple(p.cut(begin, s) for p in kept[:-1])
+        pieces += tuple(replace(p.cut(begin, s), end=s) for p in kept[-1:])
+        return Way.of(self.robot, pieces, self.stray, self.home)
+
+    def slowing(self, k: int, v: float) -> float:
+        """Return the acceleration for slowing down on piece k from speed v or less.
+
+        It counts on piece k being entered within its own speeds.
+        """
+        piece = self.pieces[k]
+        if piece.d == 0.0:
+            return self.a[k]
+        v = min(v, self.swift[k], self.turning[k])
+        return max(self.a[k], slowing_limit(piece, self.robot, v))
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Which ends of the pieces (n + 1,) must be passed at rest."""
+        corners = [
+            bool(np.abs(a.w - b.u).max() > SAME)
+            for a, b in zip(self.pieces, self.pieces[1:], strict=False)
+        ]
+        return np.array([False, *corners, True])
+
+    def joined(self, path: np.ndarray, s: float, blend: float, room: float) -> "Way":
+        """Return this way followed by a corner path.
+
+        Args:
+            path: (k, dof) corners; the first one is the end of this way.
+            s: Arc length of the first one.
+            blend: No centre of the cover strays farther from the corners [m].
+            room: What rounding the first one may take of this way; 0: it stays sharp.
+        """
+        pieces, stray = lay_way(self.robot, path, blend, self.pieces, s, room)
+        return Way.of(self.robot, pieces, max(stray, self.stray), path[0])
+
+    def part(self, begin: float, end: float) -> "Way":
+        """Return the part between two arc lengths; its limits stay."""
+        kept = [
+            k
+            for k, p in enumerate(self.pieces)
+            if p.end > begin + SAME and p.begin < end - SAME
+        ]
+        pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
+        limits = (array[kept] for array in (self.swift, self.turning, self.a, self.j))
+        return Way(self.robot, pieces, *limits, self.stray, self.at(end)[0])
+
+
+def _common(turns: list[Turn], path: np.ndarray) -> int:
+    """Return how many of the first corners are the same."""
+    kept = 0
+    for turn, corner in zip(turns, path, strict=False):
+        if np.abs(turn.q - corner).max() > NEAR:
+            break
+        kept += 1
+    return kept
+
+
+def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
+    """Return the path (k, dof) checked, continuous joints going the short way.
+
+    Raises:
+        BadInput: It has another shape, is not finite or leaves the joints' limits.
+    """
+    path = np.array(path, float)
+    if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
+        raise BadInput(
+            f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
+        )
+    check_values(robot, path, "the path")
+    path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
+    return path
+
+
+def check_scale(speed_scale: float) -> None:
+    """Refuse what is no share of the velocity limits."""
+    if not 0.0 < speed_scale <= 1.0:
+        raise BadInput(f"a speed scale of {speed_scale} is no share; give (0, 1]")

@@ -1,0 +1,212 @@
+"""Time along a way: jerk-limited speed of the arc length, by ruckig.
+
+The speed at the ends of the pieces comes from a pass backward and a pass forward;
+acceleration is zero there. Between them ruckig (Berscheid, Kroeger 2021) finds the
+quickest profile. All profiles are kept as constant-jerk phases.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+
+from roadmap.errors import PlanningError
+from roadmap.motion._timing import reachable
+
+_BACK = 1e-9  # slower than this is at rest, not backwards [rad or m per second]
+_NOTHING = 1e-8  # no way to speak of [rad or m of joint space]
+
+
+class Phase(NamedTuple):
+    """Constant jerk from time t on, at arc length s, speed v and acceleration a."""
+
+    t: float
+    s: float
+    v: float
+    a: float
+    j: float
+
+
+class State(NamedTuple):
+    """Arc length, speed and acceleration."""
+
+    s: float
+    v: float
+    a: float
+
+
+class NoProfile(PlanningError):
+    """No profile keeps the limits from this state."""
+
+
+class Profiles:
+    """Collects phases one after the other, from a state on.
+
+    Args:
+        state: Where it begins.
+    """
+
+    def __init__(self, state: State) -> None:
+        """Begin at time 0."""
+        self.phases: list[Phase] = []
+        self.t, self.state = 0.0, state
+        self._otg: Ruckig | None = None
+
+    def to_speed(self, v: float, a: float, j: float) -> None:
+        """Add the quickest change to speed `v` and no acceleration within a and j."""
+        self._begin(self.state, a, j)
+        self._input.control_interface = ControlInterface.Velocity
+        self._input.max_velocity = [math.inf]
+        self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
+        self._run(None, v)
+
+    def to_rest(self, a: float, j: float) -> None:
+        """Add the quickest stop within a and j, as `to_speed` would, but much faster.
+
+        A stop is asked for in every frame. It falls to -p and rises to 0: with
+        acceleration a_0, p^2 = j v + a_0^2 / 2, or a constant -a in between.
+        """
+        _, v, a_0 = self.state
+        if v + a_0 * abs(a_0) / (2.0 * j) <= 0.0 or abs(a_0) > a:
+            self.to_speed(0.0, a, j)
+            return
+        a, j = float(a), float(j)
+        peak, level = math.sqrt(j * v + 0.5 * a_0 * a_0), 0.0
+        if peak > a:
+            peak, level = a, (v + (0.5 * a_0 * a_0 - a * a) / j) / a
+        t, state = self.t, self.state
+        for dt, jerk in (((a_0 + peak) / j, -j), (level, 0.0), (peak / j, j)):
+            if dt > 0.0:
+                phase = Phase(t, *state, jerk)
+                self.phases.append(phase)
+                t, state = t + dt, after(phase, dt)
+        self.t, self.state = t, State(state.s, 0.0, 0.0)
+
+    def to_place(self, s: float, v: float, fastest: float, a: float, j: float) -> None:
+        """Add the quickest profile to arc length `s` with speed `v`."""
+        begin = self.state
+        self._begin(begin, a, j)
+        self._input.control_interface = ControlInterface.Position
+        self._input.max_velocity = [max(fastest, begin.v, v)]
+        self._input.target_position = [s - begin.s]
+        self._input.target_velocity, self._input.target_acceleration = [v], [0.0]
+        self._run(s, v)
+
+    def _begin(self, begin: State, a: float, j: float) -> None:
+        if self._otg is None:
+            self._otg, self._input = Ruckig(1), InputParameter(1)
+        self._input.max_acceleration, self._input.max_jerk = [a], [j]
+        # relative to the present place, which keeps all digits
+        self._input.current_position = [0.0]
+        self._input.current_velocity = [begin.v]
+        self._input.current_acceleration = [begin.a]
+
+    def _run(self, s_end: float | None, v_end: float) -> None:
+        trajectory = Trajectory(1)
+        result = self._otg.calculate(self._input, trajectory)
+        if result not in (Result.Working, Result.Finished):
+            raise NoProfile(f"ruckig finds no profile from {self.state}: {result}")
+        profile = trajectory.profiles[0][0]
+        t, (s, v, a) = self.t, self.state
+        steps = [*zip(profile.brake.t, profile.brake.j, strict=True)]
+        steps += zip(profile.t, profile.j, strict=True)
+        left = trajectory.duration
+        before = len(self.phases)
+        for dt, j in steps:
+            if dt <= 0.0:
+                continue
+            phase = Phase(t, s, v, a, j)
+            self.phases.append(phase)
+            s, v, a = after(phase, dt)
+            t, left = t + dt, left - dt
+            if _slowest(phase, dt) < -_BACK:
+                del self.phases[before:]
+                raise NoProfile(f"the state {self.state} could not but go back")
+        if abs(left) > 1e-6:
+            raise NoProfile(f"a profile of {trajectory.duration} s has another length")
+        self.t = t
+        self.state = State(s if s_end is None else s_end, v_end, 0.0)
+
+
+def after(phase: Phase, dt: float) -> State:
+    """Return the state `dt` seconds into a phase."""
+    _, s, v, a, j = phase
+    return State(
+        s + dt * (v + dt * (0.5 * a + dt * j / 6.0)),
+        v + dt * (a + 0.5 * dt * j),
+        a + dt * j,
+    )
+
+
+def _slowest(phase: Phase, dt: float) -> float:
+    """Return the lowest speed within the first `dt` seconds of a phase."""
+    end = after(phase, dt)
+    slowest = min(phase.v, end.v)
+    if phase.a < 0.0 < end.a:
+        slowest = min(slowest, after(phase, -phase.a / phase.j).v)
+    return slowest
+
+
+def passing(phases: list[Phase], s: float) -> tuple[float, float]:
+    """Return speed and acceleration at arc length `s`; of the last phase, its start.
+
+    Speed falls along a stop, so a phase takes it from its begin to the next one's.
+    """
+    for phase, later in zip(phases, phases[1:], strict=False):
+        if phase.s <= s < later.s:
+            low, high = 0.0, later.t - phase.t
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                if after(phase, middle).s < s:
+                    low = middle
+                else:
+                    high = middle
+            state = after(phase, high)
+            return state.v, state.a
+    return phases[-1].v, phases[-1].a
+
+
+def junction_speeds(
+    lengths: np.ndarray,
+    limits: np.ndarray,
+    stops: np.ndarray,
+    a: np.ndarray,
+    j: np.ndarray,
+) -> list[float]:
+    """Return speeds at the ends of pieces (n + 1,) from which the rest can be made.
+
+    `stops` (n + 1,) are ends that must be passed at rest. The first speed is the
+    highest allowed, not one that was asked for.
+    """
+    n = len(lengths)
+    speeds = [0.0] * (n + 1)
+    for k in range(n - 1, -1, -1):
+        limit = limits[k] if k == 0 else min(limits[k - 1], limits[k])
+        if stops[k]:
+            limit = 0.0
+        speeds[k] = reachable(speeds[k + 1], lengths[k], limit, a[k], j[k])
+        speeds[k] = min(speeds[k], limit)
+    return speeds
+
+
+def fill(
+    profiles: Profiles,
+    ends: np.ndarray,
+    limits: np.ndarray,
+    speeds: list[float],
+    a: np.ndarray,
+    j: np.ndarray,
+) -> None:
+    """Add the profiles over all pieces, whose ends (n,) and junction speeds are given.
+
+    `profiles` must stand at the start of the first piece or in it, at no acceleration.
+    """
+    for k in range(len(ends)):
+        state = profiles.state
+        left = ends[k] - state.s
+        if left <= _NOTHING:
+            profiles.state = state._replace(s=max(state.s, ends[k]))
+            continue
+        v = reachable(state.v, left, min(speeds[k + 1], limits[k]), a[k], j[k])
+        profiles.to_place(ends[k], min(v, speeds[k + 1]), limits[k], a[k], j[k])

@@ -1,0 +1,1 @@
+"""Benches of the map, the planner and the loop."""

@@ -1,0 +1,217 @@
+"""`odm bench motions`: contacts, trips and calm beside every scripted motion.
+
+With `pushed` the robot is pushed in every run (`sim.loop.pushed`), the one with nobody
+included, and no trips are asked. A contact counts, judged at the true robot by exact
+geometry, if the robot moves by itself meanwhile: if its set-point does. That somebody
+presses a robot that stands against a person is no contact of the planner's.
+"""
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from odm import ReactivePlanner, load_map
+from sim.cli.run_command import person_of
+from sim.loop.loop import LoopSettings, exact_audit, run_loop
+from sim.loop.pushed import KINDS, PushSettings
+from sim.loop.run_result import RunResult
+from sim.people.human_motion import make_motion, motion_names
+from sim.people.person_place import before_work_places
+from sim.people.scenes import SCENES
+from sim.run.demo import DEMO, find_places
+from sim.tables.clock import value_row
+from sim.tables.header import header
+
+TRIPS = 60.0  # asked of the trips made without a person [%]
+FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed
+MINUTE = 60.0
+_LOOKS_HZ = 10.0
+
+
+def run(
+    map_dir: str | Path,
+    *,
+    seconds: float = 60.0,
+    seeds: int = 2,
+    motions: Sequence[str] | None = None,
+    files: Sequence[str | Path] = (),
+    execution: str = "kinematic",
+    pushed: bool = False,
+    seed: int = 0,
+    short: bool = False,
+    processes: int = 2,
+    tell: Callable[[str], None] | None = None,
+) -> dict:
+    """Run the loop beside every motion and seed, and once without a person.
+
+    Args:
+        map_dir: Folder of a built map.
+        seconds: Simulated time of each run [s].
+        seeds: Runs of each motion, from `seed` on.
+        motions: Names of motions; None: all scripted ones but the scenes, which are
+            staged so that the robot has to hold.
+        files: Recorded motions (CSV, BVH), each played once for its length at most.
+        execution: "kinematic" or "timed"; see `sim.loop.loop.LoopSettings`.
+        pushed: Push the robot, several times a minute; see `sim.loop.pushed`.
+        seed: The first seed.
+        short: Few seconds: to see that it runs, not to measure.
+        processes: Runs at a time; the figures do not depend on it.
+        tell: Called with what is about to run.
+
+    Returns:
+        Plain data for JSON: "header", "setup", "rows" and "runs".
+    """
+    names = tuple(motions or (n for n in motion_names() if n not in SCENES))
+    for name in names:
+        make_motion(name, seed)  # a wrong name is refused before any work
+    files = tuple(str(file) for file in files)
+    for file in files:
+        person_of("mocap", seed, Path(file))
+    if short:
+        seconds, seeds = min(seconds, 2.0), 1
+    jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
+    jobs += [(file, seed) for file in files]
+    shared = (str(map_dir), seconds, execution, pushed)
+    (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
+    if processes > 1:
+        with multiprocessing.get_context("spawn").Pool(processes) as pool:
+            runs = pool.map(_played, [(*shared, *job) for job in jobs], chunksize=1)
+    else:
+        runs = [_played((*shared, *job)) for job in jobs]
+    alone, runs = runs[0], runs[1:]
+    rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
+    for name in (*names, *(Path(file).stem for file in files)):
+        own = [r for r in runs if r["motion"] == name]
+        rows += _rows(name, own, alone["trips_per_minute"], execution, pushed)
+    setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
+    setup["execution"] = execution
+    if pushed:
+        setup["pushed"] = asdict(PushSettings())
+        rows += _pushed_rows([alone, *runs], execution)
+    return {
+        "bench": "motions",
+        "header": header(load_map(map_dir, verify=False)),
+        "setup": setup,
+        "rows": rows,
+        "runs": [alone, *runs],
+    }
+
+
+def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
+    """Run once; a process of its own may do this."""
+    map_dir, seconds, execution, pushed, motion, seed = job
+    planner = ReactivePlanner(load_map(map_dir, verify=False))
+    settings = LoopSettings(
+        rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
+    )
+    recorded = motion is not None and motion not in motion_names()
+    if recorded:
+        human = person_of("mocap", seed, Path(motion))
+    else:
+        human = None if motion is None else make_motion(motion, seed)
+    places = find_places(planner)
+    if human is not None:
+        human = before_work_places(human, planner.robot, places)
+    pushes = PushSettings() if pushed else None
+    result = run_loop(planner, planner.robot, places, human, settings, pushed=pushes)
+    name = {"motion": Path(motion).stem} if recorded else {}
+    return {
+        **result.summary(),
+        **name,
+        "trips_per_minute": result.trips * MINUTE / seconds,
+        "moving_s": float(result.moving.sum()) / result.rate_hz,
+        "occupied": _occupied(planner, places, result),
+    }
+
+
+def _changes(runs: list[dict]) -> float:
+    """Return path changes a minute of the time in which the robot moves, of all runs.
+
+    A run whose goal is blocked all along has next to no such time, and counts so.
+    """
+    moving = sum(run["moving_s"] for run in runs) / MINUTE
+    return sum(run["path_changes"] for run in runs) / moving if moving else 0.0
+
+
+def _occupied(planner: ReactivePlanner, places: np.ndarray, result: RunResult) -> float:
+    """Return the share of time in which the person is within m of the next place.
+
+    By exact geometry, ten times a second: no planner could go there then.
+    """
+    audit, m = exact_audit(planner.robot), planner.cell_map.safety.m
+    step = max(1, round(result.rate_hz / _LOOKS_HZ))
+    frames = range(0, len(result.place), step)
+    near = [
+        len(result.capsules[k]) > 0
+        and audit(places[result.place[k]], result.capsules[k]) < m
+        for k in frames
+    ]
+    return float(np.mean(near))
+
+
+def _rows(
+    name: str, runs: list[dict], alone: float, execution: str, pushed: bool = False
+) -> list[dict]:
+    contacts = sum(r["contacts"] for r in runs)
+    asked = execution == "timed" or name not in FAST
+    near = [r["closest_while_moving"] for r in runs if r["closest_while_moving"]]
+    trips = sum(r["trips_per_minute"] for r in runs) / len(runs)
+    share = 100.0 * trips / alone if alone else 0.0
+    held = 100.0 * sum(r["held_s"] for r in runs) / sum(r["duration_s"] for r in runs)
+    least = {} if name in FAST or pushed else {"least": TRIPS}
+    rows = [
+        value_row(
+            f"{name}: contacts while moving",
+            float(contacts),
+            "",
+            **({"most": 0.0} if asked else {}),
+        ),
+        value_row(f"{name}: trips, of those with nobody", share, "%", **least),
+        value_row(
+            f"{name}: path changes a minute while moving",
+            _changes(runs),
+            "",
+        ),
+        value_row(f"{name}: holding", held, "%"),
+        value_row(
+            f"{name}: the place to go to is within m of the person",
+            100.0 * sum(r["occupied"] for r in runs) / len(runs),
+            "%",
+        ),
+    ]
+    if near:
+        least_one = min(near, key=lambda moment: moment["separation_m"])
+        gap, speed = 100 * least_one["separation_m"], least_one["point_speed_m_s"]
+        rows.insert(
+            1, value_row(f"{name}: smallest separation while moving", gap, "cm")
+        )
+        rows.insert(2, value_row(f"{name}: speed at it", speed, "m/s"))
+    return rows
+
+
+def _pushed_rows(runs: list[dict], execution: str) -> list[dict]:
+    """Return the figures of all runs together, with and without a person."""
+    minutes = sum(r["duration_s"] for r in runs) / MINUTE
+    contacts = sum(r["contacts"] for r in runs)
+    pushes = sum(r["pushed"][kind] for r in runs for kind in KINDS)
+    seats = sum(r["pushed"]["seats"] for r in runs)
+    far = 100.0 * max(r["pushed"]["farthest_m"] for r in runs)
+    asked = {"most": 0.0} if execution == "timed" else {}
+    near = [r["closest_while_moving"] for r in runs if r["closest_while_moving"]]
+    rows = [
+        value_row("all, pushed: simulated time", minutes, "min"),
+        value_row("all, pushed: pushes, bumps and slips", float(pushes), ""),
+        value_row("all, pushed: farthest from the set-point", far, "cm"),
+        value_row("all, pushed: contacts while moving", float(contacts), "", **asked),
+    ]
+    if near:
+        gap = 100.0 * min(moment["separation_m"] for moment in near)
+        rows.append(
+            value_row("all, pushed: smallest separation while moving", gap, "cm")
+        )
+    if execution == "timed":
+        rows.append(value_row("all, pushed: set-points set anew", float(seats), ""))
+    return rows

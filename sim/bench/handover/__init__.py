@@ -1,0 +1,1 @@
+"""Benches of the human model and the interaction workspace."""

@@ -1,0 +1,1 @@
+"""Other planners on the same frames."""

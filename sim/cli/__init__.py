@@ -1,0 +1,1 @@
+"""The `odm` command: one file a group of commands."""

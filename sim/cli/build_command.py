@@ -1,0 +1,250 @@
+"""`odm build`: from a recipe or a URDF to a map, or what it would cost."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.terminal.output import JSON_HELP, Bars, bytes_text, show_json
+
+if TYPE_CHECKING:
+    from odm import CellMap, Recipe
+    from roadmap.robot.robot import Robot
+
+MAPS = Path("maps/built")
+_OWN = "With your own robot"
+_COST = "Size and safety"
+
+
+def build(
+    recipe: Annotated[
+        str | None,
+        typer.Argument(help="Name or .toml path of a recipe; or give --robot."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The map's folder; maps/built/NAME if left."),
+    ] = None,
+    threads: Annotated[int, typer.Option(min=0, help="0: one per core.")] = 0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace a map of another recipe.")
+    ] = False,
+    suggest: Annotated[
+        bool, typer.Option("--suggest", help="Table of sizes; nothing is built.")
+    ] = False,
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="URDF", help="Its file.", rich_help_panel=_OWN),
+    ] = None,
+    tip: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Link of the tool.", rich_help_panel=_OWN),
+    ] = None,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=VALUE",
+            help="Make a joint rigid, at a value in rad or m; may be repeated.",
+            rich_help_panel=_OWN,
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the map.", rich_help_panel=_OWN)
+    ] = None,
+    srdf: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SRDF", help="Link pairs not to test.", rich_help_panel=_OWN
+        ),
+    ] = None,
+    nodes: Annotated[
+        int | None, typer.Option(help="Nodes.", rich_help_panel=_COST)
+    ] = None,
+    neighbors: Annotated[
+        int | None, typer.Option(help="Edges tried per node.", rich_help_panel=_COST)
+    ] = None,
+    h: Annotated[
+        float | None, typer.Option(help="Cell size in m.", rich_help_panel=_COST)
+    ] = None,
+    rho: Annotated[
+        float | None,
+        typer.Option(help="Covering radius of samples in m.", rich_help_panel=_COST),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the samples.", rich_help_panel=_COST)
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
+    ] = None,
+) -> None:
+    """Build a map from a recipe (`odm build panda`) or from your robot's URDF.
+
+    odm build --robot my.urdf --tip tool0 --nodes 10000 --out DIR
+    """
+    if (recipe is None) == (robot is None):
+        raise typer.BadParameter("give either a RECIPE or --robot URDF")
+    own = {"source": robot, "tip": tip, "locked": parse_locked(lock), "srdf": srdf}
+    roadmap = {"nodes": nodes, "neighbors": neighbors, "seed": seed}
+    chosen = _chosen(recipe, name, own, roadmap, {"h": h, "rho": rho})
+    if suggest:
+        from sim.cli.suggest import suggest_sizes
+
+        suggest_sizes(chosen, threads, json)
+        return
+    target = out or MAPS / chosen.name
+    check_target(target, chosen, force)
+    cell_map, seconds = build_to(target, chosen, threads, quiet=json == "-")
+    facts = built_facts(cell_map, target, seconds)
+    if json is not None:
+        show_json(facts, json)
+    if json != "-":
+        _show(facts)
+
+
+def parse_locked(pairs: list[str] | None) -> dict[str, float]:
+    """Return joint -> value from words JOINT=VALUE."""
+    locked = {}
+    for pair in pairs or []:
+        joint, _, value = pair.partition("=")
+        try:
+            locked[joint] = float(value)
+        except ValueError:
+            raise typer.BadParameter(
+                f"--lock {pair!r} is not JOINT=VALUE with a number"
+            ) from None
+    return locked
+
+
+def _chosen(
+    recipe: str | None, name: str | None, own: dict, roadmap: dict, safety: dict
+) -> "Recipe":
+    """Return the recipe that the options ask for, checked like one from a file."""
+    from odm import load_recipe
+    from odm.cell_map.recipe import parse_recipe
+
+    folder = None
+    if recipe is not None:
+        written = load_recipe(recipe)
+        table, folder = written.as_dict(), written.folder
+        if own["srdf"] is not None:  # typed here, so it starts at the current folder
+            own = own | {"srdf": str(Path(own["srdf"]).absolute())}
+    else:
+        table = {"name": Path(own["source"]).stem}
+    for section, asked in (("robot", own), ("roadmap", roadmap), ("safety", safety)):
+        given = {k: v for k, v in asked.items() if v not in (None, {})}
+        table[section] = table.get(section, {}) | given
+    if name is not None:
+        table["name"] = name
+    table["scenery"] = list(table.get("scenery", ()))
+    return parse_recipe(table, table["name"], folder)
+
+
+def check_target(target: Path, recipe: "Recipe", force: bool) -> None:
+    """Refuse to replace what would be lost, before any work.
+
+    Raises:
+        BuildRefused: The folder holds something else, or the map of another recipe.
+    """
+    from odm.cell_map.recipe import recipe_of_map
+    from roadmap.errors import BuildRefused, PlanningError
+    from roadmap.store import read_folder
+
+    if not target.exists():
+        return
+    if not (target / "manifest.json").is_file():
+        raise BuildRefused(
+            f"{target} exists and is not a map folder, so it is left alone; choose "
+            "another --out or remove it yourself"
+        )
+    if force:
+        return
+    try:
+        found = read_folder(target, verify=False)[0]["recipe"]
+        same = recipe_of_map(found).as_dict() == recipe.as_dict()
+    except (PlanningError, KeyError, TypeError):
+        return  # a damaged map, or one of another version: nothing is lost
+    if not same:
+        raise BuildRefused(
+            f"{target} holds the map of another recipe; choose another --out, or "
+            "replace it with --force"
+        )
+
+
+def build_to(
+    target: Path, recipe: "Recipe", threads: int, quiet: bool = False
+) -> tuple["CellMap", float]:
+    """Build a map with progress bars, save it, and return it loaded, with seconds."""
+    import time
+
+    from odm import build_map, load_map
+    from odm.obstacles.scenery import parse_scenery
+
+    begun = time.perf_counter()
+    parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
+    with Bars() as tell:
+        robot = _load_robot(recipe, tell)
+        if not quiet:
+            _tell_size(robot, recipe)
+        cell_map = build_map(recipe, threads=threads, progress=tell, robot=robot)
+        tell("saving", 0, 1)
+        cell_map.save(target)
+        tell("saving", 1, 1)
+    return load_map(target), time.perf_counter() - begun
+
+
+def _load_robot(recipe: "Recipe", tell: Bars) -> "Robot":
+    from odm.cell_map.build import robot_of
+
+    tell("robot and its cover", 0, 1)
+    robot = robot_of(recipe)
+    tell("robot and its cover", 1, 1)
+    return robot
+
+
+def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
+    from rich.console import Console
+
+    from odm.cell_map.estimate import estimate
+
+    size = estimate(robot, recipe)
+    Console(stderr=True).print(
+        f"{recipe.name}: {recipe.roadmap.nodes:,} nodes, about {size.n_edges:,} edges "
+        f"and {bytes_text(size.map_bytes)}",
+        highlight=False,
+    )
+    for note in robot.notes:
+        if note.startswith(tuple(f"{name}: " for name in robot.joint_names)):
+            Console(stderr=True).print(note, highlight=False)
+
+
+def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:
+    """Return what a build made, as plain data."""
+    n_edges = max(1, cell_map.roadmap.n_edges)
+    edge_major, block_major = cell_map.arm_cells.bytes_by_view()
+    return {
+        "map": str(target),
+        "nodes": cell_map.roadmap.n_nodes,
+        "edges": cell_map.roadmap.n_edges,
+        "bytes_per_edge": {
+            "edge_major": round(edge_major / n_edges, 1),
+            "block_major": round(block_major / n_edges, 1),
+        },
+        "folder_bytes": sum(f.stat().st_size for f in target.iterdir()),
+        "components": cell_map.built.get("components", []),
+        "seconds": round(seconds, 2),
+        "hash": cell_map.hash,
+    }
+
+
+def _show(facts: dict) -> None:
+    per_edge = facts["bytes_per_edge"]
+    parts = facts["components"]
+    print(
+        f"{facts['nodes']:,} nodes and {facts['edges']:,} edges in "
+        f"{facts['seconds']:.1f} s, {bytes_text(facts['folder_bytes'])}: "
+        f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, "
+        f"{per_edge['block_major']:.0f} in the block-major one"
+    )
+    if len(parts) > 1:
+        print(f"{len(parts)} components of {sum(parts):,} nodes; the largest was kept")
+    print(f"map {facts['hash'][:12]} in {facts['map']}")

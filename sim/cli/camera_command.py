@@ -1,0 +1,265 @@
+"""`odm camera`: one depth image against a map, as cells, counts and a picture."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.terminal.output import JSON_HELP, show_json
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from odm import CellMap, SeenSpace
+    from odm.cameras import Seen
+
+LARGEST = 16384  # pixels a side
+_CAMERA = "Camera"
+_CELLS = "Cells"
+Three = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
+# an Intel RealSense SR305, 640 x 480
+_FX, _FY, _CX, _CY, _SCALE = 476.007, 476.007, 313.683, 242.755, 0.000125
+
+
+def camera(
+    file: Annotated[
+        Path, typer.Argument(metavar="PNG", help="A 16-bit depth image, one channel.")
+    ],
+    map_dir: Annotated[
+        Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
+    ],
+    eye: Annotated[
+        Three,
+        typer.Option(
+            metavar="X Y Z", help="Where it is, base frame, m.", rich_help_panel=_CAMERA
+        ),
+    ] = (0.0, -0.45, 0.75),
+    at: Annotated[
+        Three,
+        typer.Option(
+            metavar="X Y Z", help="What it looks at, m.", rich_help_panel=_CAMERA
+        ),
+    ] = (0.65, 0.0, 0.5),
+    pose: Annotated[
+        Six | None,
+        typer.Option(
+            metavar="X Y Z ROLL PITCH YAW",
+            help="Instead: pose of its axes (x right, y down, z forward), m, degrees.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
+    fx: Annotated[
+        float, typer.Option(help="Focal length, pixels.", rich_help_panel=_CAMERA)
+    ] = _FX,
+    fy: Annotated[
+        float | None,
+        typer.Option(help="The same along v; default: fx.", rich_help_panel=_CAMERA),
+    ] = None,
+    cx: Annotated[
+        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
+    ] = _CX,
+    cy: Annotated[
+        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
+    ] = _CY,
+    scale: Annotated[
+        float, typer.Option(help="Metres per pixel unit.", rich_help_panel=_CAMERA)
+    ] = _SCALE,
+    q: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Q1,Q2,...",
+            help="The robot's joints, rad or m; default: mid-range.",
+        ),
+    ] = None,
+    d_self: Annotated[
+        float | None,
+        typer.Option(
+            help="Take the robot's own points away, within so many m of its cover.",
+            rich_help_panel=_CELLS,
+        ),
+    ] = None,
+    flying: Annotated[
+        float | None,
+        typer.Option(
+            help="Take flying pixels away, so many m from both neighbours.",
+            rich_help_panel=_CELLS,
+        ),
+    ] = None,
+    shadow: Annotated[
+        bool,
+        typer.Option(help="What is behind a surface blocks.", rich_help_panel=_CELLS),
+    ] = True,
+    policy: Annotated[
+        str,
+        typer.Option(
+            metavar="free|occupied|keep",
+            help="What cells that are not seen are.",
+            rich_help_panel=_CELLS,
+        ),
+    ] = "free",
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw the cells beside the image."),
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
+    ] = None,
+) -> None:
+    """Tell which cells of a map a depth image shows occupied, free or not at all.
+
+    Without options the intrinsics are those of an Intel RealSense SR305 with
+    640 x 480 pixels, and the camera stands beside the robot, looking forward.
+
+    Exit code 1: the image is unfit, and a robot would hold.
+    """
+    from odm import DepthCamera, SeenSettings, SeenSpace, load_map
+    from roadmap.errors import BadInput
+
+    cell_map = load_map(map_dir)
+    image = read_depth_png(file)
+    height, width = image.shape
+    lens = (fx, fx if fy is None else fy, cx, cy)
+    where = _pose(eye, at, pose)
+    seen_by = DepthCamera(width, height, *lens, where, scale, file.name)
+    settings = SeenSettings(
+        d_self=d_self, flying_m=flying, shadow=shadow, policy=policy
+    )
+    joints = _configuration(cell_map, q)
+    space = SeenSpace(cell_map, seen_by, settings)
+    found = space.update(image, joints, 0.0)
+    if found.trouble is not None:
+        raise BadInput(found.trouble)
+    facts = describe_frame(space, found, image, joints)
+    if plot is not None:
+        from sim.draw.camera_picture import plot_cells
+
+        facts["plot"] = str(plot_cells(space, image, joints, plot))
+    if json is not None:
+        show_json(facts, json)
+    if json != "-":
+        _show(file, facts)
+
+
+def read_depth_png(path: Path) -> "np.ndarray":
+    """Read a 16-bit PNG of one channel as (height, width) uint16.
+
+    Raises:
+        BadInput: It is no image, or has other pixels.
+    """
+    import numpy as np
+    from PIL import Image, UnidentifiedImageError
+
+    from roadmap.errors import BadInput
+
+    try:
+        with Image.open(path) as image:
+            if max(image.size) > LARGEST:
+                raise BadInput(
+                    f"{path} has {image.size[0]} x {image.size[1]} pixels; no camera "
+                    f"has more than {LARGEST} a side"
+                )
+            mode, pixels = image.mode, np.array(image)
+    except BadInput:
+        raise
+    except (
+        UnidentifiedImageError,
+        SyntaxError,
+        ValueError,
+        Image.DecompressionBombError,
+    ) as error:
+        raise BadInput(f"{path} is no image; give a 16-bit PNG") from error
+    wide = mode.startswith("I;16") or mode == "I"
+    if not wide or pixels.ndim != 2 or pixels.min() < 0 or pixels.max() > 65535:
+        raise BadInput(
+            f"{path} has pixels of mode {mode}; a depth image has one channel of 16 "
+            "bits (mode I;16)"
+        )
+    return pixels.astype(np.uint16)
+
+
+def describe_frame(
+    space: "SeenSpace", seen: "Seen", image: "np.ndarray", q: "np.ndarray"
+) -> dict:
+    """Return what a frame shows, as plain data for JSON."""
+    import numpy as np
+
+    camera, counts = space.cameras[0], space.counts()
+    valid = image[(image > 0) & (image < 65535)] * camera.scale
+    times = []
+    for k in range(9):  # the first frame of a process loads the kernels
+        begun = time.process_time()
+        space.update(image, q, 0.033 * (k + 1))
+        times.append(1e3 * (time.process_time() - begun))
+    return {
+        "image": {"width": camera.width, "height": camera.height} | seen.readings,
+        "depth_m": [round(float(np.percentile(valid, p)), 4) for p in (0, 50, 100)],
+        "removed": seen.removed,
+        "cells": counts,
+        "points": len(seen.points),
+        "covering_radius_m": seen.covering_radius,
+        "certified": seen.certified,
+        "thinnest_m": camera.thinnest(float(valid.max())),
+        "cpu_ms": round(float(np.median(times)), 3),
+        "map_hash": space.cell_map.hash,
+    }
+
+
+def _pose(eye: Three, at: Three, pose: Six | None) -> "np.ndarray":
+    import numpy as np
+
+    from odm.cameras import look_at
+    from roadmap.transforms import pose_of
+
+    if pose is None:
+        return look_at(eye, at)
+    return pose_of(pose[:3], np.radians(pose[3:]))
+
+
+def _configuration(cell_map: "CellMap", q: str | None) -> "np.ndarray":
+    import numpy as np
+
+    from odm.checks import check_configuration
+    from roadmap.errors import BadInput
+    from roadmap.robot.joint_values import check_values
+
+    robot = cell_map.robot
+    if q is None:
+        return 0.5 * (robot.lower + robot.upper)
+    try:
+        joints = np.array([float(word) for word in q.replace(",", " ").split()])
+    except ValueError as error:
+        raise BadInput(f"--q {q!r} is no list of numbers; write 0,-0.4,0") from error
+    check_configuration(robot, joints, None)
+    return check_values(robot, joints, f"--q {q}", typed=True)
+
+
+def _show(file: Path, facts: dict) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console, image = Console(), facts["image"]
+    table = Table(title=str(file), title_justify="left")
+    table.add_column("cells")
+    table.add_column("number", justify="right")
+    for name, n in facts["cells"].items():
+        table.add_row(name, str(n))
+    console.print(table)
+    low, middle, high = facts["depth_m"]
+    pixels = image["width"] * image["height"]
+    radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]
+    lines = [
+        f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} "
+        f"m away (median {middle:.2f} m); {image['outside']} lie outside the grid.",
+        f"{facts['points']} points for the planner, covering radius {radius_cm:.2f} "
+        f"cm; certified: {facts['certified']}; things thinner than "
+        f"{thinnest_mm:.1f} mm may be missed.",
+        f"{facts['cpu_ms']:.2f} ms of CPU time a frame.",
+    ]
+    if image["flying"]:
+        lines.append(f"{image['flying']} flying pixels were left out.")
+    for link, n in facts["removed"].items():
+        lines.append(f"{n} points were taken for {link}'s own.")
+    for line in lines:
+        console.print(line, highlight=False)

@@ -1,0 +1,317 @@
+"""What `odm info` and `odm audit` say, as plain data and as tables."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm import CellMap
+from odm.audit.clearance import clearance_tax
+from roadmap.geometry.spheres import cover_report
+from sim.terminal.output import bytes_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from odm.audit.audit import AuditReport
+    from odm.audit.sequence_audit import SequenceReport
+
+
+Progress = Callable[[str, int, int], None]
+
+TAX_LINES, TAX_EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
+
+
+def facts(cell_map: CellMap, tell: Progress | None = None) -> dict:
+    """Return everything `odm info` says about a map, as plain JSON data.
+
+    Args:
+        cell_map: The map.
+        tell: Called with (stage, done, total).
+    """
+    tax = _tax_facts(cell_map, tell or (lambda *_: None))
+    robot, roadmap = cell_map.robot, cell_map.roadmap
+    edge_major, block_major = cell_map.arm_cells.bytes_by_view()
+    n_edges = max(1, roadmap.n_edges)
+    cells = np.bitwise_count(cell_map.arm_cells.mask)
+    return {
+        "name": cell_map.recipe.name,
+        "hash": cell_map.hash,
+        "robot": _robot_facts(cell_map),
+        "roadmap": {
+            "nodes": roadmap.n_nodes,
+            "edges": roadmap.n_edges,
+            "neighbors_mean": round(2 * roadmap.n_edges / roadmap.n_nodes, 2),
+            "edge_length_mean": _rounded(roadmap.lengths.mean()),
+            "edge_length_max": _rounded(roadmap.lengths.max()),
+        },
+        "cells": {
+            "grid": [int(n) for n in 4 * cell_map.grid.blocks],
+            "lower_corner": _rounded(cell_map.grid.origin),
+            "upper_corner": _rounded(cell_map.grid.upper),
+            "cells_per_entry": _rounded(cells.mean()),
+            "entries_per_item": _rounded(len(cells) / (roadmap.n_nodes + n_edges)),
+        },
+        "bytes": {
+            "edge_major": edge_major,
+            "block_major": block_major,
+            "edge_major_per_edge": round(edge_major / n_edges, 1),
+            "block_major_per_edge": round(block_major / n_edges, 1),
+        },
+        "safety": cell_map.safety.as_dict(),
+        "clearance_tax": tax,
+        "cover": [vars(row) for row in cover_report(robot)],
+        "self_pairs": len(robot.self_pairs),
+        "dropped_pairs": [list(pair) for pair in robot.dropped_pairs],
+        "notes": list(robot.notes),
+        "scenery": cell_map.scenery.meta()
+        | {"mesh_points": len(cell_map.scenery.points)},
+        "payload": _payload_facts(cell_map),
+        "built": cell_map.built,
+    }
+
+
+def _payload_facts(cell_map: CellMap) -> dict | None:
+    """Return what may be carried, None where the map has no payload layer."""
+    layer, n = cell_map.payload, cell_map.roadmap.n_nodes
+    if layer is None:
+        return None
+    return {
+        "envelope": layer.recipe.as_dict(),
+        "spheres": len(layer.spheres),
+        "bytes": sum(a.nbytes for a in layer.arrays().values()),
+        "closed_nodes": int(layer.closed[:n].sum()),
+        "closed_edges": int(layer.closed[n:].sum()),
+    }
+
+
+def _robot_facts(cell_map: CellMap) -> dict:
+    robot = cell_map.robot
+    names = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
+    columns = {name: _rounded(getattr(robot, name)) for name in names}
+    return {
+        "name": robot.name,
+        "source": robot.source,
+        "tip": robot.tip_name,
+        "joints": list(robot.joint_names),
+        "continuous": [bool(c) for c in robot.continuous],
+        **columns,
+        "spheres": len(robot.spheres),
+        "moving_spheres": int(robot.moving.sum()),
+        "links": list(robot.link_names),
+        "fingerprint": robot.fingerprint(),
+    }
+
+
+def _tax_facts(cell_map: CellMap, tell: Progress) -> dict:
+    """Return mean and 95 % of each term and in all [m], None without approaches."""
+    tell("clearance tax", 0, 1)
+    tax = clearance_tax(cell_map, TAX_LINES, n_edges=TAX_EDGE_LINES)
+    tell("clearance tax", 1, 1)
+    whole = {
+        "nodes, cells": tax.by_cells,
+        "nodes, close test": tax.by_close_test,
+        "edges, cells": tax.edge_by_cells,
+        "edges, close test": tax.edge_by_close_test,
+    }
+    rows = {**tax.terms, **whole}
+    return {
+        "lines": tax.lines,
+        "edge_lines": tax.edge_lines,
+        **{
+            name: {
+                share: None if np.isnan(value[at]) else _rounded(value[at])
+                for share, at in (("mean", 0), ("p95", 2))
+            }
+            for name, value in rows.items()
+        },
+    }
+
+
+def _rounded(value: float | np.ndarray) -> float | list:
+    return np.round(np.asarray(value, float), 6).tolist()
+
+
+def show(facts: dict) -> None:
+    """Print what `facts` returned."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    robot, roadmap, size = facts["robot"], facts["roadmap"], facts["bytes"]
+    console.print(
+        f"[bold]{facts['name']}[/]  map {facts['hash'][:12]}, robot {robot['name']} "
+        f"from {robot['source']}, tool {robot['tip']}"
+    )
+    console.print(
+        f"{roadmap['nodes']:,} nodes, {roadmap['edges']:,} edges, "
+        f"{roadmap['neighbors_mean']} neighbours a node; bytes per edge: "
+        f"{size['edge_major_per_edge']:.0f} edge-major, "
+        f"{size['block_major_per_edge']:.0f} block-major "
+        f"({bytes_text(size['edge_major'])} and {bytes_text(size['block_major'])})"
+    )
+    grid = " x ".join(map(str, facts["cells"]["grid"]))
+    low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
+    console.print(f"grid of {grid} cells from {low} to {high} m")
+    console.print(_safety_table(facts["safety"]))
+    console.print(_tax_table(facts["clearance_tax"]))
+    console.print(_joint_table(robot))
+    console.print(_cover_table(facts["cover"]))
+    _show_lists(console, facts)
+
+
+def _show_lists(console: object, facts: dict) -> None:
+    console.print(
+        f"[bold]Self-collision[/]: {facts['self_pairs']} pairs of links tested"
+    )
+    for a, b, reason in facts["dropped_pairs"]:
+        console.print(f"  not tested: {a} and {b}, {reason}")
+    for note in facts["notes"]:
+        console.print(f"[bold]Note[/]: {note}", soft_wrap=True)
+    scenery, built = facts["scenery"], facts["built"]
+    names = ", ".join(scenery["names"]) or "none"
+    console.print(f"[bold]Scenery[/]: {names}; {scenery['mesh_points']} mesh points")
+    for link, solid in scenery["dropped"]:
+        console.print(f"  not tested: {link} and {solid}, always in contact")
+    held = facts["payload"]
+    if held is not None:
+        shape = ", ".join(f"{k} {v}" for k, v in held["envelope"].items())
+        console.print(
+            f"[bold]Payload[/]: {shape} (tool frame); {bytes_text(held['bytes'])}, "
+            f"{held['closed_edges']} edges closed by arm and scenery",
+            soft_wrap=True,
+        )
+    versions = ", ".join(f"{k} {v}" for k, v in built.get("versions", {}).items())
+    console.print(
+        f"[bold]Built[/] in {built.get('seconds')} s from {built.get('drawn')} drawn "
+        f"configurations, {built.get('free_edges')} of {built.get('candidate_edges')} "
+        f"edges free, {built.get('n_components')} components; {versions}",
+        soft_wrap=True,
+    )
+    if "plot" in facts:
+        console.print(f"plot: {facts['plot']}", soft_wrap=True)
+
+
+def _safety_table(safety: dict[str, float]) -> "Table":
+    means = {
+        "h": "side of a cell",
+        "rho": "largest covering radius of an obstacle's samples",
+        "m": "clearance kept beyond contact, the sum of",
+        "sensor": "  sensor error",
+        "tracking": "  tracking error",
+        "blending": "  corners cut between motions",
+        "user": "  the user's own",
+        "mu": "motion bound: a piece is inflated by at most mu / 2",
+    }
+    table = _table("Safety terms", "term", "", "mm")
+    for key, meaning in means.items():
+        table.add_row(key, meaning, f"{1000 * safety[key]:.1f}")
+    return table
+
+
+def _tax_table(tax: dict) -> "Table":
+    means = {
+        "cover": "spheres stick out of the solids",
+        "rho": "a sample stands for the surface around it",
+        "cells": "a sample blocks its whole cell",
+        "mu": "a piece of an edge is inflated",
+        "nodes, cells": "in all, on nodes",
+        "nodes, close test": "without the cells",
+        "edges, cells": "in all, on edges",
+        "edges, close test": "without the cells",
+    }
+    title = (
+        f"Clearance tax beyond m, from {tax['lines']} approaches of an arm to nodes "
+        f"and {tax['edge_lines']} to edges (odm bench tax: from thousands)"
+    )
+    table = _table(title, "term", "", "mean \\[cm]", "95 % \\[cm]")
+    for key, meaning in means.items():
+        values = (tax[key]["mean"], tax[key]["p95"])
+        cells = ("-" if v is None else f"{100 * v:.1f}" for v in values)
+        table.add_row(key, meaning, *cells)
+    return table
+
+
+def _joint_table(robot: dict) -> "Table":
+    table = _table(
+        "Joints", "joint", "", "lower", "upper", "velocity", "accel.", "jerk"
+    )
+    names = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
+    for k, joint in enumerate(robot["joints"]):
+        kind = "continuous" if robot["continuous"][k] else ""
+        table.add_row(joint, kind, *(f"{robot[name][k]:.4g}" for name in names))
+    return table
+
+
+def _cover_table(cover: list[dict]) -> "Table":
+    title = "Sphere cover, worst links first"
+    numbers = ("spheres", "sticks out \\[mm]", "on average \\[mm]")
+    table = _table(title, "link", "", *numbers)
+    for row in sorted(cover, key=lambda row: -row["excess"]):
+        cells = f"{1000 * row['excess']:.1f}", f"{1000 * row['protrusion']:.1f}"
+        kind = "" if row["moving"] else "base"
+        table.add_row(row["link"], kind, str(row["spheres"]), *cells)
+    return table
+
+
+def show_audit(report: "AuditReport", map_hash: str) -> None:
+    """Print the verdict, the families of obstacles and the nearest cases."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    console.print(str(report), soft_wrap=True)
+    if report.free_share < 0.2:
+        console.print("less than 20 % was called free: too little to show anything")
+    head = ("obstacle", "", "pairs", "free", "violations", "smallest \\[mm]")
+    table = _table("By kind of obstacle", *head)
+    for name, (pairs, free, bad, smallest) in report.families.items():
+        nearest = f"{1000 * smallest:.2f}" if np.isfinite(smallest) else "-"
+        table.add_row(name, "", f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest)
+    console.print(table)
+    console.print("nearest pairs that were called free:")
+    for case in report.worst:
+        console.print(f"  {case}", soft_wrap=True)
+    sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
+    console.print(
+        f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
+    )
+
+
+def show_sequences(report: "SequenceReport", map_hash: str) -> None:
+    """Print the verdict of an audit by sequences, its counts and its faults."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    console.print(str(report), soft_wrap=True)
+    if report.answered_share < 0.5:
+        console.print("less than half was answered with a path: too little to show")
+    smallest = f"{1000 * report.smallest:.2f} mm" if report.exact else "-"
+    table = _table("What was judged", "count of", "")
+    for name, number in (
+        ("steps", f"{report.steps:,}"),
+        ("answered with a path", f"{report.answered:,}"),
+        ("legs judged by a fresh planner", f"{report.legs:,}"),
+        ("answers measured with exact solids", f"{report.exact:,}"),
+        ("answers near to what they must keep", f"{report.near:,}"),
+        ("false answers", f"{report.wrong:,}"),
+        ("legs refused as a whole, but at no place", f"{report.unproved:,}"),
+        ("smallest exact distance beyond what is kept", smallest),
+    ):
+        table.add_row(name, number)
+    console.print(table)
+    for seed, step, fault in report.told:
+        console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
+    sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
+    console.print(
+        f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
+    )
+
+
+def _table(title: str, first: str, second: str, *numbers: str) -> "Table":
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column(first, no_wrap=True)
+    table.add_column(second)
+    for head in numbers:
+        table.add_column(head, justify="right")
+    return table

@@ -1,0 +1,128 @@
+"""`odm workspace human`: how dextrous and how easy the places of a hand are."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.cli.workspace_command import app
+from sim.terminal.output import JSON_HELP, Bars, guarded, show_json
+
+if TYPE_CHECKING:
+    from handover import Human
+    from sim.draw.arm_cut import Cut
+
+_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
+BELOW_SHOULDER = 0.25  # [m] the level cut lies this far below it
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
+Posture = Annotated[str, typer.Option(metavar=_POSTURES, help="What the person does.")]
+Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
+
+
+@app.command("human")
+@guarded
+def human_reach(
+    height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
+    posture: Posture = "standing",
+    side: Side = "right",
+    spacing: Annotated[
+        float, typer.Option(min=0.005, max=0.2, help="Between the places, m.")
+    ] = 0.02,
+    rotations: Annotated[
+        int, typer.Option(help="Of the hand, tried at each place: 72, 576, 1944...")
+    ] = 1944,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the cuts.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Tell how dextrous and how easy a hand's places are, in two planes.
+
+    An upright plane through the shoulder and a level one 25 cm below it (above it for
+    a person who lies). No map is needed.
+
+    odm workspace human --side left --plot dexterity.png
+    """
+    from handover import Human
+    from sim.draw.arm_cut import arm_cut
+
+    human = Human(height, posture)
+    shoulder = human.T_world_shoulder(side)[:3, 3]
+    low = shoulder[2] - BELOW_SHOULDER
+    level = low if low > 0.1 else shoulder[2] + BELOW_SHOULDER
+    with Bars() as tell:
+        cuts = [
+            arm_cut(human, side, normal, at, spacing, rotations=rotations, tell=tell)
+            for normal, at in ((1, shoulder[1]), (2, level))
+        ]
+    facts = _arm_facts(human, side, cuts, spacing, rotations)
+    if plot is not None:
+        from sim.draw.arm_cut import write_arm_picture
+
+        facts["plot"] = str(write_arm_picture(human, side, cuts, plot))
+    if json is not None:
+        show_json(facts, json)
+    if json != "-":
+        _show_arm(facts)
+
+
+def _arm_facts(
+    human: "Human", side: str, cuts: list["Cut"], spacing: float, rotations: int
+) -> dict:
+    """Return what `odm workspace human` says, as plain JSON data."""
+    import numpy as np
+
+    from sim.draw.arm_cut import FIELDS
+    from sim.draw.silhouette import AXES
+
+    planes = []
+    for cut in cuts:
+        reached = np.isfinite(cut.fields["combined"])
+        row = {
+            "plane": AXES[cut.normal],
+            "at_m": round(cut.at, 4),
+            "places": int(reached.sum()),
+            "area_m2": round(float(reached.sum()) * spacing**2, 4),
+        }
+        for name in FIELDS:
+            value, place = cut.best(name)
+            row[name] = {"best": round(value, 4), "place_m": place.round(4).tolist()}
+        planes.append(row)
+    return {
+        "height_m": human.height,
+        "posture": human.posture,
+        "side": side,
+        "spacing_m": spacing,
+        "rotations": rotations,
+        "planes": planes,
+    }
+
+
+def _show_arm(facts: dict) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        title=f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
+        f"{facts['posture']}",
+        title_justify="left",
+    )
+    heads = ("plane", "reached", "most dextrous", "easiest", "best of both")
+    for head in heads:
+        table.add_column(head, justify="left" if head == "plane" else "right")
+    for row in facts["planes"]:
+        best = [row[name] for name in ("dexterity", "effort", "combined")]
+        table.add_row(
+            f"{row['plane']} = {row['at_m']:.2f} m",
+            f"{row['area_m2']:.2f} m2",
+            *(f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best),
+        )
+    console = Console(highlight=False)
+    console.print(table)
+    if "plot" in facts:
+        console.print(f"plot: {facts['plot']}", soft_wrap=True)
+
+
+def place_text(place: list[float]) -> str:
+    """Return a place as people write it."""
+    return "(" + ", ".join(f"{x:.2f}" for x in place) + ")"

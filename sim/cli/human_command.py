@@ -1,0 +1,200 @@
+"""`odm human info`: proportions, joint ranges and reach of a person, a picture."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.people.grips import grip_points
+from sim.terminal.output import JSON_HELP, guarded, show_json
+
+if TYPE_CHECKING:
+    from handover import Human
+
+app = typer.Typer(
+    help="The model of the person: proportions, joint ranges, reach.",
+    no_args_is_help=True,
+)
+
+_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
+
+
+@app.callback()
+def _group() -> None:
+    """Commands of `odm human`."""
+
+
+@app.command()
+@guarded
+def info(
+    height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
+    posture: Annotated[
+        str, typer.Option(metavar=_POSTURES, help="What the person does.")
+    ] = "standing",
+    mass: Annotated[
+        float | None,
+        typer.Option(help="Body mass in kg; default: a body mass index of 24."),
+    ] = None,
+    thickness: Annotated[
+        str,
+        typer.Option(
+            metavar="conservative|mean", help="Of the body: thick and clothed, or mean."
+        ),
+    ] = "conservative",
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PNG", help="Draw the person, the reach and the joint ranges."
+        ),
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
+    ] = None,
+) -> None:
+    """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
+    from handover import Human
+
+    human = Human(height, posture, mass=mass, thickness=thickness)
+    facts = human_facts(human)
+    if plot is not None:
+        from sim.draw.human_picture import write_human_picture
+
+        facts["plot"] = str(write_human_picture(human, plot))
+    if json is not None:
+        show_json(facts, json)
+    else:
+        _show(facts)
+
+
+def human_facts(human: "Human") -> dict:
+    """Return everything `odm human info` says, as plain JSON data."""
+    import numpy as np
+
+    from handover.human import anthropometry as body
+
+    arm = human.arm("right")
+    degrees = np.degrees
+    now = degrees(human.arms["right"])
+    shoulder = human.T_world_shoulder("right")[:3, 3]
+    return {
+        "height_m": human.height,
+        "mass_kg": round(human.mass, 2),
+        "posture": human.posture,
+        "thickness": human.thickness,
+        "segments": _segments(human),
+        "joints": [
+            {
+                "joint": name,
+                "lower_deg": round(float(low), 2),
+                "upper_deg": round(float(high), 2),
+                "now_deg": round(float(at), 2),
+            }
+            for name, (low, high), at in zip(
+                body.ARM_JOINTS, degrees(arm.ranges), now, strict=True
+            )
+        ],
+        "reach": {
+            "arm_length_m": round(arm.length, 4),
+            "to_finger_tips_m": round(
+                float(arm.lengths[:2].sum() + human.skeleton.hands[1]), 4
+            ),
+            "shoulder_height_m": round(float(shoulder[2]), 4),
+            "eye_height_m": round(float(human.p_world_eyes[2]), 4),
+            **{f"grip_{k}_m": round(v, 3) for k, v in reach_of(human).items()},
+        },
+        "capsules": len(human.labels),
+    }
+
+
+def reach_of(human: "Human", samples: int = 200_000) -> dict[str, float]:
+    """Return how far the right grip gets from the shoulder along six directions [m].
+
+    By samples, half of whose joints are at the ends of their ranges: up to a few
+    millimetres short. Directions are the chest's; the hand may turn as it likes.
+    """
+    points = grip_points(human, samples)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return {
+        "forward": float(high[0]),
+        "backward": float(-low[0]),
+        "outward": float(-low[1]),
+        "across": float(high[1]),
+        "up": float(high[2]),
+        "down": float(-low[2]),
+    }
+
+
+def _segments(human: "Human") -> list[dict]:
+    """Return name, length, mass and capsule radius of each segment."""
+    from handover.human import anthropometry as body
+
+    lengths, sizes = human.skeleton.arms[1], human.sizes
+    thigh, shank, ankle, foot = human.skeleton.legs
+    rows = [
+        ("upper arm", lengths[0], "upper arm", sizes.upper_arm),
+        ("forearm", lengths[1], "forearm", sizes.forearm),
+        ("wrist to grip", lengths[2], None, None),
+        ("hand", human.skeleton.hands[1], "hand", sizes.hand),
+        ("hip to neck", human.height * _trunk(body), None, sizes.torso),
+        ("neck to crown", sizes.crown, None, sizes.head),
+        ("thigh", thigh, None, sizes.thigh),
+        ("shank", shank, None, sizes.shank),
+        ("ankle to sole", ankle, None, None),
+        ("foot", foot, None, sizes.foot),
+    ]
+    return [
+        {
+            "segment": name,
+            "length_m": round(float(length), 4),
+            "of_height": round(float(length) / human.height, 4),
+            "mass_kg": mass and round(human.mass * body.SEGMENT_MASSES[mass], 3),
+            "radius_m": radius,
+        }
+        for name, length, mass, radius in rows
+    ]
+
+
+def _trunk(body: object) -> float:
+    return body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
+
+
+def _show(facts: dict) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    reach = facts["reach"]
+    console.print(
+        f"[bold]A person of {facts['height_m']:.2f} m[/], {facts['mass_kg']:.0f} kg, "
+        f"{facts['posture']}; {facts['capsules']} closed capsules, "
+        f"{facts['thickness']} thickness"
+    )
+    table = Table(title="Segments", title_justify="left", title_style="bold")
+    for head in ("segment", "length \\[m]", "of height", "mass \\[kg]", "radius \\[m]"):
+        table.add_column(head, justify="left" if head == "segment" else "right")
+    for row in facts["segments"]:
+        length, share = f"{row['length_m']:.3f}", f"{row['of_height']:.3f}"
+        mass = "" if row["mass_kg"] is None else f"{row['mass_kg']:.2f}"
+        radius = "" if row["radius_m"] is None else f"{row['radius_m']:.3f}"
+        table.add_row(row["segment"], length, share, mass, radius)
+    console.print(table)
+    table = Table(title="Joints of an arm", title_justify="left", title_style="bold")
+    for head in ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture"):
+        table.add_column(head, justify="left" if head == "joint" else "right")
+    for row in facts["joints"]:
+        numbers = (row["lower_deg"], row["upper_deg"], row["now_deg"])
+        table.add_row(row["joint"], *(f"{n:.0f}" for n in numbers))
+    console.print(table)
+    console.print(
+        f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
+        f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "
+        + ", ".join(f"{k} {reach[f'grip_{k}_m']:.2f}" for k in _DIRECTIONS)
+        + f" m; shoulder {reach['shoulder_height_m']:.2f} m and eyes "
+        f"{reach['eye_height_m']:.2f} m above the floor",
+        soft_wrap=True,
+    )
+    if "plot" in facts:
+        console.print(f"plot: {facts['plot']}", soft_wrap=True)
+
+
+_DIRECTIONS = ("forward", "backward", "outward", "across", "up", "down")

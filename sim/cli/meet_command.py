@@ -1,0 +1,279 @@
+"""`odm workspace meet`: where a robot can hand something to a person."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.cli.hand_command import Json, Posture, Side, app, place_text
+from sim.cli.workspace_command import REACH_MAPS
+from sim.terminal.output import Bars, guarded, show_json
+
+if TYPE_CHECKING:
+    from handover import Human, MeetSettings, ReachMap, Target
+    from handover.meet.held_object import HeldObject
+    from sim.draw.meet_cut import Meeting
+
+OBJECTS = ("wrench", "mallet")
+
+
+@app.command("meet")
+@guarded
+def meet_command(
+    robot: Annotated[str, typer.Option(metavar="NAME", help="Its name, or its URDF.")],
+    human: Annotated[
+        float, typer.Option("--human", metavar="HEIGHT", help="The person's, in m.")
+    ] = 1.75,
+    distance: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="From the robot's base to the person's pelvis along the base's x, m; "
+            "0.9 if left; again for more."
+        ),
+    ] = None,
+    aside: Annotated[
+        float, typer.Option(help="Of the pelvis along the base's y, m.")
+    ] = 0.0,
+    turn: Annotated[
+        float, typer.Option(help="0: the person faces the robot; to the left, deg.")
+    ] = 0.0,
+    posture: Posture = "standing",
+    side: Side = "right",
+    object_name: Annotated[
+        str, typer.Option("--object", metavar="wrench|mallet", help="What is handed.")
+    ] = "wrench",
+    k: Annotated[int, typer.Option("--k", min=1, help="Targets told.")] = 10,
+    cell: Annotated[float, typer.Option(help="Side of a position cell, m.")] = 0.15,
+    rotations: Annotated[int, typer.Option(help="Cells of rotation.")] = 72,
+    base_height: Annotated[
+        float | None,
+        typer.Option(
+            help="Of the robot's base above the floor, m; left: 0 for a robot whose "
+            "own base is taller than 0.5 m, else 0.75."
+        ),
+    ] = None,
+    map_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", metavar="DIR", help="Reach map; maps/built/reach/NAME if left."
+        ),
+    ] = None,
+    human_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Reach map of a person's arm, for the dexterity; left: "
+            "maps/built/reach/human where it is, else a coarse one made on the spot.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw cuts, robot, person and target."),
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Tell where a robot can hand an object to a person, best targets first.
+
+    Exit code 0, also where nothing is shared: then no target is listed, and how much
+    nearer the person would have to come is told.
+
+    odm workspace meet --robot panda --human 1.75 --distance 0.9 --plot cut.png
+    """
+    from handover import Human
+
+    distances = distance or [0.9]
+    obj = held_object(object_name)
+    person = Human(human, posture)
+    people = [_placed(person, d, aside, turn) for d in distances]
+    with Bars() as tell:
+        machine, reach, arm_map = _loaded(robot, map_dir, human_map, tell)
+        settings = _settings(machine, side, cell, rotations, base_height)
+        meetings = []
+        for d, who in zip(distances, people, strict=True):
+            tell("meeting", len(meetings), len(people))
+            meetings.append(_meeting(reach, who, obj, settings, arm_map, machine, d, k))
+        tell("meeting", len(people), len(people))
+        facts = meet_facts(meetings, k)
+        if plot is not None:
+            from sim.draw.meet_picture import write_meet_picture
+
+            rest = 0.5 * (machine.lower + machine.upper)
+            facts["plot"] = str(write_meet_picture(meetings, machine, rest, plot, tell))
+    if json is not None:
+        show_json(facts, json)
+    if json != "-":
+        _show_meet(facts)
+
+
+def held_object(name: str) -> "HeldObject":
+    """Return the object of a name.
+
+    Raises:
+        BadInput: There is none of that name.
+    """
+    import handover
+    from roadmap.errors import BadInput
+
+    if name not in OBJECTS:
+        raise BadInput(f"no object {name!r}; choose one of {', '.join(OBJECTS)}")
+    return getattr(handover, name)()
+
+
+def meet_facts(meetings: list["Meeting"], k: int) -> dict:
+    """Return everything `odm workspace meet` says, as plain JSON data."""
+    meet = meetings[0].meet
+    human, settings = meet.human, meet.settings
+    return {
+        "robot": meet.reach.chain.name,
+        "reach_map": meet.reach.hash,
+        "base_height_m": float(settings.T_world_base[2, 3]),
+        "human": {"height_m": human.height, "posture": human.posture},
+        "side": settings.side,
+        "object": meet.obj.name,
+        "grasps": len(meet.grasps),
+        "cell_m": settings.cell,
+        "rotations": settings.rotations,
+        "workspaces": [_workspace_facts(meeting, k) for meeting in meetings],
+    }
+
+
+def _workspace_facts(meeting: "Meeting", k: int) -> dict:
+    pairs = zip(meeting.best[:k], meeting.robot_q[:k], strict=True)
+    counts = meeting.counts
+    missing = meeting.meet.missing_m if counts["targets"] == 0 else 0.0
+    return {
+        "distance_m": meeting.distance,
+        "reached_cells": counts["reached"],
+        "targets": counts["targets"],
+        "positions": counts["positions"],
+        "missing_m": round(float(missing), 4) if missing < 1e9 else None,
+        "drawn": None if meeting.drawn is None else meeting.drawn + 1,
+        "best": [_target_facts(i, *pair) for i, pair in enumerate(pairs, 1)],
+    }
+
+
+def _target_facts(rank: int, target: "Target", robot_q: object) -> dict:
+    parts = {
+        name: None if value != value else round(value, 4)
+        for name, value in target.parts.parts.items()
+    }
+    return {
+        "rank": rank,
+        "quality": round(float(target.quality), 4),
+        "online": round(float(target.parts.online), 4),
+        "parts": parts,
+        "dexterity": round(float(target.dexterity), 4),
+        "T_world_tool": target.T_world_tool.round(6).tolist(),
+        "T_world_hand": target.T_world_hand.round(6).tolist(),
+        "arm_q": target.arm_q.round(6).tolist(),
+        "robot_q": None if robot_q is None else robot_q.round(6).tolist(),
+        "grasp": int(target.grasp),
+        "key": int(target.key),
+    }
+
+
+def _loaded(name: str, map_dir: Path | None, human_map: Path | None, tell: Bars):
+    """Return the robot, its reach map, and that of a person's arm or None."""
+    from handover import load_reach_map
+    from roadmap import load_robot
+
+    tell("robot", 0, 1)
+    robot = load_robot(name, cover_excess=0.1)  # the cover is not used here
+    tell("robot", 1, 1)
+    folder = map_dir or REACH_MAPS / Path(name).stem
+    reach = load_reach_map(folder, robot=robot)
+    if human_map is None and (REACH_MAPS / "human" / "manifest.json").is_file():
+        human_map = REACH_MAPS / "human"
+    return robot, reach, human_map and load_reach_map(human_map)
+
+
+def _settings(
+    robot: object, side: str, cell: float, rotations: int, height: float | None
+) -> "MeetSettings":
+    import numpy as np
+
+    from handover import MeetSettings
+    from sim.draw.meet_cut import base_height
+
+    T = np.eye(4)
+    T[2, 3] = base_height(robot) if height is None else height
+    return MeetSettings(side=side, T_world_base=T, cell=cell, rotations=rotations)
+
+
+def _placed(person: "Human", distance: float, aside: float, turn: float) -> "Human":
+    import math
+
+    return person.placed(distance, aside, math.pi + math.radians(turn))
+
+
+def _meeting(
+    reach: "ReachMap",
+    person: "Human",
+    obj: "HeldObject",
+    settings: "MeetSettings",
+    arm_map: "ReachMap | None",
+    robot: object,
+    distance: float,
+    k: int,
+) -> "Meeting":
+    from handover import InteractionWorkspace
+    from sim.draw.meet_cut import find_meeting
+
+    meet = InteractionWorkspace(reach, person, obj, None, settings, arm_map)
+    return find_meeting(meet, robot, distance, k, arm_map)
+
+
+def _show_meet(facts: dict) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    person = facts["human"]
+    console.print(
+        f"[bold]{facts['robot']}[/], its base {facts['base_height_m']:.2f} m above the "
+        f"floor, hands a {facts['object']} to the {facts['side']} hand of a person of "
+        f"{person['height_m']:.2f} m, {person['posture']}; cells of "
+        f"{100 * facts['cell_m']:g} cm, {facts['rotations']} rotations, "
+        f"{facts['grasps']} grasps",
+        soft_wrap=True,
+    )
+    for row in facts["workspaces"]:
+        console.print(_counted(row), soft_wrap=True)
+        if not row["best"]:
+            continue
+        table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+        for head in _HEADS:
+            table.add_column(head, justify="right", no_wrap=True)
+        for target in row["best"]:
+            table.add_row(*_target_row(target))
+        console.print(table)
+    if "plot" in facts:
+        console.print(f"plot: {facts['plot']}", soft_wrap=True)
+
+
+_HEADS = (
+    "#", "total", "joint", "spatial", "visible", "safe", "effort", "dextrous",
+    "tool \\[m]", "grasp", "IK",
+)  # fmt: skip
+
+
+def _target_row(target: dict) -> list[str]:
+    parts = ["" if v is None else f"{v:.2f}" for v in target["parts"].values()]
+    tool = [row[3] for row in target["T_world_tool"][:3]]
+    return [
+        str(target["rank"]), f"{target['quality']:.3f}", *parts,
+        f"{target['dexterity']:.2f}", place_text(tool), str(target["grasp"]),
+        "no" if target["robot_q"] is None else "yes",
+    ]  # fmt: skip
+
+
+def _counted(row: dict) -> str:
+    far = f"[bold]{100 * row['distance_m']:g} cm[/]"
+    if row["targets"]:
+        return (
+            f"{far}: {row['targets']:,} of {row['reached_cells']:,} cells that the "
+            f"robot reaches are targets, at {row['positions']} positions"
+        )
+    if row["missing_m"]:
+        return f"{far}: nothing is shared; {100 * row['missing_m']:.0f} cm are missing"
+    return f"{far}: nothing is shared, though lengths do not stand in the way"

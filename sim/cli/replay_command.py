@@ -1,0 +1,235 @@
+"""`odm replay`: a recorded run again, or recorded obstacle frames."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.cli.build_command import MAPS
+from sim.terminal.output import JSON_HELP, Bars, show_json, write_text
+
+if TYPE_CHECKING:
+    from odm import CellMap
+    from sim.record import RunRecord
+
+_RUN = "A recorded run"
+_FRAMES = "Recorded obstacle frames"
+
+
+def replay(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="A recording of `odm run --record`."),
+    ] = None,
+    map_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", metavar="MAP", help="A map's folder; default: maps/built/NAME."
+        ),
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
+    ] = None,
+    holds: Annotated[
+        bool,
+        typer.Option(
+            "--holds",
+            help="Only list the recorded holds with their reasons.",
+            rich_help_panel=_RUN,
+        ),
+    ] = False,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ",
+            help="Record the replay: the same bytes, where it is the same.",
+            rich_help_panel=_RUN,
+        ),
+    ] = None,
+    recipe_out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML",
+            help="Only write the recipe of the recorded map.",
+            rich_help_panel=_RUN,
+        ),
+    ] = None,
+    build: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Only build the recorded map, for which no URDF is needed.",
+            rich_help_panel=_RUN,
+        ),
+    ] = None,
+    frames: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="NPZ", help="The frames; or FILE.", rich_help_panel=_FRAMES
+        ),
+    ] = None,
+    always_replan: Annotated[
+        bool,
+        typer.Option(
+            "--always-replan",
+            help="Search anew in every frame.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = False,
+    spacing: Annotated[
+        float | None,
+        typer.Option(
+            help="Of samples on capsules, in m; default: 0.03 or the map's rho.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
+    paths: Annotated[
+        bool,
+        typer.Option(
+            "--paths",
+            help="Keep each frame's path in the JSON.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = False,
+) -> None:
+    """Repeat a recorded run and tell whether every byte of it is the same.
+
+    Exit code 0: the same; 1: not, with the first frame that differs. The figures of
+    --json hold no times of a clock.
+
+    Recorded obstacle frames are played through the planner instead: a file of
+    `capsules` (F, K, 7), or `points` (sum, 3) and `offsets` (F + 1,), with `q_start`,
+    `q_goal` (dof,) and `rate_hz`. Between frames the robot moves along the answer's
+    path at its joints' speed limits; while the planner holds, it stands still and
+    does not retreat.
+    """
+    if (file is None) == (frames is None):
+        raise typer.BadParameter("give one FILE to replay")
+    path = frames if file is None else file
+    from sim.record import is_record
+
+    asked = {"--holds": holds, "--record": record, "--recipe-out": recipe_out}
+    asked |= {"--build": build}
+    if not is_record(path):
+        _refuse(asked, f"a recorded run, which {path} is not")
+        if map_dir is None:
+            raise typer.BadParameter("recorded obstacle frames need --map MAP")
+        _play(path, map_dir, json, (always_replan, spacing, paths))
+        return
+    asked = {"--always-replan": always_replan, "--spacing": spacing, "--paths": paths}
+    _refuse(asked, f"recorded obstacle frames, but {path} is a recorded run")
+    _replay(path, map_dir, json, holds, record, recipe_out, build)
+
+
+def _refuse(options: dict[str, object], what: str) -> None:
+    from roadmap.errors import BadInput
+
+    for name, value in options.items():
+        if value not in (None, False):
+            raise BadInput(f"{name} goes with {what}; leave it out")
+
+
+def _play(path: Path, map_dir: Path, json: str | None, options: tuple) -> None:
+    """Play obstacle frames; options: always replan, spacing, keep paths."""
+    from odm import load_map
+    from sim.loop import replay as player
+
+    always_replan, spacing, paths = options
+    cell_map = load_map(map_dir)
+    recording = player.read_recording(path, cell_map, spacing)
+    with Bars() as tell:
+        found = player.play(cell_map, recording, always_replan, paths, tell)
+    if json is not None:
+        show_json(found, json)
+    if json != "-":
+        player.show(found)
+
+
+def _replay(
+    path: Path,
+    map_dir: Path | None,
+    json: str | None,
+    holds: bool,
+    record: Path | None,
+    recipe_out: Path | None,
+    build: Path | None,
+) -> None:
+    from sim.record import check_target, read_record
+    from sim.record.show import show_holds
+
+    found = read_record(path)
+    if recipe_out is not None:
+        from sim.record.again import recipe_of
+        from sim.record.recipe_toml import recipe_text
+
+        print(write_text(recipe_out, recipe_text(recipe_of(found))))
+    if build is not None:
+        _build(found, build)
+    if holds:
+        show_holds(found)
+    if holds or recipe_out or build:
+        return
+    if record is not None:
+        check_target(record)
+    cell_map = _map_of(found, path, map_dir)
+    _repeat(found, path, cell_map, json, record)
+
+
+def _repeat(
+    found: "RunRecord",
+    path: Path,
+    cell_map: "CellMap",
+    json: str | None,
+    record: Path | None,
+) -> None:
+    from sim.record import first_difference, run_again, write_record
+    from sim.record.show import show_same, what_differs
+
+    with Bars() as tell:
+        again = run_again(found, cell_map, tell)
+    if record is not None:
+        write_record(again, record)
+    if json is not None:
+        text = again.result().to_json(timing=False) + "\n"
+        write_text(json, text) if json != "-" else sys.stdout.write(text)
+    difference = first_difference(found, again)
+    if difference is not None:
+        print(f"odm: {what_differs(found, again, difference, path)}", file=sys.stderr)
+        raise typer.Exit(1)
+    if json != "-":
+        show_same(again)
+        if record is not None:
+            print(record)
+
+
+def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
+    from odm import load_map
+    from roadmap.errors import BadInput
+    from sim.record.again import check_map
+
+    wanted = found.head["map"]
+    folder = map_dir or MAPS / wanted["name"]
+    if map_dir is None and not folder.exists():
+        raise BadInput(
+            f"the map {wanted['name']} {wanted['hash'][:12]} of the recording is not "
+            f"in {folder}; give its folder with --map, or build it with "
+            f"`odm replay {path} --build {folder}`"
+        )
+    cell_map = load_map(folder)
+    check_map(found, cell_map, path, folder)
+    return cell_map
+
+
+def _build(found: "RunRecord", target: Path) -> None:
+    """Build the recorded map into a folder, and see that it is the one."""
+    from odm import load_map
+    from sim.cli.build_command import check_target as check_folder
+    from sim.record.again import build_again, check_built, recipe_of
+
+    check_folder(target, recipe_of(found), force=False)
+    with Bars() as tell:
+        build_again(found, progress=tell).save(target)
+    cell_map = load_map(target)
+    check_built(found, cell_map, target)
+    print(f"map {cell_map.hash[:12]} in {target}")

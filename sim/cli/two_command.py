@@ -1,0 +1,206 @@
+"""`odm run-two`: two robots in one space, each in the way of the other."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.terminal.output import JSON_HELP, Bars, show_json
+
+if TYPE_CHECKING:
+    from odm import CellMap
+    from sim.two.two_result import TwoResult
+
+ALONE_S = 20.0  # simulated, to see how many trips a robot makes alone
+FAR = 15.0  # no robot of ours reaches so far, and points may be there [m]
+# bases face each other at this share of the first one's reach, so that they share
+# what lies in front of both
+APART, ASIDE = 1.36, 0.10  # share, and [m] added
+
+
+def run_two(
+    map_dir: Annotated[
+        Path, typer.Option("--map", metavar="MAP", help="Map of the first robot.")
+    ],
+    other_map: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP", help="Map of the second; default: the same."),
+    ] = None,
+    base: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="X Y YAW",
+            help="Base of the second in the first one's base frame: m, m, degrees; "
+            "default: they face each other and share what lies between.",
+        ),
+    ] = None,
+    other: Annotated[
+        str,
+        typer.Option(
+            metavar="planned|scripted",
+            help="The second: plans and brakes, too; or goes to and fro heedlessly.",
+        ),
+    ] = "planned",
+    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 120.0,
+    rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the closest moment.")
+    ] = None,
+    animation: Annotated[
+        Path | None, typer.Option(metavar="GIF", help="Write a short film.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write both and the figures.")
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
+    ] = None,
+) -> None:
+    """Run two robots in one space, each the moving obstacle of the other.
+
+    Exit code 1: the exact audit of every frame found a contact of a robot that plans.
+    """
+    from odm import load_map
+    from sim.two.two_members import TwoSettings
+    from sim.two.two_robots import run_two as run
+
+    settings = TwoSettings(rate_hz=rate, duration_s=seconds, other=other)
+    first = load_map(map_dir)
+    maps = (first, first if other_map is None else load_map(other_map))
+    T_world_base = base_pose(first, base)
+    with Bars() as tell:
+        result = run(
+            maps, T_world_base, settings,
+            lambda done, total: done % 20 or tell("frames", done, total),
+        )  # fmt: skip
+        alone = _alone(maps, settings)
+        tell("frames", result.frames, result.frames)
+    figures = result.summary() | {"alone_trips_per_minute": alone}
+    figures |= {"map_hashes": [m.hash for m in maps]}
+    files = _files(out, picture, animation)
+    written = _write(result, maps, figures, files, out)
+    if json is not None:
+        show_json(figures, json)
+    if json != "-":
+        show(figures, maps)
+        for path in written:
+            print(path)
+    if result.contacts:
+        raise typer.Exit(1)
+
+
+def base_pose(cell_map: "CellMap", base: tuple[float, float, float] | None) -> "object":
+    """Return T_world_base (4, 4) of the second robot, `base` or face to face.
+
+    Raises:
+        BadInput: A value is not finite.
+    """
+    import numpy as np
+
+    from roadmap.errors import BadInput
+    from roadmap.transforms import pose_of
+    from sim.loop.work_places import reach_of
+
+    if base is None:
+        apart = APART * reach_of(cell_map.robot, cell_map.roadmap.nodes) + ASIDE
+        base = (round(apart, 2), 0.0, 180.0)
+    if not np.isfinite(base).all():
+        raise BadInput(f"--base is {base}; give two lengths in m and degrees")
+    x, y, yaw = base
+    return pose_of((x, y, 0.0), (0.0, 0.0, math.radians(yaw)))
+
+
+def _alone(maps: tuple, settings: object) -> list[float]:
+    """Return trips a minute of each robot with the other one out of reach."""
+    from dataclasses import replace
+
+    from roadmap.transforms import pose_of
+    from sim.two.two_members import PLANNED
+    from sim.two.two_robots import run_two as run
+
+    brief = min(ALONE_S, settings.duration_s)
+    apart = pose_of((FAR, 0.0, 0.0), (0.0, 0.0, 0.0))
+    result = run(maps, apart, replace(settings, duration_s=brief, other=PLANNED))
+    return result.summary()["trips_per_minute"]
+
+
+def _files(out: Path | None, picture: Path | None, animation: Path | None) -> tuple:
+    if out is None:
+        return picture, animation
+    return picture or out / "two_robots.png", animation or out / "two_robots.gif"
+
+
+def _write(
+    result: "TwoResult", maps: tuple, figures: dict, files: tuple, out: Path | None
+) -> list[Path]:
+    written = []
+    picture, animation = files
+    if picture is not None:
+        from sim.two.two_picture import write_two_picture
+
+        written.append(write_two_picture(result, maps, picture))
+    if animation is not None:
+        from sim.two.two_picture import write_two_animation
+
+        written.append(write_two_animation(result, maps, animation))
+    if out is not None:
+        show_json(figures, str(out / "two_robots.json"))
+        written.append(out / "two_robots.json")
+    return written
+
+
+def show(figures: dict, maps: tuple) -> None:
+    """Print the figures as tables."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from sim.run.report import setting_line
+
+    table = Table(title="Two robots, by the exact audit of every frame")
+    table.title_justify = "left"
+    table.add_column("")
+    second = "second" if figures["other"] == "planned" else "second, scripted"
+    for name in ("first", second):
+        table.add_column(name, justify="right")
+    near = figures["separation_m"]
+    x, y = figures["base_m"][:2]
+    rows = [
+        ("robot", *(m.robot.name for m in maps)),
+        ("contacts while a planned robot moves", str(figures["contacts"]), ""),
+        ("smallest distance", f"{100 * near['least']:.1f} cm", f"{near['at_s']:.1f} s"),
+        ("median distance", f"{100 * near['p50']:.1f} cm", ""),
+        ("trips", *map(str, figures["trips"])),
+        *(_row(n, figures[k], unit) for n, k, unit in _SHOWN),
+        ("both moving", f"{figures['both_moving_s']:.1f} s", ""),
+        ("base of the second", f"{x:.2f}, {y:.2f} m", ""),
+        *_times(figures["latency_us"]),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    console.print(table)
+    for k, reasons in enumerate(figures["hold_reasons"]):
+        for reason, frames in reasons:
+            seconds = frames / figures["rate_hz"]
+            console.print(f"held {seconds:.1f} s, robot {k + 1}: {reason}")
+    console.print(setting_line(figures["map_hashes"][0]), highlight=False)
+
+
+_SHOWN = (
+    ("trips a minute", "trips_per_minute", ""),
+    ("... with the other out of reach", "alone_trips_per_minute", ""),
+    ("moving", "moving_s", "s"),
+    ("holding", "held_s", "s"),
+)
+
+
+def _row(name: str, values: list[float], unit: str) -> tuple[str, ...]:
+    return (name, *(f"{v:.1f} {unit}".strip() for v in values))
+
+
+def _times(latency: list[dict]) -> list[tuple[str, ...]]:
+    return [
+        (f"planner's step, {share}", *(f"{t[share]:.0f} µs" for t in latency))
+        for share in ("p50", "p99", "max")
+    ]

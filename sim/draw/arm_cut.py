@@ -1,0 +1,208 @@
+"""Cuts through what a person's hand reaches: figure 3 of [Vahrenkamp2016], as a PNG."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handover import Human
+from handover.meet.places import PlaceQualities, qualities_at
+from handover.meet.quality import QualitySettings
+from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
+from sim.draw.silhouette import AXES, Silhouette
+from sim.terminal.output import Bars, write_whole
+
+FIELDS = {
+    "dexterity": "dexterity (1: the arm's best)",
+    "effort": "ease: quality of the effort",
+    "combined": "half of each, of one posture",
+}
+COLOURS = "turbo"
+BODY, EDGE = "#dfe4e9", "#7c8894"
+VIEWS = {  # normal of the cut: axes across and up, from where it is seen
+    1: ((0, 2), "from the side"),
+    2: ((0, 1), "from above"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Places of one plane and what a hand can do there.
+
+    Attributes:
+        normal: Axis the plane is square to, 1 (y) or 2 (z).
+        at: Where on that axis [m].
+        x, y: Places across and up [m], ascending.
+        fields: Name -> (len(y), len(x)) in [0, 1], NaN where the hand cannot be.
+    """
+
+    normal: int
+    at: float
+    x: np.ndarray
+    y: np.ndarray
+    fields: dict[str, np.ndarray]
+
+    def value(self, field: str, across: float, up: float) -> float:
+        """Return a field at the nearest place of the cut."""
+        i, j = np.abs(self.x - across).argmin(), np.abs(self.y - up).argmin()
+        return float(self.fields[field][j, i])
+
+    def best(self, field: str) -> tuple[float, np.ndarray]:
+        """Return the largest value and its place (3,) [m]."""
+        values = self.fields[field]
+        j, i = np.unravel_index(np.nanargmax(values), values.shape)
+        place = np.empty(3)
+        across, up = VIEWS[self.normal][0]
+        place[[self.normal, across, up]] = self.at, self.x[i], self.y[j]
+        return float(values[j, i]), place
+
+
+def arm_cut(
+    human: Human,
+    side: str,
+    normal: int,
+    at: float,
+    spacing: float,
+    settings: QualitySettings | None = None,
+    rotations: int = 576,
+    tell: Bars | None = None,
+) -> Cut:
+    """Return the cut through all places that a hand can be at.
+
+    Args:
+        human: The person.
+        side: Which arm.
+        normal: Axis the plane is square to, 1 (y) or 2 (z).
+        at: Where on that axis [m].
+        spacing: Between the places [m].
+        settings: Of the quality; None: the defaults.
+        rotations: Of the hand, that are tried at each place.
+        tell: Shows progress.
+    """
+    shoulder = human.T_world_shoulder(side)[:3, 3]
+    reach = human.arm(side).length
+    across, up = VIEWS[normal][0]
+    x, y = (_places(shoulder[k], reach, spacing) for k in (across, up))
+    points = np.empty((len(y), len(x), 3))
+    points[..., normal] = at
+    points[..., across], points[..., up] = np.meshgrid(x, y)
+    flat = points.reshape(-1, 3)
+    near = (np.linalg.norm(flat - shoulder, axis=1) <= reach) & (flat[:, 2] > 0.0)
+    found = qualities_at(
+        human, side, flat[near], settings, rotations=rotations, progress=tell
+    )
+    fields = {name: _filled(found, name, near, len(y)) for name in found.best}
+    return Cut(normal, float(at), x, y, fields)
+
+
+def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> Path:
+    """Draw dexterity, effort and both in the cuts, one row for each cut.
+
+    Args:
+        human: The person.
+        side: Which arm the cuts are of.
+        cuts: At least one.
+        path: PNG file to write, whole or not at all.
+
+    Returns:
+        The path written.
+    """
+    from matplotlib.figure import Figure
+
+    body = Silhouette(human.capsules_of("mean"))
+    limits = [_limits(cut, body) for cut in cuts]
+    wide = min(x[0] for x, _ in limits), max(x[1] for x, _ in limits)
+    tall = [(y[1] - y[0]) / (wide[1] - wide[0]) for _, y in limits]
+    figure = Figure(
+        figsize=(12.0, 1.7 + 3.6 * sum(tall)), layout="constrained", facecolor="white"
+    )
+    ratios = {"height_ratios": tall}
+    axes = figure.subplots(len(cuts), 3, squeeze=False, gridspec_kw=ratios)
+    for column, (name, words) in enumerate(FIELDS.items()):
+        top = max(np.nanmax(cut.fields[name]) for cut in cuts)
+        for row, (cut, (_, high)) in enumerate(zip(cuts, limits, strict=True)):
+            axis = axes[row][column]
+            image = _draw(axis, cut, name, float(top), body)
+            axis.set(xlim=wide, ylim=high, aspect="equal")
+            _mark_shoulder(axis, human, side, cut.normal)
+            if column:
+                axis.set_ylabel("")
+        set_title(axes[0][column], words)
+        colour_bar(figure, image, axes[:, column])
+    where = " and ".join(f"{AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
+    figure.suptitle(
+        f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the "
+        f"best over all rotations and elbows in the planes {where}",
+        color=INK, x=0.01, ha="left",
+    )  # fmt: skip
+    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
+
+
+def draw_field(axis: object, x, y, values, top: float, **style: object):
+    """Draw values (len(y), len(x)) of even places; NaN is left free."""
+    dx, dy = 0.5 * (x[1] - x[0]), 0.5 * (y[1] - y[0])
+    return axis.imshow(
+        np.ma.masked_invalid(values),
+        origin="lower",
+        extent=(x[0] - dx, x[-1] + dx, y[0] - dy, y[-1] + dy),
+        cmap=COLOURS,
+        vmin=0.0,
+        vmax=top,
+        interpolation="nearest",
+        **style,
+    )
+
+
+def colour_bar(
+    figure: object, image: object, axes: object, flat: float = 30.0
+) -> object:
+    """Add a bar of colours, `flat` times as wide as high, below the axes."""
+    shape = {"shrink": 0.8, "aspect": flat, "pad": 0.02}
+    bar = figure.colorbar(image, ax=axes, location="bottom", **shape)
+    bar.outline.set_visible(False)
+    bar.ax.tick_params(colors=FAINT, labelsize=9)
+    return bar
+
+
+def _draw(axis: object, cut: Cut, name: str, top: float, body: Silhouette):
+    (across, up), view = VIEWS[cut.normal]
+    image = draw_field(axis, cut.x, cut.y, cut.fields[name], top, zorder=2)
+    fill = {"colors": [BODY], "alpha": 0.75, "zorder": 3}
+    line = {"colors": [EDGE], "linewidths": 1.0, "zorder": 4}
+    body.draw(axis, (across, up), fill, line)
+    if up == 2:
+        axis.axhline(0.0, color=LINE, lw=1.0, zorder=1)
+    axis.set_xlabel(f"{AXES[across]} [m]")
+    axis.set_ylabel(f"{view}: {AXES[up]} [m]")
+    tidy(axis)
+    return image
+
+
+def _mark_shoulder(axis: object, human: Human, side: str, normal: int) -> None:
+    plane = list(VIEWS[normal][0])
+    at = human.T_world_shoulder(side)[plane, 3]
+    axis.plot(*at, "+", color=INK, ms=8, zorder=5)
+
+
+def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:
+    seen = body.points()[:, list(VIEWS[cut.normal][0])]
+    shown = np.isfinite(cut.fields["combined"])
+    limits = []
+    for axis, (places, own) in enumerate(((cut.x, 0), (cut.y, 1))):
+        filled = places[shown.any(axis=own)]
+        low = min(filled.min(initial=np.inf), seen[:, axis].min()) - 0.05
+        limits.append((low, max(filled.max(initial=low), seen[:, axis].max()) + 0.05))
+    return limits
+
+
+def _places(middle: float, reach: float, spacing: float) -> np.ndarray:
+    n = int(np.ceil(reach / spacing))
+    return middle + spacing * np.arange(-n, n + 1)
+
+
+def _filled(
+    found: PlaceQualities, name: str, near: np.ndarray, rows: int
+) -> np.ndarray:
+    whole = np.full(len(near), np.nan)
+    whole[near] = found.best[name]
+    return whole.reshape(rows, -1)

@@ -1,0 +1,83 @@
+"""Draws robot and person from the sphere cover alone: pictures without pybullet."""
+
+import numpy as np
+
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.robot.robot import Robot
+from sim.draw.viewpoint import Camera
+
+SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)
+LINKS = (0.90, 0.90, 0.91), (0.78, 0.80, 0.83)
+LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
+BEAD = 0.006  # distance of the balls a capsule is drawn with [m]
+
+
+class CoverWorld:
+    """Stands in for `sim.draw.world.World` where there is no pybullet.
+
+    Args:
+        robot: The robot; its cover is what is drawn.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Choose the colours."""
+        self._robot = robot
+        link = np.asarray(robot.sphere_link) % 2
+        self._colours = np.array(LINKS)[link]
+        self._balls = np.zeros((0, 7))
+
+    def __enter__(self) -> "CoverWorld":
+        """Return the world itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Do nothing: nothing is open."""
+
+    def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
+        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+        centers = sphere_centers(self._robot, q)
+        radii = self._robot.spheres[:, 3:4]
+        balls = [np.hstack([centers, radii, self._colours])]
+        for index, row in enumerate(capsules):
+            length = np.linalg.norm(row[3:6] - row[:3])
+            s = np.linspace(0.0, 1.0, 2 + int(length / BEAD))[:, None]
+            colour = np.array(SLEEVE if index % 2 == 0 else SKIN)
+            beads = row[:3] + s * (row[3:6] - row[:3])
+            rest = np.tile(np.r_[row[6], colour], (len(s), 1))
+            balls.append(np.hstack([beads, rest]))
+        self._balls = np.vstack(balls)
+
+    def picture(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw the world.
+
+        Returns:
+            (h, w, 3) uint8 colours, (h, w) distance along the view [m] and (h, w)
+            bool, where nothing is seen.
+        """
+        shape = (camera.height, camera.width)
+        colour = np.full((*shape, 3), 255, np.uint8)
+        depth = np.full(shape, camera.far)
+        pixels, distance = camera.project(self._balls[:, :3])
+        radii = self._balls[:, 3] * camera.pixels_per_metre(distance)
+        for ball, middle, far, radius in zip(
+            self._balls, pixels, distance, radii, strict=True
+        ):
+            _draw_ball(colour, depth, (middle, radius, far), ball)
+        return colour, depth, depth >= camera.far
+
+
+def _draw_ball(colour: np.ndarray, depth: np.ndarray, disc: tuple, ball: np.ndarray):
+    (u, v), radius, far = disc
+    top, left = max(int(v - radius), 0), max(int(u - radius), 0)
+    bottom, right = int(v + radius) + 2, int(u + radius) + 2
+    window = np.s_[top:bottom, left:right]
+    height, width = depth[window].shape
+    y = (v - np.arange(top, top + height)[:, None]) / radius
+    x = (np.arange(left, left + width)[None, :] - u) / radius
+    z2 = 1.0 - x * x - y * y
+    z = np.sqrt(np.maximum(z2, 0.0))
+    seen = (z2 > 0) & (far - ball[3] * z < depth[window])
+    shade = 0.66 + 0.36 * np.maximum(x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2], 0)
+    paint = np.minimum(255 * ball[4:7] * shade[..., None], 255).astype(np.uint8)
+    colour[window][seen] = paint[seen]
+    depth[window][seen] = (far - ball[3] * z)[seen]

@@ -1,0 +1,128 @@
+"""What a map covers: how much of the roadmap each cell takes away, as a picture."""
+
+from pathlib import Path
+
+import numpy as np
+
+from odm.cell_map.cell_map import CellMap
+from roadmap.kinematics.forward import sphere_centers
+from sim.draw.pictures import FAINT, INK, set_title, tidy
+
+SIDES = (2, 0, 1), (1, 0, 2), (0, 1, 2)  # looked along, to the right, upward
+
+
+def plot_map(cell_map: CellMap, path: str | Path) -> Path:
+    """Draw what a map covers, over the robot in the middle of its limits.
+
+    Args:
+        cell_map: The map.
+        path: PNG file to write.
+
+    Returns:
+        The path written.
+    """
+    robot, grid = cell_map.robot, cell_map.grid
+    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
+    counts = node_counts(cell_map)
+    swept = [
+        np.flatnonzero(counts.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))
+    ]
+    first = np.array([cells[0] for cells in swept])
+    counts = counts[tuple(np.s_[cells[0] : cells[-1] + 1] for cells in swept)]
+    origin = grid.origin + grid.h * first
+    return write_coverage_plot(
+        counts, origin, grid.h, centers, robot.spheres[:, 3], path
+    )
+
+
+def node_counts(cell_map: CellMap) -> np.ndarray:
+    """Return (nx, ny, nz) how many nodes a point in each cell invalidates."""
+    cells, blocks = cell_map.arm_cells, cell_map.grid.blocks
+    is_node = np.asarray(cells.t_item) < cell_map.roadmap.n_nodes
+    block = np.repeat(np.arange(len(cells.t_ptr) - 1), np.diff(cells.t_ptr))[is_node]
+    mask = np.asarray(cells.t_mask)[is_node]
+    counts = np.zeros((cell_map.grid.n_blocks, 64), np.int64)
+    for bit in range(64):  # x, y, z of a cell in its block: two bits each
+        swept = (mask >> np.uint64(bit)) & np.uint64(1) > 0
+        counts[:, bit] = np.bincount(block[swept], minlength=len(counts))
+    counts = counts.reshape(*blocks, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5)
+    return np.ascontiguousarray(counts).reshape(4 * np.asarray(blocks))
+
+
+def write_coverage_plot(
+    counts: np.ndarray,
+    origin: np.ndarray,
+    h: float,
+    centers: np.ndarray,
+    radii: np.ndarray,
+    path: str | Path,
+) -> Path:
+    """Draw how many nodes each cell takes away, from three sides, over the robot.
+
+    Args:
+        counts: (nx, ny, nz) nodes that a point in the cell invalidates.
+        origin: (3,) lower corner of the grid [m].
+        h: Cell size [m].
+        centers: (n, 3) centres of the robot's spheres at some q [m].
+        radii: (n,) their radii [m].
+        path: PNG file to write.
+
+    Returns:
+        The path written: the largest count along each line of sight.
+    """
+    from matplotlib.colors import LogNorm
+
+    figure, axes = _coverage_figure(counts.shape)
+    scale = LogNorm(1, max(2, int(counts.max())))
+    corner = np.asarray(origin, float)
+    end = corner + h * np.array(counts.shape)
+    for axis, (seen, u, v) in zip(axes, SIDES, strict=False):
+        image = np.ma.masked_equal(counts.max(axis=seen).T, 0)
+        extent = (corner[u], end[u], corner[v], end[v])
+        shown = axis.imshow(
+            image, origin="lower", extent=extent, cmap="YlGnBu", norm=scale
+        )
+        draw_silhouette(axis, centers[:, [u, v]], radii)
+        axis.set(xlabel=f"{'xyz'[u]} [m]", ylabel=f"{'xyz'[v]} [m]")
+        axis.locator_params(nbins=5)
+        set_title(axis, ("from the front", "from the side", "from above")[seen])
+    bar = figure.colorbar(shown, cax=axes[3])
+    bar.set_label("nodes a cell takes away, the most along the line of sight")
+    bar.outline.set_visible(False)
+    path = Path(path)
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def _coverage_figure(shape: tuple[int, int, int]) -> tuple:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 4.6), layout="constrained", facecolor="white")
+    widths = [shape[0], shape[0], shape[1], max(shape) / 25]
+    axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
+    for axis in axes[:3]:
+        tidy(axis)
+        axis.set_aspect("equal")
+    axes[3].tick_params(colors=FAINT, labelsize=9)
+    axes[3].yaxis.label.set_color(FAINT)
+    return figure, axes
+
+
+def draw_silhouette(axis: object, places: np.ndarray, radii: np.ndarray) -> None:
+    """Draw balls at `places` (n, 2) as one shape with a rim [m]."""
+    from matplotlib.collections import EllipseCollection
+
+    for size, colour in ((0.012, INK), (0.0, "#eef1f4")):  # a rim, then the inside
+        width = 2 * (radii + size)
+        axis.add_collection(
+            EllipseCollection(
+                width,
+                width,
+                np.zeros(len(radii)),
+                units="xy",
+                offsets=places,
+                offset_transform=axis.transData,
+                facecolors=colour,
+                edgecolors="none",
+            )
+        )

@@ -1,0 +1,138 @@
+"""A person from the front and from the side, with reach and joint ranges, as a PNG."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import binary_closing, gaussian_filter
+
+from handover import POSTURES, Human, Part
+from handover.human.anthropometry import ARM_JOINTS
+from sim.draw.mocap_picture import LEFT, RIGHT, outline, part_colour
+from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
+from sim.people.grips import grip_points
+from sim.terminal.output import write_whole
+
+REACH, BIN = "#00857c", 0.025  # colour; side of a square of the cut [m]
+_SLAB = 0.03  # [m] half the thickness of a cut
+_BEFORE = 0.30  # [m] the cut from the front lies this far before the shoulder
+
+
+def write_human_picture(human: Human, path: str | Path) -> Path:
+    """Draw the person's capsules, cuts through the right hand's reach, the ranges.
+
+    Args:
+        human: The person; seen along the world's y and x axes.
+        path: PNG file to write, whole or not at all.
+
+    Returns:
+        The path written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 6.4), layout="constrained", facecolor="white")
+    ratios = {"width_ratios": (1.15, 1.0, 0.95)}
+    side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)
+    shoulder = human.T_world_shoulder("right")
+    points = grip_points(human, 600_000) @ shoulder[:3, :3].T + shoulder[:3, 3]
+    points = points[points[:, 2] > 0.0]  # nobody reaches into the floor
+    _draw_view(side, human, points, (0, 2), shoulder[1, 3])
+    set_title(side, "from the right")
+    before = shoulder[0, 3] + _BEFORE * shoulder[0, 0]
+    _draw_view(front, human, points, (1, 2), before)
+    set_title(front, "from the front")
+    _draw_ranges(ranges, human)
+    figure.suptitle(
+        f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
+        "where the right grip can be, in the plane of the shoulder and "
+        f"{100 * _BEFORE:.0f} cm before it",
+        color=INK,
+        x=0.01,
+        ha="left",
+    )
+    return write_whole(path, lambda stream: figure.savefig(stream, dpi=110))
+
+
+def _draw_view(
+    axis: object, human: Human, points: np.ndarray, plane: tuple, cut: float
+) -> None:
+    i, j = plane
+    along = 3 - i - j
+    rods = human.capsules()
+    near = np.abs(points[:, along] - cut) < _SLAB
+    _draw_reach(axis, points[near][:, [i, j]])
+    depth = rods[:, [along, 3 + along]].mean(axis=1)
+    # seen from the right side (-y) and from the front (+x): what is nearer covers
+    order = np.argsort(depth if along == 0 else -depth)
+    for k in order:
+        colour = part_colour(Part(int(human.labels[k])))
+        patch = outline(rods[k], plane, fc=colour, ec="white", lw=0.6, alpha=0.95)
+        axis.add_patch(patch)
+    if human.gaze is not None:
+        eyes = human.p_world_eyes
+        ends = np.array([eyes, eyes + 0.3 * human.gaze])[:, [i, j]]
+        arrow = {"arrowstyle": "->", "color": INK}
+        axis.annotate("", ends[1], ends[0], arrowprops=arrow)
+    _draw_steps(axis, human, i)
+    axis.axhline(0.0, color=LINE, lw=1.0, zorder=0)
+    ends, radii = rods[:, :6].reshape(-1, 3), np.repeat(rods[:, 6:], 2, axis=0)
+    all_points = [ends - radii, ends + radii, points[near]]
+    low = np.min([p.min(axis=0) for p in all_points], axis=0) - 0.08
+    high = np.max([p.max(axis=0) for p in all_points], axis=0) + 0.08
+    wide = (low[i], high[i])
+    # from the front, the person's left is on our right
+    axis.set(xlim=wide, ylim=(min(low[j], -0.05), high[j]), aspect="equal")
+    axis.set_xlabel(f"{'xyz'[i]} [m]")
+    axis.set_ylabel("height z [m]")
+    tidy(axis)
+
+
+def _draw_reach(axis: object, points: np.ndarray) -> None:
+    """Fill the squares of the cut that a sample of the grip lies in."""
+    if not len(points):
+        return
+    low = np.floor(points.min(axis=0) / BIN).astype(int) - 4
+    counts = np.floor(points / BIN).astype(int) - low
+    filled = np.zeros(counts.max(axis=0) + 5, bool)
+    filled[counts[:, 0], counts[:, 1]] = True
+    # samples leave holes of single squares
+    filled = binary_closing(filled, iterations=3)
+    x, y = ((low[k] + 0.5 + np.arange(filled.shape[k])) * BIN for k in (0, 1))
+    cut = gaussian_filter(filled.T.astype(float), 0.8)
+    axis.contourf(x, y, cut, levels=[0.5, 1.5], colors=[REACH], alpha=0.16)
+    axis.contour(x, y, cut, levels=[0.5], colors=[REACH], linewidths=0.9)
+
+
+def _draw_steps(axis: object, human: Human, i: int) -> None:
+    """Draw the step under each foot of a person on a ladder."""
+    if POSTURES[human.posture].step == 0.0:
+        return
+    rods = human.capsules()
+    for leg in (Part.LEFT_LEG, Part.RIGHT_LEG):
+        foot = rods[human.labels == leg][2]
+        low, high = sorted((foot[i], foot[3 + i]))
+        z = min(foot[2], foot[5]) - foot[6]
+        axis.plot((low - 0.12, high + 0.12), (z, z), color=INK, lw=2.0)
+
+
+def _draw_ranges(axis: object, human: Human) -> None:
+    arm = human.arm("right")
+    lower, upper = np.degrees(arm.ranges).T
+    rows = np.arange(len(ARM_JOINTS))
+    axis.barh(rows, upper - lower, left=lower, height=0.5, color=LINE)
+    style = {"ls": "", "ms": 9, "mec": "white"}
+    for name, colour, shift in (("left", LEFT, -0.12), ("right", RIGHT, 0.12)):
+        now = np.degrees(human.arms[name])
+        axis.plot(now, rows + shift, "o", color=colour, label=f"{name} now", **style)
+    for row, low, high in zip(rows, lower, upper, strict=True):
+        text = {"color": FAINT, "size": 8.5, "va": "center"}
+        axis.text(low - 5, row, f"{low:.0f}", ha="right", **text)
+        axis.text(high + 5, row, f"{high:.0f}", ha="left", **text)
+        axis.text(-95, row - 0.38, ARM_JOINTS[row], color=INK, size=9.5, ha="left")
+    axis.axvline(0, color=FAINT, lw=0.7, zorder=0)
+    axis.set(yticks=[], xlim=(-125, 215), ylim=(len(rows) + 0.1, -0.8))
+    axis.set_xlabel("joint angle [deg]")
+    legend = {"loc": "lower right", "ncols": 2, "fontsize": 9}
+    axis.legend(frameon=False, labelcolor=INK, **legend)
+    set_title(axis, "ranges of motion of an arm")
+    tidy(axis)
+    axis.spines["left"].set_visible(False)

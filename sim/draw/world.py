@@ -1,0 +1,279 @@
+"""The pybullet DIRECT world: draws robot and person, and measures their distance."""
+
+import contextlib
+import ctypes
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from roadmap.errors import PlanningError
+from roadmap.loading.body_tree import driven_by, standing_values
+from roadmap.robot.description import Description, read_description
+from roadmap.robot.known import known_robot, robot_file
+from roadmap.robot.robot import Robot
+from sim.draw.viewpoint import Camera
+from sim.loop.carried import ball_rows
+
+SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
+LOAD = (0.85, 0.62, 0.16, 1.0)
+# what the library says when it is imported, and of links without masses
+GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
+INERTIA = re.compile(
+    rb"b3Warning\[[^\]]*\]:\s*No inertial data for link.*?inertial frame\s*"
+    rb"b3Warning\[[^\]]*\]:\s*\S*?\s*(?=b3Warning|\Z|\n)",
+    re.DOTALL,
+)
+LIGHT = {
+    "lightDirection": [1.0, -1.2, 2.4],
+    "lightColor": [1.0, 1.0, 1.0],
+    "lightAmbientCoeff": 0.62,
+    "lightDiffuseCoeff": 0.44,
+    "lightSpecularCoeff": 0.08,
+}
+
+
+class SimulatorMissing(PlanningError):
+    """pybullet is not installed; everything but its pictures works without it."""
+
+    def __init__(self) -> None:
+        """Say what to do."""
+        super().__init__(
+            "pybullet is not installed (its wheels are for Python 3.11 only): use "
+            "Python 3.11 and `pip install pybullet`, or go without; the loop, its "
+            "exact audit and simpler pictures do not need it"
+        )
+
+
+class World:
+    """A robot and a person of capsules, both moved by hand.
+
+    Args:
+        urdf: Path of the robot's URDF, or a known name such as "panda".
+        robot: Names and order of the joints.
+        locked: Joint name -> value of joints that stand still [rad or m]; a known
+            robot's own count, too, and others stand at 0 or the limit next to it.
+
+    Raises:
+        SimulatorMissing: pybullet is not installed.
+        BadRobot: There is no such file.
+    """
+
+    def __init__(
+        self,
+        urdf: str | Path,
+        robot: Robot,
+        locked: Mapping[str, float] | None = None,
+    ) -> None:
+        """Connect to pybullet and load the robot."""
+        self._bullet = _pybullet()
+        path = str(robot_file(urdf))
+        self._client = self._bullet.connect(self._bullet.DIRECT)
+        with _without(INERTIA):
+            self._robot = self._call("loadURDF", path, useFixedBase=True)
+        count = self._call("getNumJoints", self._robot)
+        infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
+        index = {info[1].decode(): info[0] for info in infos}
+        description = read_description(path)
+        followers = [driven_by(description, name) for name in robot.joint_names]
+        self._joints = [[(index[n], f, o) for n, f, o in row] for row in followers]
+        known = known_robot(urdf)
+        locked = {**(known.locked if known else {}), **(locked or {})}
+        values = standing_values(description, robot.joint_names, locked)
+        self._lock(description, index, values)
+        self._person: list[int] = []
+        self._sizes = np.zeros((0, 2))
+        self._arm, self._held = robot, np.zeros((0, 4))
+
+    def __enter__(self) -> "World":
+        """Return the world itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the world."""
+        self.close()
+
+    def close(self) -> None:
+        """Disconnect from pybullet."""
+        self._call("disconnect")
+
+    def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
+        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+        if len(self._held):
+            capsules = np.vstack([capsules, ball_rows(self._arm, self._held, q)])
+        for row, value in zip(self._joints, q, strict=True):
+            for joint, factor, offset in row:
+                at = float(factor * value + offset)
+                self._call("resetJointState", self._robot, joint, at)
+        length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
+        sizes = np.column_stack([length, capsules[:, 6]])
+        if sizes.shape != self._sizes.shape or not np.allclose(sizes, self._sizes):
+            self._remake_person(sizes)
+        for body, row in zip(self._person, capsules, strict=True):
+            middle, quat_xyzw = (row[:3] + row[3:6]) / 2, _turn_z_to(row[3:6] - row[:3])
+            self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
+
+    def carry(self, spheres: np.ndarray) -> None:
+        """Draw spheres (n, 4) of the tool frame in the robot's hand, too [m]."""
+        self._held = spheres
+
+    def separation(self, limit: float = 1.0) -> float:
+        """Return the distance of robot and person [m], `limit` if it is larger.
+
+        pybullet takes the convex hull of each collision mesh and keeps a margin of
+        about a millimetre; the exact audit is `odm.audit.exact`.
+        """
+        nearest = limit
+        for body in self._person[: len(self._person) - len(self._held)]:
+            pairs = self._call("getClosestPoints", self._robot, body, limit)
+            nearest = min([nearest, *(pair[8] for pair in pairs)])
+        return nearest
+
+    def picture(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw the world.
+
+        Returns:
+            (h, w, 3) uint8 colours, (h, w) distance along the view [m] and (h, w)
+            bool, where nothing is seen.
+        """
+        _, _, colour, depth, body = self._call(
+            "getCameraImage",
+            camera.width,
+            camera.height,
+            camera.view().T.ravel().tolist(),
+            camera.projection().T.ravel().tolist(),
+            shadow=0,
+            renderer=self._bullet.ER_TINY_RENDERER,
+            **LIGHT,
+        )
+        shape = (camera.height, camera.width)
+        colour = np.reshape(colour, (*shape, 4))[..., :3].astype(np.uint8)
+        empty = np.reshape(body, shape) < 0
+        return colour, camera.metres(np.reshape(depth, shape)), empty
+
+    def _lock(
+        self,
+        description: Description,
+        index: Mapping[str, int],
+        values: Mapping[str, float],
+    ) -> None:
+        """Put the joints that no `place` moves where they stand; fingers, too."""
+        for driver, value in values.items():
+            for name, factor, offset in driven_by(description, driver):
+                at = float(factor * value + offset)
+                self._call("resetJointState", self._robot, index[name], at)
+
+    def _call(self, name: str, *args: object, **kwargs: object) -> object:
+        kwargs["physicsClientId"] = self._client
+        return getattr(self._bullet, name)(*args, **kwargs)
+
+    def _remake_person(self, sizes: np.ndarray) -> None:
+        for body in self._person:
+            self._call("removeBody", body)
+        self._sizes = sizes
+        colours = [SLEEVE if i % 2 == 0 else SKIN for i in range(len(sizes))]
+        first = len(sizes) - len(self._held)
+        colours[first:] = [LOAD] * len(self._held)
+        self._person = [
+            self._capsule(*size, colour)
+            for size, colour in zip(sizes, colours, strict=True)
+        ]
+
+    def _capsule(self, length: float, radius: float, colour: tuple) -> int:
+        solid = self._call(
+            "createCollisionShape",
+            self._bullet.GEOM_CAPSULE,
+            radius=radius,
+            height=length,
+        )
+        vertices, normals, triangles = capsule_mesh(length, radius)
+        visual = self._call(
+            "createVisualShape",
+            self._bullet.GEOM_MESH,
+            vertices=vertices.tolist(),
+            normals=normals.tolist(),
+            indices=triangles.ravel().tolist(),
+            rgbaColor=colour,
+            specularColor=[0.1, 0.1, 0.1],
+        )
+        return self._call("createMultiBody", 0, solid, visual)
+
+
+def capsule_mesh(
+    length: float, radius: float, rings: int = 10, sides: int = 36
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a capsule along z: (n, 3) vertices, normals, (m, 3) triangles."""
+    lift = np.linspace(-np.pi / 2, np.pi / 2, 2 * rings)
+    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
+    lift, turn = (a.ravel() for a in np.meshgrid(lift, turn, indexing="ij"))
+    normals = np.column_stack(
+        [np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)]
+    )
+    vertices = radius * normals
+    vertices[:, 2] += np.where(lift < 0, -length / 2, length / 2)
+    row, column = np.meshgrid(np.arange(2 * rings - 1), np.arange(sides), indexing="ij")
+    a, b = (row * sides + column).ravel(), (row * sides + (column + 1) % sides).ravel()
+    triangles = np.vstack(
+        [np.column_stack([a, b, b + sides]), np.column_stack([a, b + sides, a + sides])]
+    )
+    return vertices, normals, triangles
+
+
+def _pybullet() -> ModuleType:
+    try:
+        if "pybullet" not in sys.modules:
+            with _without(GREETING):
+                import pybullet
+        import pybullet
+    except ImportError as error:
+        raise SimulatorMissing from error
+    return pybullet
+
+
+@contextlib.contextmanager
+def _without(noise: re.Pattern) -> Iterator[None]:
+    """Drop what the library says below Python that no user can do anything about.
+
+    It writes to the process's own output. All else that is said meanwhile is said
+    afterwards, to stderr.
+    """
+    with tempfile.TemporaryFile() as heard:
+        ctypes.CDLL(None).fflush(None)  # what C said before is not ours to keep
+        kept = _redirected(heard.fileno())
+        try:
+            yield
+        finally:
+            ctypes.CDLL(None).fflush(None)
+            for stream, copy in kept.items():
+                os.dup2(copy, stream)
+                os.close(copy)
+            heard.seek(0)
+            said = noise.sub(b"", heard.read())
+            sys.stderr.write(said.decode(errors="replace"))
+
+
+def _redirected(target: int) -> dict[int, int]:
+    """Send stdout and stderr to a file descriptor; return {stream: its copy}."""
+    kept = {}
+    for stream in (1, 2):
+        with contextlib.suppress(OSError):  # one that is closed stays so
+            kept[stream] = os.dup(stream)
+            os.dup2(target, stream)
+    return kept
+
+
+def _turn_z_to(direction: np.ndarray) -> list[float]:
+    """Return the quaternion (x, y, z, w) that turns the z axis to a direction."""
+    length = np.linalg.norm(direction)
+    if length < 1e-9:
+        return [0.0, 0.0, 0.0, 1.0]
+    x, y, z = direction / length
+    if z < -1 + 1e-9:
+        return [1.0, 0.0, 0.0, 0.0]
+    quat_xyzw = np.array([-y, x, 0.0, 1.0 + z])
+    return (quat_xyzw / np.linalg.norm(quat_xyzw)).tolist()

@@ -1,0 +1,1 @@
+"""The kinematic loop of person, planner and robot, and what happened in it."""

@@ -1,0 +1,48 @@
+"""`odm run --carry`: a ball in the robot's hand, planned with, audited and drawn."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm.cell_map.payload import required
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
+from roadmap.loading.held_link import with_payload
+from roadmap.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from odm import ReactivePlanner
+
+
+def check_carry(radius: float | None, motion: str) -> None:
+    """Refuse what does not go with a ball in the hand, before any work."""
+    if radius is None:
+        return
+    if motion == "keyboard":
+        raise BadInput("--carry does not go with --motion keyboard; leave one out")
+    if not 0.0 < radius < np.inf:
+        raise BadInput(f"--carry {radius} is no radius; give metres above 0")
+
+
+def take_ball(planner: "ReactivePlanner", radius: float | None) -> Robot:
+    """Attach a ball at the middle of the map's envelope; return the robot with it.
+
+    Args:
+        planner: Of a map with a payload layer.
+        radius: Of the ball [m]; None: nothing is attached.
+
+    Raises:
+        BadInput: The map has no payload layer, or the ball does not fit.
+    """
+    if radius is None:
+        return planner.robot
+    center = required(planner.cell_map).recipe.position
+    planner.attach(np.array([[*center, radius]]))
+    return with_payload(planner.robot, planner.attached)
+
+
+def ball_rows(robot: Robot, spheres: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return spheres (n, 4) of the tool frame as (n, 7) capsules where they are [m]."""
+    T = tool_pose(robot, q)
+    centers = spheres[:, :3] @ T[:3, :3].T + T[:3, 3]
+    return np.hstack([centers, centers, spheres[:, 3:]])

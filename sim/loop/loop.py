@@ -1,0 +1,427 @@
+"""The kinematic loop: person, planner, robot and exact audit, frame by frame."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odm.execution.execution import RETREATING, ExecutionSettings, Executor
+from odm.execution.kinematic import KinematicMover
+from odm.execution.threat import Watcher
+from odm.obstacles.surfaces import sample_capsules
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import difference, motion_bounds, sphere_centers
+from roadmap.ranges import check_settings, is_between
+from roadmap.robot.robot import Robot
+from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
+from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
+from sim.people.human_motion import HumanMotion
+
+FRESH, MORE = 6, 3  # frames of a new path, in which so many times more is tested
+ARRIVED = 1e-6  # largest joint difference at which a work place is reached
+NOBODY = np.zeros((0, 7))
+
+MOVERS = {"kinematic": KinematicMover, "timed": Executor}
+
+Audit = Callable[[np.ndarray, np.ndarray], float]
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How long and how fast the loop runs.
+
+    Attributes:
+        rate_hz: Frames per second.
+        duration_s: Simulated time [s].
+        seed: Seed of the human motion, noted in the result.
+        spacing: Distance of the samples on the person's surface [m].
+        speed_scale: Share of the joints' speed limits the robot uses.
+        retreat_scale: Share of the limits when it moves out of the way.
+        stand_below: It does not even retreat where, two frames on, its cover would be
+            nearer to a sample than this [m]: between samples the person may touch it
+            then, and to be touched at rest is the lesser evil. With samples 3 cm
+            apart an arm can touch a finger 2.1 cm from the nearest one.
+        keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
+        polish: Motions the planner may test between two frames to shorten its path;
+            none in a frame that found a new one, which took its time, and three times
+            as many in the next five: its beginning is soon behind the robot.
+        execution: "kinematic": at speed limits, stopping at once; "timed": within
+            limits of acceleration and jerk, with a braking test in every frame.
+    """
+
+    rate_hz: float = 100.0
+    duration_s: float = 20.0
+    seed: int = 0
+    spacing: float = 0.03
+    speed_scale: float = 0.5
+    retreat_scale: float = 0.25
+    stand_below: float = 0.022
+    keep_paths: int = 0
+    polish: int = 4
+    execution: str = "kinematic"
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no loop."""
+        counts = ("seed", "keep_paths", "polish")
+        ranges = {name: (0, 2**63, "") for name in counts}
+        check_settings(self, {**ranges, "stand_below": (0.0, np.inf, "m")}, counts)
+        for name in ("rate_hz", "duration_s", "spacing"):
+            value = getattr(self, name)
+            if not is_between(value, 0, np.inf) or value in (0, np.inf):
+                raise BadInput(f"{name} is {value}; give a number above 0")
+        if self.execution not in MOVERS:
+            raise BadInput(
+                f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
+            )
+        for name in ("speed_scale", "retreat_scale"):
+            value = getattr(self, name)
+            if not is_between(value, 1e-6, 1):
+                raise BadInput(f"{name} is {value}; give a share in (0, 1]")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One turn of the loop, as the robot and the person stood when it began.
+
+    Attributes:
+        index: Number of the frame.
+        q: (dof,) configuration [rad or m]; of a pushed robot, where it truly is.
+        capsules: (k, 7) person [m].
+        answer: What the planner said.
+        place: Index of the work place the robot is on its way to.
+        separation: Exact distance of robot and person [m].
+        joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
+            the robot [m/s] since the frame before; the joint is the set-point's, the
+            point the robot's: a push alone is no movement of its own.
+        dq, ddq: (dof,) velocity and acceleration of the set-point.
+        pace: What the executor does: "moving", "slowed", "braked", ...
+        brake: Why it is slowed or braked.
+        escape: Whether it retreats, and in this hold began to within the clearance.
+        guess: (k, 7) where the person is [m]; None where `capsules` say it.
+        wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
+        polish_s, polish_cpu_s: Time of its polishing after the answer [s].
+    """
+
+    index: int
+    q: np.ndarray
+    capsules: np.ndarray
+    answer: object
+    place: int
+    separation: float
+    joint_speed: float
+    point_speed: float
+    wall_s: float
+    cpu_s: float
+    polish_s: float
+    polish_cpu_s: float = 0.0
+    dq: np.ndarray | None = None
+    ddq: np.ndarray | None = None
+    pace: str = ""
+    brake: str = ""
+    escape: bool = False
+    guess: np.ndarray | None = None
+
+
+class Loop:
+    """The world's state between frames; the robot goes round the work places.
+
+    Args:
+        planner: Any object with `set_goals` and `step` of `odm.ReactivePlanner`.
+        robot: The planner's robot.
+        places: (n, dof) at least two configurations; the robot starts at the first.
+        motion: The person; None runs without one.
+        settings: Rate, speeds and spacing.
+        audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
+        pushed: How the robot is pushed, by the seed and the motion's name; None: it
+            is not, and is where its set-point is.
+    """
+
+    def __init__(
+        self,
+        planner: object,
+        robot: Robot,
+        places: np.ndarray,
+        motion: HumanMotion | None,
+        settings: LoopSettings | None = None,
+        audit: Audit | None = None,
+        pushed: PushSettings | None = None,
+    ) -> None:
+        """Put the robot at the first place and send it to the second."""
+        self.settings = settings or LoopSettings()
+        self.robot, self.planner, self.motion = robot, planner, motion
+        self.places = _checked_places(robot, places)
+        self.trips, self.index, self.place = 0, 0, 1
+        self._audit = audit or exact_audit(robot)
+        s = self.settings
+        shares = ExecutionSettings(
+            s.speed_scale,
+            s.retreat_scale,
+            stand_below=s.stand_below,
+            encoder=pushed.encoder if pushed else 0.0,
+        )
+        self.executor = MOVERS[s.execution](
+            robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
+        )
+        self._moving = robot.moving
+        fastest = motion_bounds(robot, s.speed_scale * robot.max_velocity)[0]
+        most = float(fastest.max(initial=0.0))
+        self._watcher = Watcher(covering=s.spacing, robot_speed=most)
+        self._widest = float(robot.spheres[self._moving, 3].max(initial=0.0))
+        self._retreats = self._escape = False
+        self._fresh = 0  # frames in which the path in use counts as new
+        self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
+        self.body = self._pushed_body(pushed) if pushed else None
+        if self.body is not None:
+            self._q = self.body.q
+        self._centers = sphere_centers(robot, self._q)
+        _optional(planner, "reset")
+        planner.set_goals([self.places[1]])
+
+    def frame(self) -> Frame:
+        """Let the planner answer, audit the moment, and move on by one period."""
+        now = self.index / self.settings.rate_hz
+        capsules = NOBODY if self.motion is None else self.motion.capsules(now)
+        guess = self._guess(now)
+        points = sample_capsules(capsules, self.settings.spacing)
+        if self.body is not None:
+            self.executor.locate(self.body.measured)
+        point = self.executor.set_point
+        wall, cpu = time.perf_counter(), time.thread_time()
+        commit = self.executor.commit()
+        answer = self.planner.step(
+            points, q=commit.q, dq=point.dq, stamp=now, now=now, **_told(capsules)
+        )
+        threat = None
+        if len(capsules) and self.executor.brakes:
+            centers = self._centers[self._moving]
+            margin = self._widest + getattr(self.planner, "keep", 0.0)
+            margin += self.executor.off
+            threat = self._watcher.look(capsules, points, centers, now, margin=margin)
+        self.executor.heed(answer, commit, threat)
+        cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
+        separation = self._separation(capsules if guess is None else guess)
+        escape = self._escapes(answer.status == "holding")
+        self._fresh = FRESH if answer.status == "replanned" else self._fresh - 1
+        polish_s, polish_cpu_s = self._polish()
+        frame = Frame(
+            index=self.index,
+            q=self._q,
+            capsules=capsules,
+            answer=answer,
+            place=self.place,
+            separation=separation,
+            joint_speed=float(np.abs(self._moved).max()),
+            point_speed=self._point_speed(),
+            wall_s=wall,
+            cpu_s=cpu,
+            polish_s=polish_s,
+            polish_cpu_s=polish_cpu_s,
+            dq=point.dq,
+            ddq=point.ddq,
+            pace=self.executor.state,
+            brake=self.executor.reason,
+            escape=escape,
+            guess=guess,
+        )
+        self._capsules = capsules
+        self._move()
+        return frame
+
+    def _move(self) -> None:
+        self._advance()
+        executor = self.executor
+        off = difference(self.robot, executor.set_point.q, self.places[self.place])
+        if executor.at_rest and np.abs(off).max() <= ARRIVED:
+            self.trips += 1
+            self.place = (self.place + 1) % len(self.places)
+            self.planner.set_goals([self.places[self.place]])
+            executor.new_goal()
+
+    def _advance(self) -> None:
+        """Let one period pass."""
+        before = self._q if self.body is None else self.executor.set_point.q
+        self.executor.advance()
+        q = self.executor.set_point.q
+        self._moved = difference(self.robot, before, q) * self.settings.rate_hz
+        self._q = q if self.body is None else self._pushed_to(before, q)
+        self.index += 1
+
+    def _pushed_body(self, settings: PushSettings) -> PushedRobot:
+        """Return the body that is pushed beside the set-point, by seed and motion."""
+        name = "none" if self.motion is None else self.motion.name
+        seed = [self.settings.seed, *name.encode()]
+        pushes = Pushes(self.robot, 1.0 / self.settings.rate_hz, seed, settings)
+        stop = mechanical_stop(self.planner, self.robot)
+        return PushedRobot(self.robot, self.places[0], pushes, stop)
+
+    def _pushed_to(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Return where the body is when the set-point has moved on."""
+        near = self._capsules
+        gap = (lambda q: self._audit(q, near)) if len(near) else None
+        self.body.follow(before, after, gap)
+        return self.body.q
+
+    def _guess(self, now: float) -> np.ndarray | None:
+        """Return where the person is, not only might be, for motions that know it."""
+        guess = getattr(self.motion, "guess", None)  # of parts that were not seen
+        return None if guess is None else guess(now)
+
+    def _separation(self, capsules: np.ndarray) -> float:
+        """Return the exact distance of the robot and the person [m]."""
+        return self._audit(self._q, capsules) if len(capsules) else np.inf
+
+    def _escapes(self, holding: bool) -> bool:
+        """Return whether it retreats, in this hold, from points within clearance."""
+        before, self._retreats = self._retreats, self.executor.state == RETREATING
+        if not holding:
+            self._escape = False
+        elif self._retreats and not before:
+            keep = getattr(self.planner, "keep", 0.0)
+            self._escape |= bool(self.planner.separation(self._q) < keep)
+        return self._retreats and self._escape
+
+    def _polish(self) -> tuple[float, float]:
+        """Return the time it took: passed, and computed [s]."""
+        begun, busy = time.perf_counter(), time.thread_time()
+        if self.settings.polish and self._fresh < FRESH:
+            ahead = self.executor.ahead()
+            most = self.settings.polish * (MORE if self._fresh > 0 else 1)
+            _optional(self.planner, "polish", most, ahead)
+        return time.perf_counter() - begun, time.thread_time() - busy
+
+    def _point_speed(self) -> float:
+        before, self._centers = self._centers, sphere_centers(self.robot, self._q)
+        step = np.linalg.norm(self._centers - before, axis=1).max(initial=0.0)
+        return float(step * self.settings.rate_hz)
+
+
+def run_loop(
+    planner: object,
+    robot: Robot,
+    places: np.ndarray,
+    motion: HumanMotion | None,
+    settings: LoopSettings | None = None,
+    audit: Audit | None = None,
+    on_frame: Callable[[Frame], None] | None = None,
+    pushed: PushSettings | None = None,
+) -> RunResult:
+    """Run the loop for its whole duration; the arguments are those of `Loop`.
+
+    `on_frame` is called after every frame, for a picture or a progress bar.
+
+    Returns:
+        Every frame and the figures; the same input gives the same result but for
+        the clock's figures.
+    """
+    loop = Loop(planner, robot, places, motion, settings, audit, pushed)
+    return run_frames(loop, on_frame)
+
+
+def run_frames(
+    loop: Loop, on_frame: Callable[[Frame], None] | None = None
+) -> RunResult:
+    """Run a loop that was not begun for its whole duration; see `run_loop`."""
+    frames = []
+    paths = {}
+    keep = loop.settings.keep_paths
+    for index in range(max(1, round(loop.settings.duration_s * loop.settings.rate_hz))):
+        frame = loop.frame()
+        if keep and index % keep == 0:
+            paths[index] = np.array(frame.answer.path, np.float64)
+        frames.append(replace(frame, answer=light(frame.answer, frames)))
+        if on_frame is not None:
+            on_frame(frame)
+    return result_of(loop, frames, paths)
+
+
+def exact_audit(robot: Robot) -> Audit:
+    """Return the exact distance of the robot's moving solids to capsules."""
+    from odm.audit.exact import ExactRobot
+    from odm.obstacles.shapes import Capsule
+
+    exact = ExactRobot(robot)
+
+    def distance(q: np.ndarray, capsules: np.ndarray) -> float:
+        shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in capsules]
+        return exact.distance(q, shapes).distance
+
+    return distance
+
+
+def _optional(planner: object, name: str, *args: object) -> None:
+    """Call what the real planner has and a simpler one may lack."""
+    if hasattr(planner, name):
+        getattr(planner, name)(*args)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What the result needs of an answer, without its arrays."""
+
+    status: str
+    reason: str
+    stages: dict[str, float]
+
+
+def light(answer: object, frames: list[Frame]) -> _Light:
+    """Return what the result needs of an answer; a reason is kept once a hold."""
+    held = frames[-1].answer.status == "holding" if frames else False
+    new = answer.status == "holding" and not held  # to explain takes some time
+    reason = answer.reason or "" if new else ""
+    return _Light(answer.status, reason, dict(answer.latency_s))
+
+
+def retreat_of(frame: Frame) -> str:
+    """Return the name of what the robot does in a frame, one of `RETREATS`."""
+    if frame.pace != RETREATING:
+        return RETREATS[0]
+    return RETREATS[2] if frame.escape else RETREATS[1]
+
+
+def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
+    """Return the frames of a loop as a result."""
+    answers = [frame.answer for frame in frames]
+    names = sorted({name for answer in answers for name in answer.stages})
+    place = np.array([frame.place for frame in frames])
+    status = np.array([STATUS.index(answer.status) for answer in answers])
+    retreat = [RETREATS.index(retreat_of(frame)) for frame in frames]
+    columns = ("q", "capsules", "separation", "joint_speed", "point_speed")
+    rows = {name: [getattr(frame, name) for frame in frames] for name in columns}
+    rate = loop.settings.rate_hz
+    return RunResult(
+        motion="none" if loop.motion is None else loop.motion.name,
+        seed=loop.settings.seed,
+        rate_hz=rate,
+        trips=loop.trips,
+        path_changes=new_paths(status, place),
+        holds=holds_of(status, rows["joint_speed"], lambda i: answers[i].reason, rate),
+        status=status,
+        place=place,
+        wall_s=[frame.wall_s for frame in frames],
+        cpu_s=[frame.cpu_s for frame in frames],
+        polish_s=[frame.polish_s for frame in frames],
+        retreat=retreat,
+        polish_cpu_s=[frame.polish_cpu_s for frame in frames],
+        stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
+        paths=paths,
+        pushed=None if loop.body is None else loop.body.figures(),
+        **rows,
+    )
+
+
+def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
+    places = frozen(places, np.float64)
+    if places.ndim != 2 or len(places) < 2 or places.shape[1] != robot.dof:
+        raise BadInput(
+            f"work places have the shape {places.shape}; give at least two "
+            f"configurations of {robot.dof} joints, (n, {robot.dof})"
+        )
+    return places
+
+
+def _told(capsules: np.ndarray) -> dict[str, object]:
+    """Return what the planner may know of the shapes: closed, their least radius."""
+    rounding = float(capsules[:, 6].min()) if len(capsules) else None
+    return {"closed": True, "rounding": rounding}

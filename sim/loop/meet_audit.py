@@ -1,0 +1,152 @@
+"""Is the target pursued the best one that can be reached? Asked off the clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handover import Human
+from handover.meet.workspace import InteractionWorkspace
+from odm import CellMap, ReactivePlanner
+from odm.planner.goal_checks import check_valid
+from roadmap.errors import BadConfiguration
+
+RANKED = 20  # targets that are tried, best first
+_ATTEMPTS, _STEPS = 8, 100  # of the inverse kinematics, for each
+_GOALS = 6  # configurations of one target that are tried
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was found in one frame.
+
+    Attributes:
+        time_s: Of the frame [s].
+        pursued: Cell of the target pursued, None: none.
+        quality: Its quality by the audit's own workspace; 0: it is none.
+        top: Cell of the best target that can be reached, None: none of `RANKED`.
+        top_quality: Its quality.
+        rank: How many better ones were tried and cannot be reached.
+    """
+
+    time_s: float
+    pursued: int | None
+    quality: float
+    top: int | None
+    top_quality: float
+    rank: int
+
+
+class TargetAudit:
+    """Looks for the best reachable target anew, with more work than a frame has.
+
+    It shares nothing with the live thread: its own workspace, in which nothing is
+    removed, inverse kinematics from many starts, and a planner that has not seen
+    what was before and searches from scratch to each target alone.
+
+    Args:
+        meet: A workspace of its own.
+        cell_map: The map.
+    """
+
+    def __init__(self, meet: InteractionWorkspace, cell_map: CellMap) -> None:
+        """Lay out a planner."""
+        self.meet = meet
+        self.planner = ReactivePlanner(cell_map, always_replan=True)
+        self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
+        self._solved: dict[int, list[np.ndarray]] = {}
+
+    def look(
+        self,
+        human: Human,
+        points: np.ndarray,
+        q: np.ndarray,
+        pursued: int | None,
+        time_s: float,
+        rounding: float | None = None,
+    ) -> Verdict:
+        """Judge one frame.
+
+        Args:
+            human: The person, world frame.
+            points: (n, 3) the person's surface, base frame [m].
+            q: (dof,) where the robot is.
+            pursued: Cell of the target it is at or on the way to.
+            time_s: Noted in the verdict [s].
+            rounding: As of `ReactivePlanner.step`.
+        """
+        self.meet.update(human)
+        own = self.meet.rated([pursued])[0] if pursued is not None else None
+        quality = 0.0 if own is None else own.quality
+        ranked = self.meet.best(RANKED)
+        for rank, target in enumerate(ranked):
+            T_base_tool = self._T_base_world @ target.T_world_tool
+            if self._reaches(target.key, T_base_tool, points, q, rounding):
+                found = target.key, target.quality, rank
+                return Verdict(time_s, pursued, quality, *found)
+        return Verdict(time_s, pursued, quality, None, 0.0, len(ranked))
+
+    def _reaches(
+        self,
+        key: int,
+        T_base_tool: np.ndarray,
+        points: np.ndarray,
+        q: np.ndarray,
+        rounding: float | None,
+    ) -> bool:
+        if key not in self._solved:
+            self._solved[key] = self._solutions(T_base_tool)
+        goals = self._solved[key]
+        if not goals:
+            return False
+        planner = self.planner
+        planner.reset()
+        planner.set_goals(goals)
+        answer = planner.step(points, q=q, rounding=rounding)
+        return answer.status != "holding"
+
+    def _solutions(self, T_base_tool: np.ndarray) -> list[np.ndarray]:
+        seed = self.meet.reach.witness(T_base_tool)
+        found = self.planner.robot.ik(
+            T_base_tool,
+            seed,
+            attempts=_ATTEMPTS,
+            steps=_STEPS,
+            position_tolerance=1e-4,
+            rotation_tolerance=1e-3,
+        )
+        good = []
+        for one in found:
+            try:
+                check_valid(self.planner, one.q, "it")
+            except BadConfiguration:
+                continue
+            good.append(one.q)
+        return good[:_GOALS]
+
+
+def shares(verdicts: list[Verdict], margin: float) -> dict:
+    """Return how often the best reachable target was pursued, as plain data.
+
+    Of the frames judged in which any target can be reached: "top": that very one is
+    pursued; "within_margin": one not worse by more than the margin (the top one too);
+    "worse": one that is; "none": no target is pursued. `out_of_reach` counts the frames
+    in which none of the targets tried can be reached, or there is none.
+    """
+    some = [v for v in verdicts if v.top is not None]
+    top = sum(v.pursued == v.top for v in some)
+    near = sum(
+        v.pursued is not None
+        and (v.pursued == v.top or v.quality >= v.top_quality - margin)
+        for v in some
+    )
+    none = sum(v.pursued is None for v in some)
+    n = max(1, len(some))
+    return {
+        "judged": len(verdicts),
+        "out_of_reach": len(verdicts) - len(some),
+        "top": round(top / n, 4),
+        "within_margin": round(near / n, 4),
+        "worse": round((len(some) - near - none) / n, 4),
+        "none": round(none / n, 4),
+        "first_ranked_reachable": round(sum(v.rank == 0 for v in some) / n, 4),
+    }

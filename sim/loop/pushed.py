@@ -1,0 +1,291 @@
+"""A robot that is pushed: it is not where its set-point is, nor where it is measured.
+
+Three things happen to it, several times a minute and the same for the same seed:
+
+- a *push*: somebody leans on it. Its joints give way along a smooth curve, stay, and
+  come back when they are released;
+- a *bump*: the same within one to three frames;
+- a *slip*: a bump after which it stays where it is, until its controller takes that for
+  its set-point (or for some seconds).
+
+The controller brings what its encoders say to the set-point, so their steady error is
+seen by nobody: the true robot is beside the set-point by it.
+
+Where the set-point jumps to where the robot is (`Executor.locate`), the robot does not
+jump: it goes on from where it is, and settles within a fifth of a second or so. A robot
+that is held down and takes that for its set-point gives way farther.
+
+What no push does, as with a real robot: it does not lead past the limits of the joints
+nor into the robot itself or its scenery, for there are mechanical stops. And it does
+not press the robot against the person: nearer than `keep_off` they push back. The way
+back to the set-point, when a push ends, is the controller's own and knows no mercy.
+
+A contact is counted while the set-point moves: then the robot moves by itself. What a
+push does to a robot that stands is nobody's plan.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.kinematics.forward import difference, sphere_centers
+from roadmap.motion.blending import joint_sway
+from roadmap.ranges import check_settings
+from roadmap.robot.robot import Robot
+
+PUSH, BUMP, SLIP = KINDS = ("push", "bump", "slip")
+_OFTEN = (0.5, 0.3, 0.2)  # share of each kind
+_SETTLES = 0.2  # time in which what a jump of the set-point left fades [s]
+_SLIPPED = 4.0  # a slip that nobody heeds ends after this [s]
+_PARTS = (1.0, 0.5, 0.25, 0.0)  # shares of a movement that are tried
+_LEVER = 0.02  # a joint that moves no point by more is not pushed [m by rad or m]
+_ROUNDING = 1e-9  # [rad or m]
+_JUMPED = 1e-6  # a set-point that moves by more between two frames was set anew
+
+
+@dataclass(frozen=True)
+class PushSettings:
+    """How a robot is pushed.
+
+    Attributes:
+        pause: Mean time between two pushes [s].
+        push, bump: No point of the robot is pushed or bumped farther than this [m].
+        encoder: Nor is one farther than this from where the encoders say [m]. The
+            executor must be told, and it must be less than the tracking share of m.
+        keep_off: No push brings the robot nearer to the person than this [m].
+    """
+
+    pause: float = 5.0
+    push: float = 0.06
+    bump: float = 0.04
+    encoder: float = 0.001
+    keep_off: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "pause": (0.1, 1e6, "s"),
+            "push": (0.0, 1.0, "m"),
+            "bump": (0.0, 1.0, "m"),
+            "encoder": (0.0, 0.1, "m"),
+            "keep_off": (0.0, 10.0, "m"),
+        }
+        check_settings(self, ranges)
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """One push: its size over time is a trapezoid with rounded corners.
+
+    Attributes:
+        kind: One of `KINDS`.
+        begin: When it begins [s].
+        rise, hold, fall: How long it grows, stays and fades [s].
+        dq: (dof,) how far the joints give way [rad or m].
+    """
+
+    kind: str
+    begin: float
+    rise: float
+    hold: float
+    fall: float
+    dq: np.ndarray
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return self.begin + self.rise + self.hold + self.fall
+
+    def at(self, t: float) -> np.ndarray:
+        """Return (dof,) how far the joints give way at a time [s]."""
+        return self._share(t) * self.dq
+
+    def _share(self, t: float) -> float:
+        grown = (t - self.begin) / self.rise
+        left = (self.end - t) / self.fall
+        x = min(max(min(grown, left), 0.0), 1.0)
+        return x * x * (3.0 - 2.0 * x)
+
+
+class Pushes:
+    """The pushes of a seed, one after the other, whatever the robot does.
+
+    Args:
+        robot: The robot.
+        period: Time between frames [s].
+        seed: Anything that seeds `numpy.random.default_rng`.
+        settings: See PushSettings.
+    """
+
+    def __init__(
+        self, robot: Robot, period: float, seed: object, settings: PushSettings
+    ) -> None:
+        """Draw the encoders' error and the first push."""
+        self.settings, self.period = settings, period
+        self._rng = np.random.default_rng(seed)
+        self._sway = joint_sway(robot)
+        self.error = self._drawn(settings.encoder, len(self._sway))
+        self.now = self._next(0.0)
+
+    def at(self, t: float) -> Push:
+        """Return the push of a time [s], which never goes back."""
+        while t >= self.now.end:
+            self.now = self._next(self.now.end)
+        return self.now
+
+    def _next(self, t: float) -> Push:
+        rng, s = self._rng, self.settings
+        begin = t + s.pause * rng.uniform(0.4, 1.6)
+        kind = str(rng.choice(KINDS, p=_OFTEN))
+        sudden = self.period * int(rng.integers(1, 4))
+        slow = rng.uniform(0.15, 0.4)
+        hold, fall = rng.uniform(0.0, 1.5), rng.uniform(0.2, 0.6)
+        most = s.push if kind == PUSH else s.bump
+        dq = self._drawn(most * rng.uniform(0.3, 1.0), int(rng.integers(1, 4)))
+        rise = slow if kind == PUSH else sudden
+        hold = {PUSH: hold, BUMP: 0.1 * hold, SLIP: _SLIPPED}[kind]
+        return Push(kind, begin, rise, hold, fall, dq)
+
+    def _drawn(self, size: float, joints: int) -> np.ndarray:
+        """Return (dof,) a movement of some joints, of any point by `size` at most."""
+        rng, sway = self._rng, self._sway
+        chosen = rng.permutation(np.flatnonzero(sway > _LEVER))[:joints]
+        dq = np.zeros(len(sway))
+        shares = rng.dirichlet(np.ones(len(chosen))) * rng.choice((-1, 1), len(chosen))
+        dq[chosen] = size * shares / sway[chosen]
+        return dq
+
+
+class PushedRobot:
+    """Where a robot is that is pushed while its set-point goes its way.
+
+    Args:
+        robot: The robot.
+        q: (dof,) its set-point [rad or m].
+        pushes: What happens to it.
+        may_be: q -> whether a mechanical stop lets the robot be there.
+
+    Attributes:
+        q: (dof,) where it is [rad or m].
+        count: Pushes so far by kind.
+        seats: Times its set-point was set anew.
+        farthest: The farthest any point of it was from the set-point's [m].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        q: np.ndarray,
+        pushes: Pushes,
+        may_be: Callable[[np.ndarray], bool],
+    ) -> None:
+        """Stand beside q by the encoders' error."""
+        self.robot, self.pushes, self._may_be = robot, pushes, may_be
+        self._point, self._t = np.array(q, float), 0.0
+        self.q = self._point - pushes.error
+        self.count, self.seats, self.farthest = dict.fromkeys(KINDS, 0), 0, 0.0
+        self._seen = self._over = None  # the push counted last; the slip that is over
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(dof,) what the encoders say [rad or m]."""
+        return self._wrapped(self.q + self.pushes.error)
+
+    def follow(
+        self,
+        before: np.ndarray,
+        after: np.ndarray,
+        gap: Callable[[np.ndarray], float] | None = None,
+    ) -> None:
+        """Let one period pass.
+
+        Args:
+            before: (dof,) the set-point at its begin; set anew if it is not the one of
+                the last period's end.
+            after: (dof,) the set-point at its end.
+            gap: q -> distance of the robot there and the person [m]; None: nobody.
+        """
+        t, self._t = self._t, self._t + self.pushes.period
+        push = self.pushes.at(t)
+        if np.abs(difference(self.robot, self._point, before)).max() > _JUMPED:
+            self.seats += 1
+            self._over = push if push.kind == SLIP and t > push.begin else self._over
+        beside = difference(self.robot, before, self.q)
+        left = beside - self._pulled(push, t)  # fades; most of the time it is none
+        fades = math.exp(-self.pushes.period / _SETTLES)
+        target = self._pulled(push, self._t) + fades * left
+        away = (np.abs(target) > np.abs(beside) + _ROUNDING).any()
+        self._note(push)
+        self._point = np.array(after, float)
+        beside = self._stopped(after, beside, target, gap if away else None)
+        self.q = self._wrapped(after + beside)
+        strays = sphere_centers(self.robot, after) - sphere_centers(self.robot, self.q)
+        most = np.linalg.norm(strays, axis=1).max(initial=0.0)
+        self.farthest = max(self.farthest, float(most))
+
+    def figures(self) -> dict:
+        """Return what happened to it, as plain data."""
+        return {
+            **self.count,
+            "farthest_m": self.farthest,
+            "seats": self.seats,
+            "encoder_m": self.pushes.settings.encoder,
+        }
+
+    def _pulled(self, push: Push, t: float) -> np.ndarray:
+        """Return how far beside the set-point the robot settles [rad or m]."""
+        if push is self._over:
+            return -self.pushes.error
+        return push.at(t) - self.pushes.error
+
+    def _stopped(
+        self,
+        point: np.ndarray,
+        beside: np.ndarray,
+        target: np.ndarray,
+        gap: Callable[[np.ndarray], float] | None,
+    ) -> np.ndarray:
+        """Return how far from `beside` to `target` it gets; back if it cannot be."""
+        least = 0.0
+        if gap is not None:
+            least = min(self.pushes.settings.keep_off, gap(point + beside))
+        for part in _PARTS:
+            there = beside + part * (target - beside)
+            near = gap is not None and part > 0.0 and gap(point + there) < least
+            if not near and self._may_be(self._wrapped(point + there)):
+                return there
+        for part in (0.75, 0.5, 0.25):
+            if self._may_be(self._wrapped(point + part * beside)):
+                return part * beside
+        return 0.0 * beside
+
+    def _note(self, push: Push) -> None:
+        if push is not self._seen and self._t > push.begin:
+            self._seen = push
+            self.count[push.kind] += 1
+
+    def _wrapped(self, q: np.ndarray) -> np.ndarray:
+        turned = (q + np.pi) % (2 * np.pi) - np.pi
+        return np.where(self.robot.continuous, turned, q)
+
+
+def mechanical_stop(planner: object, robot: Robot) -> Callable[[np.ndarray], bool]:
+    """Return whether the robot can be at a q: its limits, itself and its scenery.
+
+    The planner's own static test, which keeps m from scenery; for planners without
+    one, the limits alone.
+    """
+    static = getattr(planner, "static", None)
+    still = np.zeros(robot.dof)
+
+    def may_be(q: np.ndarray) -> bool:
+        within = (q >= robot.lower) & (q <= robot.upper) | robot.continuous
+        return bool(within.all()) and (static is None or static.motion_free(q, still))
+
+    return may_be

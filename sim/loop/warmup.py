@@ -1,0 +1,317 @@
+"""`odm warmup`: compile every kernel before a frame has to wait for it.
+
+Numba compiles a kernel for the types of its arguments, and keeps the result on disk.
+To it a read-only array is another type than a writable one, so the arrays here are
+the real ones: a map that was stored and is read again.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from odm import (
+    Box,
+    CellMap,
+    DepthCamera,
+    PlannerSettings,
+    ReactivePlanner,
+    Recipe,
+    SeenSettings,
+    SeenSpace,
+    build_map,
+    load_map,
+    sample_capsules,
+    surface_of,
+)
+from odm.cameras import look_at
+from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
+from odm.close_test.safety import Safety
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import tool_pose
+from roadmap.unfinished import temporary_folder
+
+if TYPE_CHECKING:
+    from handover import ReachMap
+
+URDF = """<robot name="sample">
+<link name="base"><collision><geometry><cylinder radius="0.06" length="0.1"/></geometry>
+</collision></link>
+<link name="upper"><collision><origin xyz="0.1 0 0"/><geometry>
+<box size="0.2 0.05 0.05"/></geometry></collision></link>
+<link name="fore"><collision><origin xyz="0.1 0 0"/><geometry>
+<box size="0.2 0.04 0.04"/></geometry></collision></link>
+<link name="hand"><collision><origin xyz="0.05 0 0"/><geometry>
+<sphere radius="0.03"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="upper"/>
+<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="b" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+<joint name="c" type="revolute"><parent link="fore"/><child link="hand"/>
+<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+</robot>
+"""
+COARSE, FINE = 0.04, 0.004  # [m] the fine one needs more blocks than 16 bits can name
+
+Progress = Callable[[str, int, int], None]
+
+
+def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
+    """Build a tiny map, store, load and use it in every way.
+
+    Args:
+        progress: Called with (stage, done, total).
+        fine: Also compile for grids of more than 65535 blocks.
+
+    Returns:
+        Seconds it took, and how many kernels were compiled anew.
+    """
+    begun, before = time.perf_counter(), cache_misses()
+    sizes = (COARSE, FINE) if fine else (COARSE,)
+    for k, h in enumerate(sizes):
+        with temporary_folder() as folder:
+            jobs = _jobs(folder, h)
+            for i, job in enumerate(jobs, len(jobs) * k + 1):
+                job()
+                progress("kernels", i, len(jobs) * len(sizes))
+    return time.perf_counter() - begun, cache_misses() - before
+
+
+def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
+    loaded: list[CellMap] = []
+
+    def build() -> None:
+        build_map(tiny_recipe(folder, h)).save(folder / "map")
+
+    def load() -> None:
+        loaded.append(load_map(folder / "map"))
+        loaded[0].robot.ik(tool_pose(loaded[0].robot, np.array([0.1, 0.4, 0.5])))
+
+    return [
+        build,
+        load,
+        lambda: exercise(loaded[0]),
+        lambda: _ask(loaded[0]),
+        lambda: _carry(loaded[0]),
+        lambda: _see(loaded[0]),
+        lambda: _audit(loaded[0]),
+        lambda: _measure(loaded[0]),
+        _watch,
+        _person,
+        lambda: _reach(loaded[0], folder),
+    ]
+
+
+def tiny_recipe(folder: Path, h: float = COARSE) -> Recipe:
+    """Return the recipe of a map that is built in a moment; writes its URDF."""
+    urdf = folder / "sample.urdf"
+    urdf.write_text(URDF, encoding="utf-8")
+    return Recipe(
+        name="sample",
+        robot=RobotRecipe(source=str(urdf), tip="hand"),
+        roadmap=RoadmapSettings(nodes=60, neighbors=6),
+        safety=Safety(h=h),
+        scenery=(
+            {"type": "plane", "name": "floor"},
+            {"type": "box", "size": [0.2, 0.2, 0.1], "position": [0.6, 0.4, 0.05]},
+        ),
+        payload=PayloadRecipe(radius=0.06, position=(0.12, 0.0, 0.0)),
+    )
+
+
+def exercise(cell_map: CellMap) -> None:
+    """Take every way through a frame once, with a planner of its own.
+
+    Later planners of this process then find all kernels loaded.
+    """
+    settings = PlannerSettings(max_points=64)
+    for always_replan in (True, False):
+        planner = ReactivePlanner(cell_map, always_replan, settings)
+        start, goal = _two_nodes(planner)
+        planner.set_goals([np.array(cell_map.roadmap.nodes[0])])
+        planner.set_goals([goal], costs=[0.5])
+        planner.set_goals([goal, start])
+        for points in _scenes(cell_map, start, goal):
+            for q in (start, 0.9 * start + 0.1 * goal, goal):
+                planner.step(points, q=q, dq=np.zeros_like(q))
+                answer = planner.step(points, q=q, stamp=0.0, now=0.01)
+                _ = answer.reason, answer.blockers, answer.retreat
+            planner.polish(8)
+            planner.separation(start)
+            planner.is_free(start, goal)
+            planner.blocked_leg(np.stack([start, goal]), 0.1, points)
+            planner.way_out(start, [(0.1, points)], 0.5)
+            if planner.memory.way.count[0] >= 2:
+                planner.attacher.forget_start()
+                planner.straightener.run()
+            planner.attacher.attach_start(start, quick=True)
+            planner.invalid_nodes()
+            planner.invalid_edges()
+        planner.step(points, q=start, covering_radius=cell_map.safety.rho)
+        for bad in (np.nan, 1e3):  # and one that lies outside, then and there
+            planner.step(np.full((1, 3), bad), q=start)
+        planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
+        planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
+        planner.reset()
+
+
+def _two_nodes(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
+    """Return two configurations that are free here, not quite roadmap nodes."""
+    nodes = planner.cell_map.roadmap.nodes
+    middle = np.array(nodes.mean(axis=0))
+    some = nodes[:: max(1, len(nodes) // 40)]
+    near = [0.999 * node + 0.001 * middle for node in some]
+    free = [q for q in near if planner.is_free(q, q)]
+    return (free[0], free[-1]) if free else (np.array(nodes[0]), np.array(nodes[-1]))
+
+
+def _scenes(cell_map: CellMap, start: np.ndarray, goal: np.ndarray) -> list[np.ndarray]:
+    """Return points of nobody, of an arm in the way, at the start and all around."""
+    robot, rho = cell_map.robot, cell_map.safety.rho
+    hand, there = (tool_pose(robot, q)[:3, 3] for q in (start, goal))
+    between = 0.5 * (hand + there)
+    rod = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.03])
+
+    def arm_at(*places: np.ndarray) -> np.ndarray:
+        rows = [np.r_[p, p, 0.0] + rod for p in places]
+        return sample_capsules(np.array(rows), rho)
+
+    many = [arm_at(between + 0.03 * k) for k in range(4)]
+    return [
+        np.zeros((0, 3)),
+        arm_at(between + 10.0),
+        arm_at(between),
+        arm_at(hand),
+        arm_at(there),
+        np.concatenate(many),
+    ]
+
+
+def _ask(cell_map: CellMap) -> None:
+    """Set scenery of the place, and sample every kind of obstacle."""
+    planner = ReactivePlanner(cell_map)
+    box = Box(np.array([0.1, 0.1, 0.1]))
+    planner.set_static(box)
+    planner.set_static(surface_of(box, cell_map.safety.rho))
+    planner.set_goals([_two_nodes(planner)[1]])
+
+
+def _carry(cell_map: CellMap) -> None:
+    """Plan with something in the hand, the base elsewhere, more distance kept."""
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(max_points=64))
+    start, goal = _two_nodes(planner)
+    planner.set_goals([goal])
+    planner.attach(np.array([[0.12, 0.0, 0.0, 0.03]]))
+    planner.set_base(look_at([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]))
+    for extra in (0.0, 0.02):
+        planner.set_extra_clearance(extra)
+        for points in _scenes(cell_map, start, goal):
+            answer = planner.step(points, q=start, classes=np.ones(len(points), int))
+            _ = answer.reason, answer.blockers
+            planner.blocked_leg(np.stack([start, goal]), 0.01, points, phase="give")
+        planner.set_static(points)
+    planner.detach()
+
+
+def _see(cell_map: CellMap) -> None:
+    """Let a camera look at the robot, with every option; finer cells change no type."""
+    if cell_map.grid.h < COARSE:
+        return
+    pose = look_at([1.5, 0.0, 0.8], [0.0, 0.0, 0.2])
+    camera = DepthCamera(640, 480, 500.0, 500.0, 320.0, 240.0, pose)
+    q = np.array(cell_map.roadmap.nodes[0])
+    for policy in ("free", "occupied"):
+        settings = SeenSettings(d_self=0.01, flying_m=0.02, policy=policy)
+        space = SeenSpace(cell_map, camera, settings)
+        for k, depth_mm in enumerate((1200, 800, 1500)):
+            image = np.full((480, 640), depth_mm, np.uint16)
+            image[:, : 200 * k] = 0
+            space.update(image, q, 0.1 * k)
+
+
+def _audit(cell_map: CellMap) -> None:
+    from odm.audit.audit import audit
+    from odm.audit.clearance import clearance_tax
+
+    clearance_tax(cell_map, 20, n_edges=2)
+    audit(cell_map, pairs=60, threads=1)
+    audit(cell_map, pairs=60, close=True, threads=1)
+
+
+def _measure(cell_map: CellMap) -> None:
+    from sim.loop.loop import exact_audit
+
+    q = np.array(cell_map.roadmap.nodes[0])
+    exact_audit(cell_map.robot)(q, np.array([[1.0, 0, 0, 1.0, 0, 0.3, 0.05]]))
+
+
+def _watch() -> None:
+    from odm.execution.threat import Watcher
+
+    watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
+    for now in (0.0, 0.01, 0.02):
+        watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
+
+
+def _person() -> None:
+    from handover import ArmState, Human, QualitySettings, posture_quality
+    from handover.meet.places import qualities_at
+    from sim.people.grips import grip_points
+
+    human = Human()
+    T, arm = human.T_world_hand("left"), human.arm("left")
+    joints = human.arm_ik("left", T).q[0]
+    arm.solvable(np.eye(4)[None])
+    arm.jacobian(joints)
+    grip_points(human, 8)
+    posture_quality(ArmState.of(human, "left", QualitySettings()), joints)
+    qualities_at(human, "left", T[None, :3, 3], rotations=72)
+
+
+def _reach(cell_map: CellMap, folder: Path) -> None:
+    """Build, store, load and ask a reach map."""
+    from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
+    from handover.reach.reach_recall import center_rate
+
+    chain = chain_of(cell_map.robot)
+    settings = ReachSettings(cell=0.2, rotations=72, samples=2000)
+    build_reach_map(chain, settings, threads=1).save(folder / "reach")
+    reach = load_reach_map(folder / "reach")
+    cell = int(reach.marked_cells()[0])
+    reach.quality(reach.grid.centers(np.array([cell])))
+    reach.witness_of(cell)
+    reach.qualities(np.array([cell]))
+    reach.dense()
+    center_rate(reach, chain, cells=1)
+    _meet(reach)
+
+
+def _meet(reach: "ReachMap") -> None:
+    """Rank where to meet, once in every way."""
+    from handover import Human, InteractionWorkspace, MeetSettings, wrench
+
+    settings = MeetSettings(cell=0.2, rotations=72)
+    human = Human().placed(0.8, 0, np.pi)
+    meet = InteractionWorkspace(reach, human, wrench(), 1, settings)
+    for target in meet.best(1):
+        meet.rated([target.key])
+        meet.remove(target)
+    meet.build()
+
+
+def cache_misses() -> int:
+    """Return how many kernels this process has compiled so far."""
+    from numba.core.dispatcher import Dispatcher
+
+    kernels = {}
+    for name, module in list(sys.modules.items()):
+        if name.split(".")[0] in ("roadmap", "odm", "handover", "sim"):
+            found = [v for v in vars(module).values() if isinstance(v, Dispatcher)]
+            kernels |= {id(kernel): kernel for kernel in found}
+    return sum(sum(k.stats.cache_misses.values()) for k in kernels.values())

@@ -1,0 +1,141 @@
+"""Where the robot goes back and forth: two places in front of it, left and right."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from roadmap.errors import PlanningError
+from roadmap.graph.roadmap import Roadmap
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.robot.robot import Robot
+from roadmap.transforms import rotation_rpy
+
+FORWARD, SIDE, HEIGHT = 0.58, 0.48, 0.32  # share of the robot's reach
+CANDIDATES = 400  # nodes looked at first; they are near each other in joint space
+APART = 0.5  # share of the distance asked for that the two tools keep at least
+
+IsFree = Callable[[np.ndarray, np.ndarray], object]
+
+
+class NoWorkPlaces(PlanningError):
+    """No two free work places were found in front of the robot."""
+
+    def __init__(self, tool: np.ndarray, apart: float | None = None) -> None:
+        """Name the place that was tried, or how far from it the robot gets."""
+        what = f"no free configuration reaches a work place at {np.round(tool, 2)} m"
+        if apart is not None:
+            what = (
+                f"of all free configurations none is further than {100 * apart:.0f} cm "
+                f"from the one nearest to {np.round(tool, 2)} m"
+            )
+        super().__init__(
+            f"{what}; build the map with more nodes or a region in front of the "
+            "robot, or look at the scenery of the recipe"
+        )
+
+
+def work_places(robot: Robot, roadmap: Roadmap, is_free: IsFree) -> np.ndarray:
+    """Return two free configurations whose tools stand left and right, pointing down.
+
+    Where the tool cannot point down or go sideways, nodes near to that are taken.
+
+    Args:
+        robot: The robot.
+        roadmap: Its roadmap: seeds of the inverse kinematics, and what is taken where
+            the tool cannot point down.
+        is_free: (q, q) -> true where the robot may stand.
+
+    Returns:
+        (2, dof) the left and the right one, near each other in joint space.
+
+    Raises:
+        NoWorkPlaces: There are none.
+    """
+    # the first nodes may all lie on one side, or keep the arm folded
+    for some in (roadmap.nodes[:CANDIDATES], roadmap.nodes):
+        asked, found = _places(robot, some, is_free)
+        pair = _nearest_pair(robot, *found) if all(map(len, found)) else None
+        if pair is not None and _apart(robot, pair) >= APART * _apart_asked(asked):
+            return pair
+    if pair is None:
+        raise NoWorkPlaces(asked[0] if not len(found[0]) else asked[1])
+    return _aside(robot, roadmap.nodes, pair[0], asked, is_free)
+
+
+def _places(
+    robot: Robot, nodes: np.ndarray, is_free: IsFree
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return where the tool should be, left and right, and what reaches there."""
+    asked, found = [], []
+    for side in (1.0, -1.0):
+        tool = reach_of(robot, nodes) * np.array([FORWARD, side * SIDE, HEIGHT])
+        asked.append(tool)
+        found.append(_reaching(robot, nodes, tool, is_free))
+    return asked, found
+
+
+def _apart_asked(asked: list[np.ndarray]) -> float:
+    return float(np.linalg.norm(asked[0] - asked[1]))
+
+
+def _apart(robot: Robot, pair: np.ndarray) -> float:
+    """Return how far the tools of two configurations are from each other [m]."""
+    a, b = (tool_pose(robot, q)[:3, 3] for q in pair)
+    return float(np.linalg.norm(a - b))
+
+
+def _aside(
+    robot: Robot, nodes: np.ndarray, q: np.ndarray, asked: list, is_free: IsFree
+) -> np.ndarray:
+    """Return `q` and a node as far from it as asked: an arm that cannot go sideways.
+
+    Raises:
+        NoWorkPlaces: No free node is that far away.
+    """
+    wanted = _apart_asked(asked)
+    away = np.array([_apart(robot, np.array([q, node])) for node in nodes])
+    order = np.argsort(np.abs(away - wanted), kind="stable")[:CANDIDATES]
+    far = [
+        k for k in order if away[k] >= APART * wanted and is_free(nodes[k], nodes[k])
+    ]
+    if not far:
+        raise NoWorkPlaces(asked[0], float(away.max(initial=0.0)))
+    return _nearest_pair(robot, q[None], nodes[far[:40]])
+
+
+def reach_of(robot: Robot, nodes: np.ndarray) -> float:
+    """Return how far to the side the tool gets, but for rare stretches [m]."""
+    tools = [tool_pose(robot, q)[:2, 3] for q in nodes]
+    return float(np.percentile(np.linalg.norm(tools, axis=1), 90))
+
+
+def _reaching(robot: Robot, nodes: np.ndarray, tool: np.ndarray, is_free: IsFree):
+    """Return free configurations with the tool there, or the nearest free nodes."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation_rpy(np.pi, 0.0, 0.0), tool
+    tools = np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
+    order = np.argsort(np.linalg.norm(tools - tool, axis=1), kind="stable")
+    near = nodes[order]
+    middle = (robot.lower + robot.upper) / 2
+    seeds = [middle, *near[:12]]
+    solved = [q for seed in seeds for q in _solutions(robot, T, seed)]
+    for some in (solved, list(near[:40])):
+        free = [q for q in some if is_free(q, q)]
+        if free:
+            return np.array(free)
+    return np.zeros((0, robot.dof))
+
+
+def _solutions(robot: Robot, T: np.ndarray, seed: np.ndarray) -> list[np.ndarray]:
+    return [np.asarray(getattr(found, "q", found)) for found in robot.ik(T, seed)]
+
+
+def _nearest_pair(robot: Robot, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the pair that is near each other, and near the middle of the limits."""
+    middle = (robot.lower + robot.upper) / 2
+    between = np.abs(difference(robot, left[:, None], right[None])).sum(axis=2)
+    off_left = np.abs(difference(robot, left, middle)).sum(axis=1)
+    off_right = np.abs(difference(robot, right, middle)).sum(axis=1)
+    cost = between + 0.5 * (off_left[:, None] + off_right[None])
+    a, b = np.unravel_index(cost.argmin(), cost.shape)
+    return np.array([left[a], right[b]])

@@ -1,0 +1,1 @@
+"""People that move: scripted, recorded or whole, as closed capsules."""

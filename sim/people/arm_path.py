@@ -1,0 +1,201 @@
+"""A round of hand movements, timed so that no point of the arm is too fast."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from sim.people.arm import HumanArm, facing_robot
+
+SHOULDER = (0.85, 0.15, 0.50)  # p_base_shoulder of a right arm reaching to the robot
+NEAR, FAR = 0.20, 0.93  # share of the arm's reach a hand keeps in front, and within
+TREMBLE_HZ = 5.0
+MARGIN = 0.98  # share of the speed limit that is used: the fastest moment is sampled
+
+
+@dataclass(frozen=True)
+class Person:
+    """Whose arm moves, where its shoulder is, and how fast it may get.
+
+    Attributes:
+        arm: Sizes of the arm.
+        p_base_shoulder: Place of the right shoulder in the robot's base frame [m].
+        max_speed: Speed limit of the surface [m/s]; None takes the motion's own.
+    """
+
+    arm: HumanArm
+    p_base_shoulder: tuple[float, float, float] = SHOULDER
+    max_speed: float | None = None
+
+    def capsules(self, p_shoulder_hand: np.ndarray) -> np.ndarray:
+        """Return the (2, 7) capsules of the arm with its hand at a (3,) place [m]."""
+        angles = _angles_to(self.arm, p_shoulder_hand)
+        return self.arm.capsules(facing_robot(self.p_base_shoulder), angles)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """The hand's way from one place to the next, then a rest.
+
+    Attributes:
+        start, stop, bow: (3,) ends, and bulge of the way at its middle [m], all in
+            the shoulder frame.
+        duration, rest: Time to move and time to stay [s].
+    """
+
+    start: np.ndarray
+    stop: np.ndarray
+    bow: np.ndarray
+    duration: float
+    rest: float
+
+    def at(self, t: float) -> np.ndarray:
+        """Return the (3,) place of the hand `t` seconds after the start [m]."""
+        s = minimum_jerk(min(t / self.duration, 1.0))
+        return self.start + s * (self.stop - self.start) + 4 * s * (1 - s) * self.bow
+
+
+@dataclass(frozen=True, eq=False)
+class ScriptedMotion:
+    """A closed round of legs without end; a `sim.people.human_motion.HumanMotion`.
+
+    Attributes:
+        name: Name of the motion.
+        max_speed: No point of the surface advances faster than this [m/s].
+        person: Whose arm it is.
+        legs: The round.
+        tremble: (3,) amplitude of a 5 Hz sine laid over it [m], shoulder frame.
+    """
+
+    name: str
+    max_speed: float
+    person: Person
+    legs: tuple[Leg, ...]
+    tremble: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Note when each leg ends."""
+        times = [leg.duration + leg.rest for leg in self.legs]
+        object.__setattr__(self, "tremble", frozen(self.tremble, np.float64))
+        object.__setattr__(self, "_ends", frozen(np.cumsum(times), np.float64))
+
+    @property
+    def period(self) -> float:
+        """Time after which the motion repeats [s]."""
+        return float(self._ends[-1])
+
+    def capsules(self, t: float) -> np.ndarray:
+        """Return the arm at time `t` [s] as (2, 7) capsules a, b, radius [m]."""
+        t = t % self.period
+        k = min(int(np.searchsorted(self._ends, t, side="right")), len(self.legs) - 1)
+        hand = self.legs[k].at(t - (self._ends[k - 1] if k else 0.0))
+        wave = np.sin(2 * np.pi * TREMBLE_HZ * t)
+        return self.person.capsules(hand + wave * self.tremble)
+
+
+class Round:
+    """Collects the legs of a motion; places are given in the robot's base frame.
+
+    Args:
+        person: Whose arm it is.
+        home: (x, y, z) place of the hand at the start and at the end [m].
+        speed: Limit for elbow and hand [m/s].
+    """
+
+    def __init__(self, person: Person, home: tuple, speed: float) -> None:
+        """Start with the hand at home."""
+        self.person, self.speed = person, speed
+        self._home = self._hand = self._reachable(home)
+        self.legs: list[Leg] = []
+
+    def move(
+        self, place: tuple, rest: float, share: float = 1.0, bow: tuple = (0, 0, 0)
+    ) -> None:
+        """Add a leg to `place` at `share` of the limit, then `rest` seconds.
+
+        A place out of reach is pulled to the nearest one that is not; `bow` (base
+        frame) shrinks until the whole way is within reach.
+        """
+        bow = np.array(bow, float) * [-1, -1, 1]
+        self._add(self._reachable(place), bow, rest, share)
+
+    def close(self, rest: float, share: float = 1.0) -> None:
+        """Add the way back home; the rest is stretched to whole trembles.
+
+        Where all places are too far from the robot they are one, and the hand stays.
+        """
+        self._add(self._home, np.zeros(3), rest, share)
+        if not self.legs:
+            self.legs.append(Leg(self._home, self._home, np.zeros(3), 1.0, rest))
+        period = sum(leg.duration + leg.rest for leg in self.legs)
+        last = self.legs[-1]
+        missing = -period % (1 / TREMBLE_HZ)
+        self.legs[-1] = Leg(
+            last.start, last.stop, last.bow, last.duration, last.rest + missing
+        )
+
+    @property
+    def home(self) -> np.ndarray:
+        """The (3,) place of the hand at the start, shoulder frame [m]."""
+        return self._home
+
+    def _reachable(self, p_base_hand: tuple) -> np.ndarray:
+        """Return the place in the shoulder frame, in front of and near the shoulder.
+
+        The places allowed are a convex set, so that every straight way is, too.
+        """
+        p = (np.array(p_base_hand, float) - self.person.p_base_shoulder) * [-1, -1, 1]
+        near, far = NEAR * self.person.arm.reach, FAR * self.person.arm.reach
+        p[0] = min(max(p[0], near), far)
+        side = np.linalg.norm(p[1:])
+        p[1:] *= min(1.0, np.sqrt(far**2 - p[0] ** 2) / max(side, 1e-9))
+        return p
+
+    def _add(self, stop: np.ndarray, bow: np.ndarray, rest: float, share: float):
+        start, self._hand = self._hand, stop
+        if np.linalg.norm(stop - start) < 1e-6:
+            return
+        while np.any(bow) and not self._within_reach(Leg(start, stop, bow, 1.0, 0.0)):
+            bow = 0.7 * bow if np.linalg.norm(bow) > 0.01 else np.zeros(3)
+        fastest = self._fastest(Leg(start, stop, bow, 1.0, 0.0))
+        duration = fastest / (MARGIN * share * self.speed)
+        self.legs.append(Leg(start, stop, bow, duration, rest))
+
+    def _within_reach(self, leg: Leg) -> bool:
+        hands = np.array([leg.at(t) for t in np.linspace(0, 1, 33)])
+        reach = self.person.arm.reach
+        far = np.linalg.norm(hands, axis=1).max()
+        return bool(hands[:, 0].min() > 0.99 * NEAR * reach and far < FAR * reach)
+
+    def _fastest(self, leg: Leg) -> float:
+        """Return the largest speed of elbow and hand if the leg takes one second."""
+        times = np.linspace(0.0, 1.0, 161)
+        ends = np.array([self.person.capsules(leg.at(t))[:, 3:6] for t in times])
+        return float(np.linalg.norm(np.diff(ends, axis=0), axis=2).max() * 160)
+
+
+def minimum_jerk(u: float) -> float:
+    """Return the minimum-jerk curve from (0, 0) to (1, 1) at `u` in [0, 1]."""
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def _angles_to(arm: HumanArm, hand: np.ndarray) -> np.ndarray:
+    """Return the (4,) angles that bring the hand there, elbow down and outward."""
+    upper, fore = arm.lengths[0], arm.lengths[1] - arm.radii[1]
+    distance = np.linalg.norm(hand)
+    u = hand / distance
+    n = np.array([-0.25, -0.55, -0.80])  # where a right elbow hangs
+    n -= (n @ u) * u
+    n /= np.linalg.norm(n)
+    c = (upper**2 + distance**2 - fore**2) / (2 * upper * distance)
+    c = min(max(c, -1.0), 1.0)
+    a = c * u + np.sqrt(1 - c * c) * n  # along the upper arm
+    f = (hand - upper * a) / fore  # along the forearm
+    sa, ca = a[1], np.hypot(a[0], a[2])
+    sf, cf = a[0] / ca, -a[2] / ca
+    # the forearm seen from the raised, not yet rotated upper arm
+    x, z = cf * f[0] + sf * f[2], cf * f[2] - sf * f[0]
+    y, z = ca * f[1] + sa * z, ca * z - sa * f[1]
+    flexion, abduction = np.arctan2(sf, cf), np.arctan2(sa, ca)
+    rotation, elbow = np.arctan2(y, x), np.arctan2(np.hypot(x, y), -z)
+    return np.array([flexion, abduction, rotation, elbow])

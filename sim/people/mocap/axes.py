@@ -1,0 +1,153 @@
+"""Units, up axis and floor of a recording: told by the file, or guessed and said."""
+
+import numpy as np
+
+from handover.human.body import ARM, SIDES
+from sim.people.mocap.skeletons import FEET
+from sim.people.mocap.tracks import BadMocap, Tracks
+
+UNITS = {"m": 1.0, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # [m]
+ARM_LENGTH = (0.35, 0.85)  # shoulder over elbow to wrist of any person [m]
+DECISIVE = 0.85  # a trunk this much along an axis says which one is up
+SHOULDER_HEIGHT = 0.818  # of body height [Winter; MMM; ANSUR II]
+ANKLE_HEIGHT = 0.039  # of body height [MMM]
+TALL = 95  # percentile of the shoulders' height that counts as standing
+
+Joints = dict[str, np.ndarray]
+
+
+def metres_per_unit(
+    tracks: Tracks, joints: Joints, unit: str | float | None
+) -> tuple[float, str]:
+    """Return the length of the file's unit [m], and a sentence where it was guessed.
+
+    Raises:
+        BadMocap: The unit is unknown, or no unit gives the person a person's arm.
+    """
+    if unit is not None:
+        return _stated(unit), ""
+    if tracks.metres_per_unit is not None:
+        return tracks.metres_per_unit, ""
+    lengths = [_arm_length(joints, side) for side in SIDES]
+    lengths = [length for length in lengths if length is not None]
+    if not lengths:
+        raise BadMocap(
+            f"no arm is ever seen in {tracks.source}: shoulder, elbow and hand are in "
+            "no frame together; check the tracker, or map other bodies"
+        )
+    length = float(np.median(lengths))
+    low, high = ARM_LENGTH
+    for name, metres in UNITS.items():
+        if low <= length * metres <= high:
+            said = f"taken as {name}: the arm is then {length * metres:.2f} m long"
+            return metres, said
+    raise BadMocap(
+        f"the arm in {tracks.source} is {length:.4g} units long, which is no person's "
+        f"in {', '.join(UNITS)}; give the unit, as metres or by name"
+    )
+
+
+def _stated(unit: str | float) -> float:
+    if isinstance(unit, str):
+        if unit not in UNITS:
+            raise BadMocap(
+                f"no unit {unit!r}; choose one of {', '.join(UNITS)}, or give a "
+                "number of metres"
+            )
+        return UNITS[unit]
+    if not 0 < unit < np.inf:
+        raise BadMocap(f"a unit of {unit} m is not positive; give metres per unit")
+    return float(unit)
+
+
+def _arm_length(joints: Joints, side: str) -> float | None:
+    arm = [joints.get(f"{side}_{joint}") for joint in ARM]
+    if any(place is None for place in arm):
+        return None
+    upper, fore = (np.linalg.norm(b - a, axis=1) for a, b in zip(arm, arm[1:]))
+    both = upper + fore
+    return (
+        float(np.median(both[np.isfinite(both)])) if np.isfinite(both).any() else None
+    )
+
+
+def up_axis(
+    tracks: Tracks, joints: Joints, rest: Joints, up: str | None
+) -> tuple[str, str]:
+    """Return "y" or "z", and a sentence where it was guessed.
+
+    The trunk tells; where the person stoops too much for that, the skeleton's rest
+    pose does, and at last the custom of BVH, "y".
+
+    Args:
+        tracks: The recording.
+        joints: Joint -> (F, 3) places, in the file's axes.
+        rest: Joint -> (1, 3) places in the skeleton's rest pose, or empty.
+        up: "y", "z" or None.
+
+    Raises:
+        BadMocap: `up` is another axis, or the person lies or stands upside down.
+    """
+    if up is not None:
+        if up not in ("y", "z"):
+            raise BadMocap(f"no up axis {up!r}; choose y or z")
+        return up, ""
+    if tracks.up is not None:
+        return tracks.up, ""
+    for places, what in ((joints, "trunk"), (rest, "rest pose")):
+        direction = _spine(places)
+        if direction is None or not np.abs(direction).max() > DECISIVE:
+            continue
+        axis = int(np.abs(direction).argmax())
+        if axis == 0 or direction[axis] < 0:
+            raise BadMocap(
+                f"the {what} in {tracks.source} points along "
+                f"{'-' if direction[axis] < 0 else ''}{'xyz'[axis]}, and up is y or z;"
+                " give the up axis, or turn the recording"
+            )
+        return "xyz"[axis], f"{'xyz'[axis]} is up, as the {what} tells"
+    return "y", "y taken as up, as is usual: the trunk does not tell"
+
+
+def _spine(joints: Joints) -> np.ndarray | None:
+    """Return the median direction from the hip to the neck, (3,)."""
+    top = _neck(joints)
+    if "hip" not in joints or top is None:
+        return None
+    trunk = top - joints["hip"]
+    trunk = trunk / np.maximum(np.linalg.norm(trunk, axis=1, keepdims=True), 1e-9)
+    trunk = trunk[np.isfinite(trunk).all(axis=1)]
+    return np.median(trunk, axis=0) if len(trunk) else None
+
+
+def _neck(joints: Joints) -> np.ndarray | None:
+    if "neck" in joints:
+        return joints["neck"]
+    shoulders = [joints[f"{s}_shoulder"] for s in SIDES if f"{s}_shoulder" in joints]
+    return np.mean(shoulders, axis=0) if len(shoulders) == 2 else None
+
+
+def z_up(place: np.ndarray, up: str) -> np.ndarray:
+    """Return (F, 3) places with z up."""
+    return place if up == "z" else place[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+
+
+def floor_height(joints: Joints, height: float) -> tuple[float, str]:
+    """Return z of the floor in the recording [m], and how it was found.
+
+    Args:
+        joints: Places with z up [m].
+        height: Body height [m], used where there are no feet.
+    """
+    feet = [joints[name] for name in FEET if name in joints]
+    feet_z = np.concatenate([foot[:, 2] for foot in feet]) if feet else np.zeros(0)
+    feet_z = feet_z[np.isfinite(feet_z)]
+    if len(feet_z):  # a foot joint is the ankle
+        ankle = float(np.percentile(feet_z, 1))
+        return ankle - ANKLE_HEIGHT * height, "by the feet"
+    shoulders = [p[:, 2] for name, p in joints.items() if name.endswith("_shoulder")]
+    high = np.nanpercentile(np.concatenate(shoulders), TALL)
+    return (
+        float(high) - SHOULDER_HEIGHT * height,
+        f"by the shoulders of a person of {height:.2f} m",
+    )

@@ -1,0 +1,254 @@
+"""From a file to a motion: read, name, measure, mend, place, wrap in capsules."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handover.human.anthropometry import HEIGHTS
+from handover.human.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
+from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
+from sim.people.mocap.bvh import parse_bvh
+from sim.people.mocap.defects import defects
+from sim.people.mocap.faults import Faults, fastest, find_faults, first_frame
+from sim.people.mocap.gaps import (
+    WALKING,
+    bridge,
+    displacement,
+    growth,
+    remember,
+    smooth,
+)
+from sim.people.mocap.motion import MocapMotion
+from sim.people.mocap.placing import base_from_recording
+from sim.people.mocap.skeletons import joints_of
+from sim.people.mocap.tracks import BadMocap, Tracks, read_text
+from sim.people.mocap.vicon import HEADER, parse_csv
+
+ENOUGH_HZ = 100.0  # a faster recording is thinned to this or just above
+
+
+@dataclass(frozen=True)
+class MocapSettings:
+    """How a recording is read and placed; None: guessed by rule, and said in `notes`.
+
+    Attributes:
+        unit: Length of the file's unit: "m", "cm", "mm", "inch" or metres.
+        up: Axis that points up: "y" or "z".
+        floor: z of the floor in the recording, z up [m].
+        stand: (x, y) [m] where the person stands and yaw [rad] they face, base frame.
+        base_height: Of the robot's base above the floor [m].
+        height: Of the person [m], for what joints do not tell.
+        thickness: "conservative" or "mean", of the capsules.
+        smooth_s: Window the tracks are averaged over, 0: none [s]. A tracker's
+            noise is no speed of the person.
+        loop: Play the clip to and fro; else the person stays in the last pose.
+        accept_defects: Play even what no person does; it is said in `notes`.
+    """
+
+    unit: str | float | None = None
+    up: str | None = None
+    floor: float | None = None
+    stand: tuple[float, float, float] | None = None
+    base_height: float = 0.75
+    height: float = 1.75
+    thickness: str = "conservative"
+    smooth_s: float = 0.05
+    loop: bool = True
+    accept_defects: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that place nobody."""
+        numbers = {"base_height": self.base_height, "floor": self.floor or 0.0}
+        for name, value in numbers.items():
+            if not abs(value) < 100:
+                raise BadMocap(f"{name} is {value} m; give metres from the floor")
+        if not HEIGHTS[0] <= self.height <= HEIGHTS[1]:
+            raise BadMocap(
+                f"a height of {self.height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} "
+                "m; give that of an adult"
+            )
+        if not 0 <= self.smooth_s <= 0.5:
+            raise BadMocap(
+                f"smooth_s is {self.smooth_s} s; give 0 to 0.5, or fast hands get lost"
+            )
+        stand = self.stand
+        if stand is not None and not (len(stand) == 3 and np.isfinite(stand).all()):
+            raise BadMocap(f"stand is {stand}; give x [m], y [m] and yaw [rad]")
+
+
+def read_tracks(path: str | Path) -> Tracks:
+    """Read a Vicon .csv or a .bvh, told apart by what is in it.
+
+    Raises:
+        BadMocap: The file is missing, empty, of another format, cut off or altered.
+    """
+    path = Path(path)
+    text = read_text(path)
+    first = text.lstrip().split("\n", 1)[0].strip()
+    if first.upper().startswith("HIERARCHY"):
+        return parse_bvh(text.lstrip(), path.name)
+    if first.split(",")[0].strip() in HEADER:
+        return parse_csv(text, path.name)
+    raise BadMocap(
+        f"{path.name} begins with {first[:40]!r}; a .bvh begins with HIERARCHY, a Vicon"
+        f" .csv with {', '.join(HEADER)}"
+    )
+
+
+def load_mocap(
+    path: str | Path,
+    *,
+    mapping: str | Path | Mapping[str, str] | None = None,
+    settings: MocapSettings | None = None,
+) -> MocapMotion:
+    """Return a recorded person as a motion in the robot's base frame.
+
+    Args:
+        path: A Vicon .csv of tracks, or a .bvh.
+        mapping: Joint -> name in the file, or a TOML file of it; None: built-in lists.
+        settings: Units, axes, place, what to do at the end.
+
+    Raises:
+        BadMocap: The file, the mapping or a setting cannot be used, the skeleton has
+            no arms, an arm is never seen, or no person moves like that.
+    """
+    settings = settings or MocapSettings()
+    tracks = read_tracks(path)
+    joints, rate, notes = _measured(tracks, mapping, settings)
+    joints, faults, mended = _mended(joints, rate, tracks.source)
+    notes += mended
+    duration_s = (len(next(iter(joints.values()))) - 1) / rate
+    wrong = defects(joints, faults, duration_s)
+    if wrong and not settings.accept_defects:
+        raise BadMocap(
+            f"{tracks.source} shows what no person does: {'; '.join(wrong)}; take the "
+            "measured tracks instead, or accept_defects to play it all the same"
+        )
+    notes += [f"no person does this: {clause}" for clause in wrong]
+    floor, said = settings.floor, "as given"
+    if floor is None:
+        floor, said = floor_height(joints, settings.height)
+    notes.append(f"floor at z = {floor:.2f} m of the recording, {said}")
+    joints = {
+        joint: smooth(bridge(place, rate), rate, settings.smooth_s)
+        for joint, place in joints.items()
+    }
+    T = base_from_recording(joints, settings.stand, floor, settings.base_height)
+    return _motion(tracks.source, joints, faults, rate, T, settings, notes)
+
+
+def _measured(
+    tracks: Tracks, mapping: object, settings: MocapSettings
+) -> tuple[dict[str, np.ndarray], float, list[str]]:
+    """Return joint -> (F, 3) places with z up [m], the rate [Hz], and what was said."""
+    names, label = joints_of(tracks, mapping)
+    places = {joint: tracks.places[name] for joint, name in names.items()}
+    rest = {j: tracks.rest[n][None] for j, n in names.items() if n in tracks.rest}
+    metres, unit_said = metres_per_unit(tracks, places, settings.unit)
+    up, up_said = up_axis(tracks, places, rest, settings.up)
+    stride = max(int(tracks.rate_hz // ENOUGH_HZ), 1)
+    rate = tracks.rate_hz / stride
+    joints = {j: z_up(p[::stride] * metres, up) for j, p in places.items()}
+    notes = [f"{tracks.source}: joints named as by {label}", unit_said, up_said]
+    if stride > 1:
+        notes.append(
+            f"thinned from {tracks.rate_hz:g} to {rate:g} frames per second: every "
+            f"{stride}th is played"
+        )
+    return joints, rate, [note for note in notes if note]
+
+
+def _mended(
+    joints: dict[str, np.ndarray], rate: float, source: str
+) -> tuple[dict[str, np.ndarray], dict[str, Faults], list[str]]:
+    """Return the joints without what is not believed, the faults, and what was said."""
+    notes, faults = [], {}
+    body = {joint: place for joint, place in joints.items() if joint in JOINTS}
+    start = first_frame(body, rate)
+    if start:
+        notes.append(f"the first {start} frames skipped: a T-pose or a jump")
+    joints = {joint: place[start:].copy() for joint, place in joints.items()}
+    n_frames = len(next(iter(joints.values())))
+    if n_frames < 2:
+        raise BadMocap(
+            f"{source} holds nothing but a jump at its start; record for longer"
+        )
+    for joint in body:
+        place, words = joints[joint], joint.replace("_", " ")
+        fault = faults[joint] = find_faults(place, rate, fastest(joint))
+        gap = ~np.isfinite(place).all(axis=1)
+        place[gap | fault.bad] = np.nan
+        if fault.jumps:
+            notes.append(
+                f"{words}: {fault.jumps} jumps of up to {fault.peak:.1f} m/s are no "
+                f"motion, {fault.bad.sum()} frames not believed"
+            )
+        if gap.any():
+            notes.append(f"{words}: not seen in {gap.sum()} of {n_frames} frames")
+        if (gap | fault.bad).all():
+            del joints[joint]
+    whole = [s for s in SIDES if all(f"{s}_{j}" in joints for j in ARM)]
+    if not whole:
+        lost = sorted(f.replace("_", " ") for f in body if f not in joints)
+        raise BadMocap(
+            f"no arm is ever seen in {source}: {', '.join(lost)} in none of "
+            f"{n_frames} frames; check the tracker, or map other bodies"
+        )
+    notes += [f"no {side} arm" for side in SIDES if side not in whole]
+    return joints, faults, notes
+
+
+def _motion(
+    source: str,
+    joints: dict[str, np.ndarray],
+    faults: dict[str, Faults],
+    rate: float,
+    T: np.ndarray,
+    settings: MocapSettings,
+    notes: list[str],
+) -> MocapMotion:
+    n_frames = len(next(iter(joints.values())))
+    order = np.arange(n_frames)
+    if settings.loop:
+        order = np.r_[order, order[-2:0:-1]]
+    present = [joint for joint in JOINTS if joint in joints]
+    body = UpperBody(present, BodySizes.sized(settings.height, settings.thickness))
+    shape = (len(order), len(JOINTS))
+    places, guesses, age = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+    jumped = np.zeros(shape, bool)
+    for joint in present:
+        place = joints[joint][order] @ T[:3, :3].T + T[:3, 3]
+        known, k = remember(place, rate, settings.loop), COLUMN[joint]
+        places[:, k], guesses[:, k], age[:, k] = known.places, known.guess, known.age_s
+        jumped[:, k] = faults[joint].bad[order]
+    frames = body.capsules(places)
+    oldest = np.where(body.needs, age[:, None, :], 0.0).max(axis=2)
+    moved = displacement(frames, settings.loop)
+    speed = max(WALKING, _fastest_seen(moved, oldest, rate))
+    grown = growth(oldest, moved, rate, speed)
+    frames[:, :, 6] += grown
+    after = np.roll(grown, -1, axis=0)[: len(moved)]
+    advance = (moved + after - grown[: len(moved)]).max() * rate
+    return MocapMotion(
+        source,
+        max(float(advance), 0.0),
+        rate,
+        (n_frames - 1) / rate,
+        settings.loop,
+        frames,
+        body.capsules(guesses),
+        body.labels,
+        age,
+        jumped,
+        T,
+        tuple(notes),
+    )
+
+
+def _fastest_seen(moved: np.ndarray, oldest: np.ndarray, rate: float) -> float:
+    """Return the highest speed of capsules that are seen before and after [m/s]."""
+    after = np.roll(oldest, -1, axis=0)[: len(moved)]
+    both = (oldest[: len(moved)] == 0) & (after == 0)
+    return float(np.where(both, moved, 0.0).max() * rate)

@@ -1,0 +1,57 @@
+"""A person's motion seen from elsewhere: turned, then moved."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from sim.people.human_motion import HumanMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A motion of a person who stands elsewhere; a HumanMotion.
+
+    Attributes:
+        motion: The motion as it was written.
+        yaw: By how much it is turned about the z axis of the base [rad].
+        offset: (3,) how far it is moved then [m].
+    """
+
+    motion: HumanMotion
+    yaw: float = 0.0
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Freeze the offset."""
+        object.__setattr__(self, "offset", frozen(self.offset, np.float64))
+
+    @property
+    def name(self) -> str:
+        """Name of the motion."""
+        return self.motion.name
+
+    @property
+    def max_speed(self) -> float:
+        """No point of the surface advances faster than this [m/s]."""
+        return self.motion.max_speed
+
+    @property
+    def period(self) -> float:
+        """Time after which the motion repeats [s]; of a scripted one."""
+        return self.motion.period
+
+    def capsules(self, t: float) -> np.ndarray:
+        """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
+        capsules = turned(self.motion.capsules(t), self.yaw)
+        capsules[:, :3] += self.offset
+        capsules[:, 3:6] += self.offset
+        return capsules
+
+
+def turned(capsules: np.ndarray, yaw: float) -> np.ndarray:
+    """Return capsules (k, 7) turned about the z axis of the base by `yaw` [rad]."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    ends = capsules[:, :6].reshape(-1, 3) @ R.T
+    return np.column_stack([ends.reshape(-1, 6), capsules[:, 6]])

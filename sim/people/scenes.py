@@ -1,0 +1,266 @@
+"""Scripted scenes in which the robot must hold, back off or escape.
+
+The other motions are blind to the robot. A scene is staged: arms stand before the two
+work places, so that on the way from the first to the second the state that the scene
+is named after has to occur. How a hand moves is then a script as any other.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from odm.obstacles.surfaces import sample_capsules
+from roadmap.arrays import frozen
+from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.robot.robot import Robot
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person, Round, ScriptedMotion
+from sim.people.human_motion import HumanMotion, Together, register_motion
+from sim.people.placed import Placed, turned
+
+TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
+SHOULDER = (0.45, 0.15, 0.25)  # from the tool: outward, to the left, up [m]
+HOME = 0.30  # a hand rests so far outward from where the tool is [m]
+CLEAR = 0.20  # and at least so far from the robot when it is there [m]
+# distances of a hand's samples from the cover of the robot at a work place [m]
+BLOCK_GAP, BACKOFF_GAP, ESCAPE_GAP = -0.02, 0.08, 0.026
+ROUND_S = 16.0  # every arm repeats its script after this time [s]
+SPACING = 0.03  # of the samples that gaps are measured from [m]
+_STEPS = (0.01, 0.0005)  # between the places that are tried for a gap [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """The spheres of a robot that waits.
+
+    Attributes:
+        centers: (n, 3) of its moving links [m].
+        radii: (n,) [m].
+    """
+
+    centers: np.ndarray
+    radii: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("centers", "radii"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+
+    @classmethod
+    def of(cls, robot: Robot, q: np.ndarray) -> "Cover":
+        """Return the moving spheres of a robot at q, (dof,)."""
+        moving = robot.moving
+        return cls(sphere_centers(robot, q)[moving], robot.spheres[moving, 3])
+
+    def gap(self, capsules: np.ndarray) -> float:
+        """Return the distance of the cover from the samples of capsules (k, 7) [m]."""
+        points = sample_capsules(capsules, SPACING)
+        off = np.linalg.norm(points[:, None] - self.centers, axis=2) - self.radii
+        return float(off.min(initial=np.inf))
+
+
+@dataclass(frozen=True)
+class Stand:
+    """An arm before a work place, seen in a frame turned about the base's z axis.
+
+    In that frame the tool is at (r, 0, z) and the person looks along -x.
+
+    Attributes:
+        person: Whose arm it is, its shoulder in the turned frame.
+        p_tool: (x, y, z) of the tool in the turned frame [m].
+        yaw: Angle of the turned frame in the robot's base [rad].
+        cover: The robot that stands there; None where it is not known.
+        home: The hand rests so far outward from the tool [m].
+    """
+
+    person: Person
+    p_tool: tuple[float, float, float]
+    yaw: float
+    cover: Cover | None = None
+    home: float = HOME
+
+    @classmethod
+    def before(
+        cls, person: Person, p_base_tool: np.ndarray, cover: Cover | None = None
+    ) -> "Stand":
+        """Return the stand of a person in front of a tool, (3,) in the base [m].
+
+        It is so far outward that the resting arm is well away from the robot there.
+        """
+        x, y, z = (float(v) for v in p_base_tool)
+        p_tool = (float(np.hypot(x, y)), 0.0, z)
+        shoulder = tuple(float(v) for v in np.add(p_tool, SHOULDER))
+        there = replace(person, p_base_shoulder=shoulder)
+        near = cls(there, p_tool, float(np.arctan2(y, x)), cover)
+        ways = np.arange(0.0, 0.6, 0.05).tolist() if cover else [0.0]
+        stands = [near.backward(way) for way in ways]
+        clear = (s for s in stands if not cover or s.gap(s.home) >= CLEAR)
+        return next(clear, stands[-1])
+
+    def backward(self, way: float) -> "Stand":
+        """Return the stand of one who stands so much farther outward [m]."""
+        x, y, z = self.person.p_base_shoulder
+        person = replace(self.person, p_base_shoulder=(x + way, y, z))
+        return replace(self, person=person, home=self.home + way)
+
+    def at(self, outward: float) -> tuple[float, float, float]:
+        """Return the place so far outward from the tool, in the turned frame [m]."""
+        return (self.p_tool[0] + outward, *self.p_tool[1:])
+
+    def capsules(self, outward: float) -> np.ndarray:
+        """Return the arm with its hand there as (2, 7) capsules in the base [m]."""
+        script = Round(self.person, self.at(outward), 1.0)
+        return turned(self.person.capsules(script.home), self.yaw)
+
+    def gap(self, outward: float) -> float:
+        """Return how far an arm whose hand is there is from the robot [m]."""
+        return self.cover.gap(self.capsules(outward))
+
+    def stop(self, gap: float) -> float:
+        """Return the first place on the way in that leaves no more than a gap [m]."""
+        if self.cover is None:
+            return 0.1 + gap
+        begin, end = self.home, -HOME
+        for step in _STEPS:
+            places = np.arange(begin, end, -step).tolist()
+            first = next((p for p in places if self.gap(p) <= gap), places[-1])
+            begin, end = first + step, first - step
+        return first
+
+
+@dataclass(frozen=True)
+class Cue:
+    """One move of a hand.
+
+    Attributes:
+        outward: How far from the tool it ends [m].
+        speed: Its peak [m/s].
+        rest: Time to stay there [s].
+    """
+
+    outward: float
+    speed: float
+    rest: float
+
+
+def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
+    """Return an arm that begins at a place and then follows its cues, over and over.
+
+    Args:
+        name: Of the motion.
+        stand: Where the person stands.
+        begin: Place of the hand at first, outward from the tool [m].
+        cues: What it does; the last rest lasts until the round is over.
+    """
+    fastest = max(cue.speed for cue in cues)
+    limit = min(fastest, stand.person.max_speed or fastest)
+    script = Round(stand.person, stand.at(begin), limit)
+    for cue in cues:
+        script.move(stand.at(cue.outward), cue.rest, min(cue.speed / limit, 1.0))
+    script.close(0.0, 0.5)
+    last = script.legs[-1]
+    rest = max(0.0, ROUND_S - sum(leg.duration + leg.rest for leg in script.legs))
+    script.legs[-1] = replace(last, rest=last.rest + rest)
+    legs = tuple(script.legs)
+    arm = ScriptedMotion(name, limit, stand.person, legs, np.zeros(3))
+    return Placed(arm, stand.yaw)
+
+
+# --- the scenes: arms before the first work place and before the second --------------
+
+
+def hold(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
+    """Let a hand come to where the robot is going, stay for 4 s and leave."""
+    block = Cue(goal.stop(BLOCK_GAP), 1.0, 4.0)
+    return (play("goal", goal, goal.home, block, Cue(goal.home, 0.8, 8.0)),)
+
+
+def backoff(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
+    """Let one hand block the goal, and another come slowly near the waiting robot."""
+    near = waiting.stop(BACKOFF_GAP)
+    come = Cue(near, 0.12, 2.0)
+    home = waiting.home
+    arm = play("near", waiting, home, _stay(home, 0.5), come, Cue(home, 0.5, 1.0))
+    return _blocking(goal, 9.0), arm
+
+
+def escape(waiting: Stand, goal: Stand) -> tuple[Placed, ...]:
+    """Let one hand block the goal, and another rest within the robot's clearance.
+
+    It is there from the start: from one that comes a robot backs off before.
+    """
+    close = waiting.stop(ESCAPE_GAP)
+    leave = Cue(waiting.home, 0.5, 7.0)
+    arm = play("close", waiting, close, _stay(close, 4.0), leave)
+    return _blocking(goal, 7.0), arm
+
+
+def _blocking(goal: Stand, rest: float) -> Placed:
+    there = goal.stop(BLOCK_GAP)
+    return play("goal", goal, there, _stay(there, rest), Cue(goal.home, 0.8, 4.0))
+
+
+def _stay(outward: float, rest: float) -> Cue:
+    return Cue(outward + 1e-4, 0.1, rest)  # a leg leads somewhere
+
+
+SCENES = {"hold": hold, "backoff": backoff, "escape": escape}
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One of `SCENES`; a HumanMotion, played where `before` puts it.
+
+    Attributes:
+        name: Its name.
+        person: Sizes and speed limit of the arms; where they stand follows.
+        arms: The arms, for work places of a table in front of the robot.
+    """
+
+    name: str
+    person: Person
+    arms: Together
+    film_s = 12.0  # the first so many seconds show it [s]
+
+    @property
+    def max_speed(self) -> float:
+        """No point of any surface advances faster than this [m/s]."""
+        return self.arms.max_speed
+
+    def capsules(self, t: float) -> np.ndarray:
+        """Return the arms at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
+        return self.arms.capsules(t)
+
+    def before(self, robot: Robot, places: np.ndarray) -> "Scene":
+        """Return the scene staged for a robot that waits at the first work place.
+
+        Args:
+            robot: The robot.
+            places: (n, dof) its work places; the first two are used.
+        """
+        tools = [tool_pose(robot, q)[:3, 3] for q in places[:2]]
+        covers = [Cover.of(robot, q) for q in places[:2]]
+        waiting, goal = map(Stand.before, [self.person] * 2, tools, covers)
+        return staged(self.name, self.person, waiting, goal)
+
+
+def staged(name: str, person: Person, waiting: Stand, goal: Stand) -> Scene:
+    """Return a scene whose arms stand before the two work places."""
+    arms: tuple[HumanMotion, ...] = SCENES[name](waiting, goal)
+    return Scene(name, person, Together(name, arms))
+
+
+def make_scene(name: str, person: Person | None = None) -> Scene:
+    """Return a scene by its name, not staged yet: see `Scene.before`."""
+    person = person or Person(HumanArm.sized())
+    waiting, goal = (Stand.before(person, np.array(p)) for p in TOOLS)
+    return staged(name, person, waiting, goal)
+
+
+def _source(name: str) -> Callable[[Person, np.random.Generator], Scene]:
+    return lambda person, rng: make_scene(name, person)
+
+
+for _name in SCENES:
+    register_motion(_name, _source(_name))

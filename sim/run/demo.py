@@ -1,0 +1,160 @@
+"""What `make demo` and `odm run` do: a robot at work while a person moves."""
+
+import gc
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from odm.cell_map.cell_map import CellMap, load_map
+from odm.obstacles.surfaces import sample_capsules
+from odm.planner.planner import ReactivePlanner
+from roadmap.errors import BadRobot
+from roadmap.kinematics.forward import tool_pose
+from roadmap.loading.held_link import with_payload
+from sim.draw.animation import FilmSettings, write_animation
+from sim.draw.cover_world import CoverWorld
+from sim.draw.pictures import write_latency_plot
+from sim.draw.world import SimulatorMissing, World
+from sim.loop.loop import LoopSettings, run_loop
+from sim.loop.run_result import RunResult
+from sim.loop.warmup import exercise
+from sim.loop.work_places import work_places
+from sim.people.arm_path import Person
+from sim.people.human_motion import HumanMotion, make_motion
+from sim.run.report import print_report
+
+DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
+
+
+@dataclass(frozen=True)
+class DemoFiles:
+    """What the demo wrote.
+
+    Attributes:
+        film, plot, record: Animation (GIF), latency plot (PNG), figures (JSON).
+        result, alone: The run, and the same one without a person.
+    """
+
+    film: Path
+    plot: Path
+    record: Path
+    result: RunResult
+    alone: RunResult
+
+
+def run_demo(
+    map_dir: str | Path,
+    out_dir: str | Path,
+    motion: str = "sweep",
+    settings: LoopSettings = DEMO,
+    film: FilmSettings | None = None,
+    console: Console | None = None,
+) -> DemoFiles:
+    """Run the loop with and without a person, print the tables, write the pictures.
+
+    Args:
+        map_dir: Folder of a built map.
+        out_dir: Folder for the pictures; made if it is not there.
+        motion: Name of the human motion.
+        settings: Rate, duration, seed.
+        film: Size and length of the animation.
+        console: Where to print; the terminal if None.
+
+    Returns:
+        The files written and both runs.
+    """
+    console = console or Console()
+    out = Path(out_dir)
+    out.mkdir(parents=True, exist_ok=True)
+    cell_map = load_map(map_dir)
+    planner = ReactivePlanner(cell_map)
+    places = find_places(planner)
+    warm_up(planner, places, motion, settings)
+    console.print(f"[bold]{cell_map.robot.name}[/] at work, human motion: {motion}")
+    result, alone = run_pair(planner, places, motion, settings)
+    print_report([result], alone, cell_map.hash, console)
+    begun = time.perf_counter()
+    world, note = open_world(cell_map)
+    with world:
+        path = out / f"{motion}.gif"
+        write_animation(result, cell_map.robot, places, world, path, film)
+    plot = write_latency_plot(result, out / f"{motion}_latency.png")
+    record = out / f"{motion}.json"
+    record.write_text(result.to_json(), encoding="utf-8")
+    took = time.perf_counter() - begun
+    console.print(note, f"Pictures took {took:.0f} s.")
+    for kind, file in (("film", path), ("latency", plot), ("figures", record)):
+        console.print(f"{kind:>8}: {file}", soft_wrap=True)
+    return DemoFiles(path, plot, record, result, alone)
+
+
+def run_pair(
+    planner: ReactivePlanner,
+    places: np.ndarray,
+    motion: str | HumanMotion,
+    settings: LoopSettings,
+    person: Person | None = None,
+) -> tuple[RunResult, RunResult]:
+    """Return a run with a person, and the same one without.
+
+    Args:
+        planner: The planner; its path in use is forgotten first.
+        places: (n, dof) work places.
+        motion: The human motion; for a name, its seed is that of the settings.
+        settings: Rate, duration, seed.
+        person: Sizes, place and speed limit of the person.
+    """
+    human = motion
+    if isinstance(motion, str):
+        human = make_motion(motion, settings.seed, person)
+    result = run_loop(planner, planner.robot, places, human, settings)
+    bare = replace(settings, keep_paths=0)
+    alone = run_loop(planner, planner.robot, places, None, bare)
+    return result, alone
+
+
+def find_places(planner: ReactivePlanner) -> np.ndarray:
+    """Return two free work places, (2, dof), left and right in front of the robot."""
+    return work_places(planner.robot, planner.cell_map.roadmap, planner.is_free)
+
+
+def warm_up(
+    planner: ReactivePlanner,
+    places: np.ndarray,
+    motion: str | HumanMotion,
+    settings: LoopSettings,
+) -> None:
+    """Run a few frames so that everything is compiled before time is measured."""
+    exercise(planner.cell_map)
+    brief = replace(settings, duration_s=3.0, keep_paths=0)
+    human = make_motion(motion) if isinstance(motion, str) else motion
+    run_loop(planner, planner.robot, places, human, brief)
+    tool = tool_pose(planner.robot, places[0])[:3, 3]
+    touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
+    answer = planner.step(touching, q=places[0])
+    planner.separation(places[0])
+    _ = answer.reason, answer.retreat
+    # what was loaded stays: looking for garbage in it takes 70 ms, in some frame
+    gc.collect()
+    gc.freeze()
+
+
+def open_world(
+    cell_map: CellMap, held: np.ndarray | None = None
+) -> tuple[World | CoverWorld, str]:
+    """Return pybullet's world, or the plain one and a sentence that says why.
+
+    `held` (n, 4) are spheres in the robot's hand, tool frame [m].
+    """
+    robot, asked = cell_map.robot, cell_map.recipe.robot
+    try:
+        world = World(asked.source, robot, asked.locked)
+        if held is not None:
+            world.carry(held)
+        return world, "Drawn by pybullet."
+    except (SimulatorMissing, BadRobot) as error:
+        whole = robot if held is None else with_payload(robot, held)
+        return CoverWorld(whole), f"Drawn from the sphere cover: {error}."

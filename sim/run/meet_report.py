@@ -1,0 +1,79 @@
+"""What became of the targets of a run: figures and their table."""
+
+from collections import Counter
+
+import numpy as np
+
+from handover.targets.live_targets import BLOCKED, NOBODY
+from sim.loop.meet_loop import MeetLoop
+from sim.loop.run_result import RunResult, percentiles
+
+
+def target_figures(loop: MeetLoop, result: RunResult) -> dict:
+    """Return what became of the targets, as plain data."""
+    pursuits, n = loop.pursuits, max(1, len(loop.pursuits))
+    states = Counter(p.state for p in pursuits)
+    kinds = Counter(p.kind for p in pursuits if p.key is not None)
+    minutes = n / loop.settings.rate_hz / 60.0
+    busy = result.wall_s, result.cpu_s
+    counts = loop.live.counts
+    touched = sum(p.touched and p.state == BLOCKED for p in pursuits)
+    missing = min((p.missing_m for p in pursuits if p.state == NOBODY), default=0.0)
+    lost = [p.best - p.quality for p in pursuits if p.key is not None]
+    return {
+        "share_of_time": {k: round(v / n, 4) for k, v in sorted(states.items())},
+        "blocked_within_clearance": round(touched / n, 4),
+        "goals_by_kind": {k: round(v / n, 4) for k, v in sorted(kinds.items())},
+        "target_changes_per_minute": round(counts["changes"] / minutes, 2),
+        "set_goals_per_minute": round(counts["set_goals"] / minutes, 2),
+        "attached_per_minute": round(counts["attached"] / minutes, 2),
+        "arrivals": result.trips,
+        "removed_targets": len(loop.live.finder.failed),
+        "quality_below_best": percentiles(np.array(lost)),
+        "loop_wall_s": percentiles(busy[0]),
+        "loop_cpu_s": percentiles(busy[1]),
+        "contacts": result.contacts,
+        "missing_m": round(float(missing), 4) if np.isfinite(missing) else None,
+    }
+
+
+def print_targets(told: dict) -> None:
+    """Print what became of the targets."""
+    margin = told["margin"]
+    from rich.console import Console
+    from rich.table import Table as Rows
+
+    rows = Rows(title="Targets of the interaction workspace", title_justify="left")
+    rows.title_style = "bold"
+    rows.add_column("what")
+    rows.add_column("measured", justify="right")
+    for state, share in told["share_of_time"].items():
+        rows.add_row(f"time: {state}", _percent(share))
+        if state == BLOCKED:
+            close = _percent(told["blocked_within_clearance"])
+            rows.add_row("  of it, with the person within the clearance", close)
+    if told["missing_m"]:
+        near = f"{100 * told['missing_m']:.0f} cm"
+        rows.add_row("  of no target: the person would have to come nearer by", near)
+    audit = told["audit"]
+    if audit["judged"]:
+        rows.add_row("frames audited", str(audit["judged"]))
+        rows.add_row("  no target can be reached", str(audit["out_of_reach"]))
+        rows.add_row("  of the others, at or on the way to", "")
+        rows.add_row("    the top-ranked reachable target", _percent(audit["top"]))
+        near = _percent(audit["within_margin"])
+        rows.add_row(f"    it or one within {margin:g} of its quality", near)
+        rows.add_row("    a worse one", _percent(audit["worse"]))
+        rows.add_row("    none", _percent(audit["none"]))
+    rows.add_row("target changes per minute", f"{told['target_changes_per_minute']:g}")
+    rows.add_row("goals set per minute", f"{told['set_goals_per_minute']:g}")
+    rows.add_row("arrivals at a target", str(told["arrivals"]))
+    for name in ("wall", "cpu"):
+        ms = {k: 1e3 * v for k, v in told[f"loop_{name}_s"].items()}
+        values = " / ".join(f"{ms[k]:.2f}" for k in ("p50", "p99", "max"))
+        rows.add_row(f"loop with targets, {name}: p50 / p99 / max", f"{values} ms")
+    Console().print(rows)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"

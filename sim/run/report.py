@@ -1,0 +1,149 @@
+"""Tables of a run for the terminal: latency, safety, holds, and the machine."""
+
+import platform
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+
+from rich.console import Console, Group
+from rich.table import Table
+
+from sim.loop.run_result import RunResult, percentiles
+
+PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
+
+
+def print_report(
+    results: Sequence[RunResult],
+    alone: RunResult | None = None,
+    map_hash: str = "",
+    console: Console | None = None,
+) -> None:
+    """Print all tables.
+
+    Args:
+        results: Runs with a person.
+        alone: The same run without a person, to compare the trips with.
+        map_hash: Hash of the map.
+        console: Where to print; the terminal if None.
+    """
+    tables = [safety_table(results, alone), hold_table(results)]
+    tables += [latency_table(result) for result in results]
+    (console or Console()).print(Group(*tables, setting_line(map_hash)))
+
+
+def safety_table(results: Sequence[RunResult], alone: RunResult | None = None) -> Table:
+    """Return contacts, separation, trips and path changes, a column for each motion."""
+    table = _table("Safety, by the exact audit of every frame")
+    table.add_column("")
+    columns = [_safety_column(result, alone) for result in results]
+    for result in results:
+        table.add_column(result.motion, justify="right")
+    if alone is not None:
+        table.add_column("nobody", justify="right")
+        columns.append(_safety_column(alone, None))
+    for head in columns[0]:
+        table.add_row(head, *(column[head] for column in columns))
+    return table
+
+
+def hold_table(results: Sequence[RunResult], most: int = 3) -> Table:
+    """Return the reasons of the longest holds."""
+    table = _table("Why the robot held")
+    table.add_column("motion")
+    table.add_column("times", justify="right")
+    table.add_column("seconds", justify="right")
+    table.add_column("reason, the first of its kind")
+    for result in results:
+        for reason, count, seconds in result.hold_reasons(most):
+            table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
+    return table
+
+
+def latency_table(result: RunResult) -> Table:
+    """Return p50, p99 and max of every stage, and the missed deadlines."""
+    period = 1.0 / result.rate_hz
+    table = _table(f"Latency of {result.frames} frames, motion {result.motion}")
+    table.add_column("stage")
+    for head in ("p50 [µs]", "p99 [µs]", "max [µs]", f"over {1000 * period:.0f} ms"):
+        table.add_column(head, justify="right")
+    whole = {
+        "step, wall clock": result.wall_s,
+        "step, CPU": result.cpu_s,
+        "polishing afterwards": result.polish_s,
+    }
+    for name, seconds in {**result.stages, **whole}.items():
+        shown = percentiles(1e6 * seconds)
+        cells = [f"{shown[key]:,.1f}" for key in ("p50", "p99", "max")]
+        table.add_row(name, *cells, str(int((seconds > period).sum())))
+    return table
+
+
+def setting_line(map_hash: str = "") -> str:
+    """Return processor, Python, package versions and map hash in one line."""
+    versions = [f"{name} {_version(name)}" for name in PACKAGES]
+    parts = [processor(), f"Python {platform.python_version()}", *versions]
+    if map_hash:
+        parts.append(f"map {map_hash[:12]}")
+    return " · ".join(parts)
+
+
+def setting() -> dict[str, str]:
+    """Return processor and versions by name, for a JSON report."""
+    versions = {name: _version(name) for name in PACKAGES}
+    return {"cpu": processor(), "python": platform.python_version(), **versions}
+
+
+def processor() -> str:
+    """Return the processor's name, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if "model name" in line]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]:
+    nearest, moving = result.closest(), result.closest(while_moving=True)
+    held = result.summary()["held_s"] / result.duration_s
+    minutes = result.duration_s / 60
+    return {
+        "simulated": f"{result.duration_s:.0f} s",
+        "contacts while moving": str(result.contacts),
+        "smallest separation": _cm(result, nearest),
+        "  speed at it": _speed(result, nearest),
+        "smallest while moving": _cm(result, moving),
+        "  speed at it ": _speed(result, moving),
+        "trips": str(result.trips),
+        "  of those with nobody": _share(result, alone),
+        "path changes per minute": f"{result.path_changes / minutes:.1f}",
+        "holding": f"{100 * held:.0f} %",
+    }
+
+
+def _share(result: RunResult, alone: RunResult | None) -> str:
+    """Return the trips per minute as a share of those without a person."""
+    if alone is None or not alone.trips:
+        return "-"
+    share = result.trips / result.duration_s * alone.duration_s / alone.trips
+    return f"{100 * share:.0f} %"
+
+
+def _cm(result: RunResult, frame: int | None) -> str:
+    return "-" if frame is None else f"{100 * result.separation[frame]:.1f} cm"
+
+
+def _speed(result: RunResult, frame: int | None) -> str:
+    return "-" if frame is None else f"{result.point_speed[frame]:.2f} m/s"
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "absent"
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold")

@@ -1,0 +1,1 @@
+"""Clocks, headers and tables of everything that is measured."""

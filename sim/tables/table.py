@@ -1,0 +1,125 @@
+"""Tables of a bench: for the terminal (rich) and for the README (markdown)."""
+
+from rich.console import Console
+from rich.table import Table
+
+from sim.tables.clock import TRUTH
+
+_HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
+_VALUES = (0, 1, 2, 6)  # columns of a table without times
+
+
+def print_bench(result: dict, console: Console | None = None) -> None:
+    """Print the table of a bench and the lines about its setting."""
+    console = console or Console()
+    title = result.get("title") or f"odm bench {result['bench']}"
+    table = Table(title=title, title_justify="left")
+    head, *rows = _lines(result)
+    for k, name in enumerate(head):
+        table.add_column(name, justify="left" if k < 2 else "right")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    for more in result.get("tables", ()):
+        _print_more(more, console)
+    for line in setting_lines(result):
+        console.print(line, highlight=False)
+
+
+def _print_more(more: dict, console: Console) -> None:
+    table = Table(title=more["title"], title_justify="left")
+    for k, name in enumerate(more["head"]):
+        table.add_column(name, justify="left" if k < 1 else "right")
+    for row in more["rows"]:
+        table.add_row(*row)
+    console.print(table)
+
+
+def markdown(result: dict) -> str:
+    """Return the table of a bench and its setting as markdown."""
+    lines = _markdown_table(_lines(result))
+    for more in result.get("tables", ()):
+        head, *rows = _markdown_table([more["head"], *more["rows"]])
+        lines += ["", f"**{more['title']}**", "", head, *rows]
+    return "\n".join([*lines, "", *setting_lines(result)]) + "\n"
+
+
+def _markdown_table(rows: list) -> list[str]:
+    head, *rest = ("| " + " | ".join(line) + " |" for line in rows)
+    return [head, "|" + "---|" * (head.count("|") - 1), *rest]
+
+
+def _lines(result: dict) -> list[tuple[str, ...]]:
+    """Return the head and the rows of a table; one of values alone has no times."""
+    lines = [_HEAD, *map(_cells, result["rows"])]
+    if any("value" not in row for row in result["rows"]):
+        return lines
+    values = [tuple(line[k] for k in _VALUES) for line in lines[1:]]
+    return [("what", "asked", "measured", "met?"), *values]
+
+
+def setting_lines(result: dict) -> list[str]:
+    """Return what a figure is worth nothing without: machine, versions, map, frames."""
+    head, setup = result["header"], result.get("setup", {})
+    versions = [f"{k} {v}" for k, v in head["versions"].items() if v is not None]
+    load = " ".join(f"{x:.2f}" for x in head["load_average"])
+    lines = [
+        f"{head['processor']}, {head['cores']} cores, load average {load}; "
+        f"Python {head['python']}, {', '.join(versions)}."
+    ]
+    if "map" in head:
+        about = head["map"]
+        lines.append(
+            f"Map {about['name']} {about['hash'][:12]}: {about['nodes']} nodes, "
+            f"{about['edges']} edges, {about['spheres']} moving spheres."
+        )
+    if setup:
+        lines.append("; ".join(f"{k}: {v}" for k, v in setup.items()) + ".")
+    notes = {r["name"]: r["note"] for r in result["rows"] if r.get("note")}
+    return lines + [f"{name}: {note}." for name, note in notes.items()]
+
+
+def _cells(row: dict) -> tuple[str, ...]:
+    asked = ", ".join(_limit(row, k, v) for k, v in row["asked"].items())
+    if "value" in row:
+        return row["name"], asked, _value(row), "", "", "", _yes(row["met"])
+    if row["wall"] is None:
+        return row["name"], asked, "no frames", "", "", "", ""
+    wall = [_time(row["wall"][k]) for k in ("p50", "p99", "max")]
+    cpu = row["cpu"]
+    busy = "" if cpu is None else f"{_time(cpu['p50'])} / {_time(cpu['p99'])}"
+    met = _yes(row["met"])
+    if row["met"] is False and row["met_cpu"]:
+        met = "by CPU time"
+    return row["name"], asked, *wall, busy, met
+
+
+def _limit(row: dict, share: str, limit: float) -> str:
+    if row["unit"] == TRUTH:
+        return TRUTH
+    if "value" in row:
+        sign = "<=" if share == "most" else ">="
+        return f"{sign} {limit:g} {row['unit']}".strip()
+    return f"{share} <= {_time(limit)}"
+
+
+def _value(row: dict) -> str:
+    if row["unit"] == TRUTH:
+        return "yes" if row["value"] else "no"
+    value = row["value"]
+    if value is None:
+        return "no frames"
+    text = f"{value:.0f}" if value.is_integer() else f"{value:.4g}"
+    return f"{text} {row['unit']}".strip()
+
+
+def _time(us: float) -> str:
+    if us >= 1e6:
+        return f"{us / 1e6:.3g} s"
+    if us >= 1e3:
+        return f"{us / 1e3:.3g} ms"
+    return f"{us:.3g} us"
+
+
+def _yes(met: bool | None) -> str:
+    return "" if met is None else "yes" if met else "no"

@@ -1,0 +1,1 @@
+"""What all commands share: output, Ctrl-C, and files from elsewhere."""

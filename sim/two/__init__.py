@@ -1,0 +1,1 @@
+"""Two robots in one space, each in the way of the other."""

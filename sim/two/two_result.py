@@ -1,0 +1,105 @@
+"""What happened when two robots ran: every frame, and the figures drawn from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from sim.loop.run_result import MOVING, STATUS, percentiles
+
+
+@dataclass(frozen=True, eq=False)
+class TwoResult:
+    """One run of two robots; frame i is time `i / rate_hz`.
+
+    Attributes:
+        other: "planned" or "scripted": what the second robot was.
+        rate_hz: Frames per second.
+        trips: Times each robot arrived at a work place.
+        T_world_base: (4, 4) base of the second in the base frame of the first.
+        separation: (F,) exact distance of the robots [m]; 0 or less in contact.
+        q: (F, dof) configurations of the first and of the second.
+        place: (F, 2) the work place each is on its way to.
+        status: (F, 2) index into `STATUS`.
+        wall_s: (F, 2) time of each planner's step [s].
+        places: (n, dof) work places of each.
+        reasons: For each, the first reason of every kind of hold -> frames.
+    """
+
+    other: str
+    rate_hz: float
+    trips: tuple[int, int]
+    T_world_base: np.ndarray
+    separation: np.ndarray
+    q: tuple[np.ndarray, np.ndarray]
+    place: np.ndarray
+    status: np.ndarray
+    wall_s: np.ndarray
+    places: tuple[np.ndarray, np.ndarray]
+    reasons: tuple[dict, dict]
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name, dtype in (
+            ("T_world_base", np.float64), ("separation", np.float64),
+            ("place", np.int32), ("status", np.uint8), ("wall_s", np.float64),
+        ):  # fmt: skip
+            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        q = tuple(frozen(a, np.float64) for a in self.q)
+        object.__setattr__(self, "q", q)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.separation)
+
+    def moving(self, k: int) -> np.ndarray:
+        """(F,) whether robot k moved into this frame."""
+        step = np.abs(np.diff(self.q[k], axis=0, prepend=self.q[k][:1])).max(axis=1)
+        return step * self.rate_hz > MOVING
+
+    @property
+    def contacts(self) -> int:
+        """Number of touches in which a robot that plans moved in a frame at least."""
+        planned = self.moving(0)
+        if self.other == "planned":
+            planned = planned | self.moving(1)
+        touching = self.separation <= 0.0
+        starts = np.flatnonzero(touching & ~np.r_[False, touching[:-1]])
+        ends = np.flatnonzero(touching & ~np.r_[touching[1:], False]) + 1
+        pairs = zip(starts, ends, strict=True)
+        return sum(bool(planned[a:b].any()) for a, b in pairs)
+
+    def summary(self) -> dict:
+        """Return the figures as plain data; only "latency_us" depends on the clock."""
+        near = int(self.separation.argmin())
+        seconds = self.frames / self.rate_hz
+        held = (self.status == STATUS.index("holding")).sum(axis=0) / self.rate_hz
+        either = self.moving(0) & self.moving(1)
+        planned = 2 if self.other == "planned" else 1
+        return {
+            "other": self.other,
+            "duration_s": seconds,
+            "rate_hz": self.rate_hz,
+            "base_m": self.T_world_base[:3, 3].tolist(),
+            "contacts": self.contacts,
+            "touches": int((self.separation <= 0.0).any()),
+            "separation_m": {
+                "least": float(self.separation[near]),
+                "at_s": near / self.rate_hz,
+                "p50": float(np.median(self.separation)),
+            },
+            "trips": list(self.trips),
+            "trips_per_minute": [60.0 * n / seconds for n in self.trips],
+            "moving_s": [float(self.moving(k).sum() / self.rate_hz) for k in (0, 1)],
+            "both_moving_s": float(either.sum() / self.rate_hz),
+            "held_s": held.tolist(),
+            "hold_reasons": [_most(r) for r in self.reasons],
+            "latency_us": [percentiles(1e6 * w) for w in self.wall_s.T[:planned]],
+        }
+
+
+def _most(reasons: dict, most: int = 3) -> list[list]:
+    """Return the reasons that held longest, with their frames."""
+    ranked = sorted(reasons.items(), key=lambda item: -item[1])
+    return [[reason, frames] for reason, frames in ranked[:most]]
