@@ -10,7 +10,7 @@ from odm.cell_map.recipe import recipe_names
 from roadmap.errors import BadInput
 from sim.cli import robots_table
 
-DOCS = Path(__file__).parents[2] / "docs/robots.md"
+DOCS = Path(__file__).parents[3] / "docs/robots.md"
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from small import AWAY, HOME, NOBODY, small_recipe
 import odm
 from odm.cell_map.recipe import PayloadRecipe, parse_recipe
 
-DOC = Path(__file__).resolve().parents[2] / "docs" / "layers.md"
+DOC = Path(__file__).resolve().parents[3] / "docs" / "layers.md"
 
 
 def test_the_example_runs():

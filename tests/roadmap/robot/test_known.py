@@ -17,7 +17,7 @@ from roadmap.kinematics.forward import body_frames, tool_pose
 from roadmap.robot.known import KnownRobot, known_robot, own_file, robot_file
 
 COARSE = {"cover_excess": 0.1}
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")

@@ -137,7 +137,7 @@ os.write(2, b"stderr is back\\n")
 
 
 def import_in_a_new_process(cwd):
-    root = str(Path(__file__).resolve().parents[2])
+    root = str(Path(__file__).resolve().parents[3])
     code = f"import sys; sys.path.append({root!r})\n{IMPORT}"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True

@@ -9,7 +9,7 @@ from small import AWAY, HOME
 
 import odm
 
-DOC = Path(__file__).resolve().parents[2] / "docs" / "cameras.md"
+DOC = Path(__file__).resolve().parents[3] / "docs" / "cameras.md"
 
 
 def test_the_example_runs(small_map):

@@ -1,0 +1,189 @@
+"""The walls of the house: sub-packages in order, no circles, nobody's private names."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+# each imports those before it only; files directly in a package come first
+ORDER = {
+    "roadmap": ["kinematics", "robot", "geometry", "loading", "graph", "motion"],
+    "odm": [
+        "obstacles",
+        "close_test",
+        "cell_map",
+        "search",
+        "approach",
+        "planner",
+        "execution",
+        "cameras",
+        "audit",
+    ],
+    "handover": ["human", "reach", "meet", "targets"],
+    "sim": [
+        "terminal",
+        "tables",
+        "people",
+        "loop",
+        "record",
+        "draw",
+        "run",
+        "two",
+        "keyboard",
+        "cli",
+        "bench",
+    ],
+}
+PACKAGES = list(ORDER)
+MOST_FILES = 18  # in a folder
+LONGEST, LONG, MOST_LONG = 90, 60, 12  # lines of a function; how many are long
+WIDE, MOST_WIDE = 7, 30  # parameters of a kernel; how many have more
+FENCE = {"__future__", "math", "numba", "numpy", "typing"}  # what kernels import
+
+
+def modules():
+    """Return every module's name and file."""
+    files = (f for p in PACKAGES for f in (ROOT / p).rglob("*.py"))
+    names = {f: ".".join(f.relative_to(ROOT).with_suffix("").parts) for f in files}
+    return {name.removesuffix(".__init__"): file for file, name in names.items()}
+
+
+MODULES = modules()
+INSIDE = {
+    n: f for n, f in MODULES.items() if f.name not in ("__init__.py", "__main__.py")
+}
+
+
+@cache
+def tree(file):
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
+def imported(file):
+    """Return the modules of ours that a file imports, anywhere and for types, too."""
+    found = set()
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                found.add(inner if inner in MODULES else node.module)
+    return found & set(MODULES)
+
+
+def place(name):
+    """Return package and sub-package of a module; "" for files beside the door."""
+    package, _, rest = name.partition(".")
+    return package, rest.partition(".")[0] if "." in rest else ""
+
+
+def functions():
+    """Return (file, function, its tree) of every function."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef
+    return [
+        (file, node.name, node)
+        for file in MODULES.values()
+        for node in ast.walk(tree(file))
+        if isinstance(node, kinds)
+    ]
+
+
+def kernels():
+    """Return the functions that numba compiles."""
+    return [
+        (file, name, node)
+        for file, name, node in functions()
+        if any("njit" in ast.unparse(d) for d in node.decorator_list)
+    ]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_sub_package_has_its_place_in_the_order(package):
+    folders = {f.parent for f in (ROOT / package).rglob("*.py")} - {ROOT / package}
+    there = {f.relative_to(ROOT / package).parts[0] for f in folders}
+    assert there == set(ORDER[package])
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_sub_packages_import_those_before_them_only(package):
+    order = ["", *ORDER[package]]
+    wrong = []
+    for name, file in INSIDE.items():
+        ours, mine = place(name)
+        for other in imported(file):
+            theirs, its = place(other)
+            if ours == theirs == package and order.index(its) > order.index(mine):
+                wrong.append(f"{name} imports {other}")
+    assert not wrong
+
+
+def test_no_file_is_part_of_a_circle():
+    graph = nx.DiGraph()
+    for name, file in INSIDE.items():
+        graph.add_edges_from((name, other) for other in imported(file))
+    circles = [c for c in nx.strongly_connected_components(graph) if len(c) > 1]
+    assert not circles
+
+
+def test_compiled_loops_import_numpy_numba_and_compiled_loops_only():
+    wrong = []
+    for file in {file for file, _, _ in kernels()}:
+        assert file.name.startswith("_"), f"{file} has a kernel; call it _{file.name}"
+        for node in tree(file).body:
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [
+                    m if (m := f"{node.module}.{a.name}") in MODULES else node.module
+                    for a in node.names
+                ]
+            else:
+                continue
+            wrong += [
+                f"{file.relative_to(ROOT)}: {name}"
+                for name in names
+                if name.partition(".")[0] not in FENCE
+                and not name.rpartition(".")[2].startswith("_")
+                and name != "handover.jit_options"
+            ]
+    assert not wrong
+
+
+def test_nobody_reaches_for_private_names_of_another_object():
+    public = {"_replace", "_asdict", "_fields"}  # of named tuples
+    wrong = []
+    for file in MODULES.values():
+        for node in ast.walk(tree(file)):
+            if not isinstance(node, ast.Attribute) or not node.attr.startswith("_"):
+                continue
+            if node.attr.startswith("__") or node.attr in public:
+                continue
+            owner = ast.unparse(node.value)
+            if owner not in ("self", "cls", "super()"):
+                wrong.append(f"{file.relative_to(ROOT)}: {owner}.{node.attr}")
+    assert not wrong
+
+
+def test_no_folder_holds_too_many_files():
+    folders = {f.parent for f in MODULES.values()}
+    many = {str(d.relative_to(ROOT)): len(list(d.glob("*.py"))) for d in folders}
+    assert not {d: n for d, n in many.items() if n > MOST_FILES}
+
+
+def test_functions_are_short():
+    lines = {
+        f"{file.relative_to(ROOT)}:{name}": node.end_lineno - node.lineno + 1
+        for file, name, node in functions()
+    }
+    assert not {name: n for name, n in lines.items() if n > LONGEST}
+    assert len([n for n in lines.values() if n > LONG]) <= MOST_LONG
+
+
+def test_kernels_take_few_parameters():
+    wide = [f"{f}:{n}" for f, n, node in kernels() if len(node.args.args) > WIDE]
+    assert len(wide) <= MOST_WIDE
