@@ -7,7 +7,9 @@ import pytest
 from roadmap.kernel_cache import Sources, drop_stale_code
 
 ROOT = Path(__file__).resolve().parents[2]
-KERNEL = "from numba import njit\n{imports}\n\n@njit(cache=True)\ndef {name}(x):\n    ...\n"
+KERNEL = (
+    "from numba import njit\n{imports}\n\n@njit(cache=True)\ndef {name}(x):\n    ...\n"
+)
 
 
 def write(path, text):
