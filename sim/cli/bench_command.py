@@ -32,7 +32,7 @@ def _modules() -> dict[str, str]:
     return found
 
 
-def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> None:
+def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> int:
     """Run a bench and print its table, or write it where it is wanted.
 
     Args:
@@ -40,6 +40,9 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
         options: What the user chose, by parameter of `run`; None: left to the bench.
         json: FILE.json or '-'.
         markdown: '-' or a file with the markers of this bench, see `fill_section`.
+
+    Returns:
+        The exit code: 1 where a bench that compares found a difference.
 
     Raises:
         BadInput: There is no such bench, or it has no such option or file.
@@ -67,6 +70,7 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
         fill_section(Path(markdown), name, table.markdown(result))
     elif json != "-":
         table.print_bench(result)
+    return result.get("exit_code", 0)
 
 
 def _check_options(name: str, run: object, given: dict) -> None:

@@ -362,8 +362,8 @@ def bench(
         typer.Argument(
             metavar="NAME",
             help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording, approach, attach, workspace, targets or "
-            "interrupts.",
+            "human, handover-recording, approach, attach, workspace, targets, "
+            "interrupts or golden.",
         ),
     ],
     map_dir: Annotated[
@@ -411,6 +411,26 @@ def bench(
     plot: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Draw the figures, if it can.")
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Another checkout to compare with (golden)."),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ITEM", help="Only these; again for more (golden)."),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Keep what this checkout does (golden)."),
+    ] = None,
+    read: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Compare with what was kept (golden)."),
+    ] = None,
+    latency: Annotated[
+        bool,
+        typer.Option("--latency", help="Time frames of both, in turn (golden)."),
+    ] = False,
     markdown: Annotated[
         str | None,
         typer.Option(
@@ -429,7 +449,10 @@ def bench(
     options |= {"pushed": pushed or None, "processes": processes}
     options |= {"motions": motion or None, "files": file or None, "plot": plot}
     options |= {"reach": reach, "distances": distance or None}
-    run_bench(name, options, json, markdown)
+    options |= {"against": against, "only": only or None, "latency": latency or None}
+    options |= {"write": write, "read": read}
+    if code := run_bench(name, options, json, markdown):
+        raise typer.Exit(code)
 
 
 @app.command()

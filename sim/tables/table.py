@@ -19,7 +19,8 @@ def print_bench(result: dict, console: Console | None = None) -> None:
         table.add_column(name, justify="left" if k < 2 else "right")
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    if rows:
+        console.print(table)
     for more in result.get("tables", ()):
         _print_more(more, console)
     for line in setting_lines(result):
@@ -37,7 +38,7 @@ def _print_more(more: dict, console: Console) -> None:
 
 def markdown(result: dict) -> str:
     """Return the table of a bench and its setting as markdown."""
-    lines = _markdown_table(_lines(result))
+    lines = _markdown_table(_lines(result)) if result["rows"] else []
     for more in result.get("tables", ()):
         head, *rows = _markdown_table([more["head"], *more["rows"]])
         lines += ["", f"**{more['title']}**", "", head, *rows]
