@@ -9,19 +9,29 @@ from sim.terminal.output import Bars, show_json, write_text
 
 _FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
 _FLAGS |= {"distances": "--distance"}
+NOT_SHIPPED = (
+    "the benches are not installed with the package; run them from a checkout, where "
+    "`pip install -e '.[bench]'` brings them and what they compare with"
+)
 
 
 def bench_names() -> list[str]:
     """Return the benches that are there: modules under `sim.bench` with a `run`.
 
     `sim/bench/paper/odm_paper.py` is called odm-paper.
+
+    Raises:
+        BadInput: They are not there: an installed wheel leaves `sim.bench` out.
     """
     return sorted(_modules())
 
 
 def _modules() -> dict[str, str]:
     """Return the module of each bench by its name."""
-    import sim.bench
+    try:
+        import sim.bench
+    except ImportError:
+        raise BadInput(NOT_SHIPPED) from None
 
     found = {}
     for folder in map(Path, sim.bench.__path__):
@@ -45,7 +55,7 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
         The exit code: 1 where a bench that compares found a difference.
 
     Raises:
-        BadInput: There is no such bench, or it has no such option or file.
+        BadInput: There are no benches or none of that name, or no such option or file.
     """
     modules = _modules()
     if name not in modules:

@@ -216,7 +216,7 @@ def write_files(
     for path in written:
         path.parent.mkdir(parents=True, exist_ok=True)
     if files.plot is not None:
-        from sim.draw.pictures import write_latency_plot
+        from sim.draw.latency_plot import write_latency_plot
 
         write_latency_plot(result, files.plot)
     if files.animation is not None:

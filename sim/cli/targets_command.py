@@ -199,7 +199,7 @@ def run_meet(
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
     if plot is not None:
-        from sim.draw.pictures import write_latency_plot
+        from sim.draw.latency_plot import write_latency_plot
 
         write_latency_plot(result, plot)
     data = {
