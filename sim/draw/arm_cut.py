@@ -7,7 +7,7 @@ import numpy as np
 
 from handover import Human
 from handover.meet.places import PlaceQualities, qualities_at
-from handover.meet.quality import QualitySettings
+from handover.meet.settings import QualitySettings
 from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
 from sim.draw.silhouette import AXES, Silhouette
 from sim.terminal.output import Bars, write_whole
