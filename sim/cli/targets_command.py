@@ -10,7 +10,7 @@ import numpy as np
 from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject, mallet, wrench
-from handover.meet.meet_settings import MeetSettings
+from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
