@@ -34,6 +34,11 @@ def pose_of(position: Sequence[float], rpy: Sequence[float] = (0, 0, 0)) -> np.n
     return pose
 
 
+def flat_pose(T: np.ndarray) -> np.ndarray:
+    """Return a (4, 4) pose as (12,): rotation by rows, then origin [m]."""
+    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
+
+
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     """Return `pose` as float (4, 4).
 

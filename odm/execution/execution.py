@@ -25,7 +25,7 @@ from odm.execution.lookout import Lookout
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat
 from roadmap.kinematics.forward import difference
-from roadmap.motion.blending import joint_sway
+from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
@@ -126,7 +126,7 @@ class Executor:
             self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
         self._share = max(tracking - self.settings.encoder, 0.0) + _ROUNDING
-        self._sway = joint_sway(robot)
+        self._sway = joint_motion_bounds(robot)
         self.off = 0.0
         self._beside = np.zeros(robot.dof)  # from the set-point to where it is
         self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]

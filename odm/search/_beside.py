@@ -9,7 +9,7 @@ import math
 from numba import njit
 
 from odm.search._state import N_TRACK, arm_of, own_of, work_of
-from roadmap.kinematics._deviation import legs_stray
+from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times the share: a robot farther off by the sum is not looked at
 _STRAIGHT = 1e-9  # of two legs along one line, no corner can be told
@@ -111,16 +111,8 @@ def stray_at(state, way, k, share, q, nearby):
         total += abs(own.dq[j]) * own.sway[j]
     if total > nearby:
         return math.inf
-    return legs_stray(
-        arm.tree_i,
-        arm.tree_f,
-        arm.spheres,
-        arm.body,
-        arm.reach,
-        work.point,
-        own.spot,
-        share,
-        own.dq,
+    cover = CoverModel(arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach)
+    scratch = DeviationWork(
         work.frames[0],
         work.frames[1],
         work.rates[0],
@@ -128,3 +120,4 @@ def stray_at(state, way, k, share, q, nearby):
         work.body_speed,
         work.speed,
     )
+    return legs_deviation(cover, work.point, own.spot, share, own.dq, scratch)

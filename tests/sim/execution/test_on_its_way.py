@@ -37,7 +37,7 @@ def follow(small_map, seed, frames=2000):
         executor.heed(answer, commit, None)
         planner.polish(4, executor.ahead())
         executor.advance()
-        way, s = executor.motion._way, executor.motion.place(executor.t)
+        way, s = executor.motion.path, executor.motion.place(executor.t)
         on_blends += bool(way.pieces and way.pieces[way.index(s)].d > 0.0)
         if executor.at_rest:
             break

@@ -16,7 +16,7 @@ from odm.execution.execution import (
 from odm.execution.kinematic import KinematicMover
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
-from roadmap.motion.blending import joint_sway
+from roadmap.motion.blending import joint_motion_bounds
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.people.human_motion import make_motion, motion_names
@@ -119,7 +119,7 @@ class Pushable:
         self.executor = Executor(
             small_map.robot, self.planner, PLACES[0], PERIOD, settings
         )
-        self.sway = joint_sway(small_map.robot)
+        self.sway = joint_motion_bounds(small_map.robot)
         self.reasons = set()
 
     def frame(self, q=None, threat=None):
