@@ -9,6 +9,7 @@ import math
 from numba import njit
 
 from odm.search._state import N_TRACK, arm_of, own_of, work_of
+from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times the share: a robot farther off by the sum is not looked at
@@ -42,18 +43,6 @@ def locate_beside(state, way, first, q, out):
                 best, best_off = k, off
                 out[0] = share
     return best
-
-
-@njit(cache=True, nogil=True)
-def nearest_share(a, b, q):
-    """Return the share of the motion from a to b that is nearest to q."""
-    along = 0.0
-    length2 = 0.0
-    for j in range(q.shape[0]):
-        d = b[j] - a[j]
-        along += (q[j] - a[j]) * d
-        length2 += d * d
-    return min(1.0, max(0.0, along / length2)) if length2 > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -71,7 +71,8 @@ def solve(
     middle = limits.mean(axis=1)
     start = middle if q_seed is None else checked(robot, q_seed)
     rng = np.random.default_rng(seed)
-    starts = [start, middle, *rng.uniform(*limits.T, (max(attempts, 2), robot.dof))]
+    size = (max(attempts, 2), robot.dof)
+    starts = [start, middle, *rng.uniform(limits[:, 0], limits[:, 1], size)]
     if q_seed is None:
         starts = starts[1:]
     limits[robot.continuous] = -np.inf, np.inf

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def with_payload(
     reach = group_reach(robot.tree_i, robot.tree_f, span, bodies, [centers, corners])
     held = hanging_on(robot, body)
     pairs = [[k, link] for k, b in enumerate(robot.link_body) if int(b) not in held]
-    own = {
+    changed: dict[str, Any] = {
         "link_names": (*robot.link_names, PAYLOAD),
         "link_body": np.append(robot.link_body, body),
         "spheres": np.concatenate([robot.spheres, placed]),
@@ -75,7 +76,7 @@ def with_payload(
             [robot.self_pairs, np.array(pairs, np.int32).reshape(-1, 2)]
         ),
     }
-    return replace(robot, **own, **_with_solids(robot, solids, link))
+    return replace(robot, **changed, **_with_solids(robot, solids, link))
 
 
 def hanging_on(robot: Robot, body: int) -> set[int]:

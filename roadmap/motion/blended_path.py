@@ -198,12 +198,16 @@ class BlendedPath:
             for k, p in enumerate(self.pieces)
             if p.end > begin + SAME and p.begin < end - SAME
         ]
-        pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
-        limits = (
-            array[kept]
-            for array in (self.joint_speed, self.turning_speed, self.a, self.j)
+        return BlendedPath(
+            self.robot,
+            tuple(self.pieces[k].cut(begin, end) for k in kept),
+            self.joint_speed[kept],
+            self.turning_speed[kept],
+            self.a[kept],
+            self.j[kept],
+            self.deviation,
+            self.at(end)[0],
         )
-        return BlendedPath(self.robot, pieces, *limits, self.deviation, self.at(end)[0])
 
 
 def _common(corners: list[Corner], path: np.ndarray) -> int:

@@ -8,7 +8,7 @@ quickest profile. All profiles are kept as constant-jerk phases.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
@@ -100,7 +100,7 @@ class ProfileBuilder:
         """Begin at time 0."""
         self.phases: list[Phase] = []
         self.t, self.state = 0.0, state
-        self._otg: Ruckig | None = None
+        self._otg: Any = None  # made when it is needed
 
     def profile(self) -> SpeedProfile:
         """Return what was collected."""
