@@ -26,7 +26,10 @@ def rotation_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
     )
 
 
-def pose_of(position: Sequence[float], rpy: Sequence[float] = (0, 0, 0)) -> np.ndarray:
+def pose_of(
+    position: Sequence[float] | np.ndarray,
+    rpy: Sequence[float] | np.ndarray = (0, 0, 0),
+) -> np.ndarray:
     """Return the (4, 4) pose of a position [m] and roll, pitch, yaw [rad]."""
     pose = np.eye(4)
     pose[:3, :3] = rotation_rpy(*rpy)
