@@ -18,6 +18,8 @@ test: $(VENV)/.test
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 clean:
 	rm -rf out build dist *.egg-info maps/built .pytest_cache .ruff_cache .hypothesis

@@ -12,6 +12,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import self_collision
 from roadmap.robot.robot import PRISMATIC, REVOLUTE, Robot
+from roadmap.transforms import flat_pose
 
 _ARRAYS = ("fixed", "kind", "scale", "limits", "endless", "length")
 
@@ -152,7 +153,7 @@ def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
             continue
         turn = np.eye(4)
         turn[:3, :3] = _z_to(f[12:15])
-        fixed.append(_flat(T @ turn))
+        fixed.append(flat_pose(T @ turn))
         joint = int(robot.tree_i[body, 1])
         rows += [] if joint in rows else [joint]
         kind.append((robot.tree_i[body, 2], joint))
@@ -160,7 +161,7 @@ def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
         T = turn.T
     if not kind:
         raise BadInput(f"no joint of {robot.name} moves its tool {robot.tip_name!r}")
-    fixed.append(_flat(T @ robot.T_body_tip))
+    fixed.append(flat_pose(T @ robot.T_body_tip))
     rows.sort()
     kind = [(k, rows.index(j)) for k, j in kind]
     return Chain(
@@ -197,7 +198,3 @@ def _pose(rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = np.reshape(rotation, (3, 3)), origin
     return T
-
-
-def _flat(T: np.ndarray) -> np.ndarray:
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])

@@ -12,7 +12,7 @@ def is_between(value: object, low: float, high: float) -> bool:
         not isinstance(value, Real) or isinstance(value, bool)
     ):
         return False
-    return bool(low <= value <= high)
+    return bool(low <= value <= high)  # type: ignore[operator]
 
 
 def check_number(

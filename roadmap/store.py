@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -159,9 +159,9 @@ def _verified(path: Path, name: str, row: dict) -> np.ndarray:
         begin = _check_header(stream, path, name, row, size)
         data = np.empty(size, np.uint8)
         stream.seek(0)
-        if stream.readinto(data) != size:
+        if stream.readinto(data.data) != size:
             raise _damaged(path, name, "it was shortened while it was read")
-    if hashlib.sha256(data).hexdigest() != row["sha256"]:
+    if hashlib.sha256(data.data).hexdigest() != row["sha256"]:
         raise BadMap(
             f"array {name} of map {path} was altered (its SHA-256 does not match the "
             "manifest); build the map again"
@@ -183,7 +183,7 @@ def _mapped(path: Path, name: str, row: dict) -> np.ndarray:
 
 
 @contextmanager
-def _opened(path: Path, name: str) -> Iterator[BinaryIO]:
+def _opened(path: Path, name: str) -> Iterator[BufferedReader]:
     try:
         with open(path / f"{name}.npy", "rb") as stream:
             yield stream
@@ -191,7 +191,9 @@ def _opened(path: Path, name: str) -> Iterator[BinaryIO]:
         raise _damaged(path, name, error) from error
 
 
-def _check_header(stream: BinaryIO, path: Path, name: str, row: dict, size: int) -> int:
+def _check_header(
+    stream: BufferedReader, path: Path, name: str, row: dict, size: int
+) -> int:
     """Return where the numbers begin in a .npy file that is what its row says.
 
     The header is compared with what `numpy.save` writes, never read: it is Python.

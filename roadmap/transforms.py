@@ -26,12 +26,20 @@ def rotation_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
     )
 
 
-def pose_of(position: Sequence[float], rpy: Sequence[float] = (0, 0, 0)) -> np.ndarray:
+def pose_of(
+    position: Sequence[float] | np.ndarray,
+    rpy: Sequence[float] | np.ndarray = (0, 0, 0),
+) -> np.ndarray:
     """Return the (4, 4) pose of a position [m] and roll, pitch, yaw [rad]."""
     pose = np.eye(4)
     pose[:3, :3] = rotation_rpy(*rpy)
     pose[:3, 3] = position
     return pose
+
+
+def flat_pose(T: np.ndarray) -> np.ndarray:
+    """Return a (4, 4) pose as (12,): rotation by rows, then origin [m]."""
+    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:

@@ -11,7 +11,7 @@ from handover.targets.live_targets import LiveSettings
 from handover.targets.target_choice import ChoiceSettings
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
-from odm.execution.execution import ExecutionSettings
+from odm.execution.executor import ExecutionSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings

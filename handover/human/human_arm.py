@@ -24,7 +24,7 @@ from handover.human._human_arm import arm_axes, arm_jacobian, arm_pose
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, flat_pose
 
 SIDES = ("left", "right")
 STEP = math.radians(15.0)  # [rad] between representatives, unless another is asked for
@@ -272,11 +272,6 @@ def check_joints(q: np.ndarray) -> np.ndarray:
             f"seven finite angles in rad: {', '.join(ARM_JOINTS)}"
         )
     return q
-
-
-def flat_pose(T: np.ndarray) -> np.ndarray:
-    """Return a (4, 4) pose as (12,): rotation by rows, origin."""
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
 def _matrix(pose: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from handover.jit_options import BARE, FULL, WITHIN
-from roadmap.geometry._gjk import separation
+from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
 from roadmap.kinematics._forward import body_frames
 
@@ -184,10 +184,8 @@ def _near(touch, frames, p):
     frame_b = frames[shell[b, 0]] if shell[b, 0] >= 0 else touch.still
     lower, _ = separation(
         touch.points,
-        (shell[a, 1], shell[a, 2]),
-        (shell[b, 1], shell[b, 2]),
-        frame_a,
-        frame_b,
+        Shell(shell[a, 1], shell[a, 2], frame_a),
+        Shell(shell[b, 1], shell[b, 2], frame_b),
         touch.way,
         MARGIN,
         touch.simplex,
@@ -236,7 +234,7 @@ def fill_tables(model, tabled, joints, spans, whole, clear):
         whole: (robot dof,) any configuration; the other joints do not matter.
         clear: (n_tables, TABLE, TABLE) written: where a cell is proved clear.
     """
-    tree_i, tree_f, pair_i, pair_reach, balls, points = model
+    tree_i, tree_f, pair_reach = model.tree_i, model.tree_f, model.reach
     frames, simplex = np.zeros((tree_i.shape[0], 12)), np.zeros((16, 3))
     for t in range(tabled.shape[0]):
         p, i, j = tabled[t], joints[t, 0], joints[t, 1]
@@ -252,7 +250,5 @@ def fill_tables(model, tabled, joints, spans, whole, clear):
                 if j >= 0:
                     q[j] = spans[j, 0] + (v + 0.5) * spans[j, 1] / TABLE
                 body_frames(tree_i, tree_f, q, frames)
-                lower, _ = pair_clearance(
-                    pair_i, balls, points, p, frames, need, axis, simplex
-                )
+                lower, _ = pair_clearance(model, p, frames, need, axis, simplex)
                 clear[t, u, v] = lower >= need

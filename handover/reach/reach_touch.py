@@ -8,7 +8,7 @@ from handover._chain import forward
 from handover.chain import Chain
 from handover.reach._reach_touch import LANES, MARGIN, TABLE, Touch, fill_tables
 from roadmap.arrays import frozen
-from roadmap.geometry._self_collision import pair_clearance
+from roadmap.geometry._self_collision import SelfModel, pair_clearance
 from roadmap.geometry.self_collision import self_collision
 from roadmap.kinematics._forward import body_frames
 
@@ -108,16 +108,15 @@ def _touch(chain: Chain, tree: tuple | None = None, **known: np.ndarray) -> Touc
     )
 
 
-def _moving_or_near(model: tuple, rows: list[int], whole: np.ndarray) -> list[int]:
+def _moving_or_near(model: SelfModel, rows: list[int], whole: np.ndarray) -> list[int]:
     """Return the pairs that a joint of the chain moves, or that touch as they are."""
-    tree_i, tree_f, pair_i, reach, balls, points = model
-    frames = np.zeros((len(tree_i), 12))
-    body_frames(tree_i, tree_f, whole, frames)
+    frames = np.zeros((len(model.tree_i), 12))
+    body_frames(model.tree_i, model.tree_f, whole, frames)
     kept = []
-    for p in range(len(pair_i)):
-        if not reach[p, rows].any():
+    for p in range(len(model.pairs)):
+        if not model.reach[p, rows].any():
             rest = MARGIN, np.zeros(3), np.zeros((16, 3))
-            lower, _ = pair_clearance(pair_i, balls, points, p, frames, *rest)
+            lower, _ = pair_clearance(model, p, frames, *rest)
             if lower >= MARGIN:
                 continue
         kept.append(p)

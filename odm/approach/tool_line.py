@@ -17,6 +17,7 @@ from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.forward import difference
+from roadmap.kinematics.inverse import tool_of
 from roadmap.robot.robot import JOINT, KIND, PARENT, REVOLUTE, Robot
 
 SAMPLES = 4  # parts of a leg between which the deviation is bounded
@@ -77,7 +78,7 @@ class ToolKinematics:
     def __init__(self, robot: Robot) -> None:
         """Bound what each joint can do to the tool."""
         self.robot = robot
-        self.tip = flat(robot.T_body_tip)
+        self.tool = tool_of(robot)
         limits = np.stack([robot.lower, robot.upper], axis=1)
         limits[robot.continuous] = -np.inf, np.inf
         self.limits = limits
@@ -143,20 +144,9 @@ class ToolKinematics:
 
     def reach(self, pose: np.ndarray, q: np.ndarray) -> tuple[bool, float, float]:
         """Bring `q` in place to a pose (12,); return (reached, [m], [rad])."""
-        robot = self.robot
         self.descents += 1
         np.clip(q, self.limits[:, 0], self.limits[:, 1], out=q)
-        errors = descend(
-            robot.tree_i,
-            robot.tree_f,
-            robot.tip_body,
-            self.tip,
-            pose,
-            self.limits,
-            q,
-            _STEPS,
-            _GOAL,
-        )
+        errors = descend(self.tool, pose, self.limits, q, _STEPS, _GOAL)
         return errors[0] <= _NEAR[0] and errors[1] <= _NEAR[1], *errors
 
     def at_limits(self, q: np.ndarray) -> list[str]:
@@ -202,11 +192,6 @@ class ToolKinematics:
         turned += share * (math.sqrt(3.0) * 1.5 * w * w + math.sqrt(2.0) * own * own)
         angle = 2.0 * math.asin(min(1.0, turned / math.sqrt(8.0)))
         return off + share * float(self._second[0]), angle
-
-
-def flat(T: np.ndarray) -> np.ndarray:
-    """Return a pose (4, 4) as (12,): rotation, row by row, and origin."""
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
 class NearPoses:

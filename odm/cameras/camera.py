@@ -173,7 +173,9 @@ class DepthCamera:
 
 
 def look_at(
-    eye: np.ndarray, target: np.ndarray, up: np.ndarray = (0.0, 0.0, 1.0)
+    eye: np.ndarray,
+    target: np.ndarray,
+    up: np.ndarray | tuple[float, ...] = (0.0, 0.0, 1.0),
 ) -> np.ndarray:
     """Return T_base_camera (4, 4) of a camera at `eye` that looks at `target` [m].
 

@@ -116,8 +116,12 @@ def _collect(
         results.append(result)
         done = part.stop
         tell(stage, done, n)
-    empty = (np.zeros(0, np.int64), np.zeros(0, block_type), np.zeros(0, np.uint64))
-    columns = list(zip(*(results or [empty]), strict=True))
+    none: tuple[np.ndarray, ...] = (
+        np.zeros(0, np.int64),
+        np.zeros(0, block_type),
+        np.zeros(0, np.uint64),
+    )
+    columns = list(zip(*(results or [none]), strict=True))
     counts, blocks, masks = (np.concatenate(c) for c in columns)
     ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return ptr, blocks, masks

@@ -1,11 +1,23 @@
 """Which points of a person are near, which parts go on, and how each point moves."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from roadmap.geometry._segments import nearest_share
+
 _ROUNDING = 1e-9  # [m]
+
+
+class Tracks(NamedTuple):
+    """What is known of the parts of a person from the frame before."""
+
+    ends: np.ndarray  # (k, 2, 3) ends of the capsules [m]
+    rate: np.ndarray  # (k, 2, 3) their velocities, 0 where they are not known [m/s]
+    slack: np.ndarray  # (k,) bound on the errors of `rate` [m/s]
+    frames: np.ndarray  # (k,) that each part has been followed for
 
 
 @njit(cache=True, nogil=True)
@@ -35,14 +47,14 @@ def near_points(points, centers, far, near):
 
 
 @njit(cache=True, nogil=True)
-def off(ends, k, before, rate, j, passed, turned):
+def off(ends, k, before, j, passed, turned):
     """Return how far part k is from where part j was expected [m]."""
     most = 0.0
     for side in range(2):
         other = 1 - side if turned else side
         total = 0.0
         for a in range(3):
-            there = before[j, other, a] + passed * rate[j, other, a]
+            there = before.ends[j, other, a] + passed * before.rate[j, other, a]
             total += (ends[k, side, a] - there) ** 2
         if not total <= most:  # a NaN stays one
             most = total
@@ -50,25 +62,23 @@ def off(ends, k, before, rate, j, passed, turned):
 
 
 @njit(cache=True, nogil=True)
-def follow(ends, before, rate, slack, count, passed, limits, after):
+def follow(ends, before, passed, limits, after):
     """Write to after (k,) for how many frames each part was followed, this one too.
 
     1: it is another part that has taken the name, or may be: it is too far from where
     it was, or where another part of the frame before was expected, as are two that
     exchange their names. 2: it does not go on as it did, so the velocity of last time
-    was not its own, or it was pushed; the next frame tells whether this one is.
+    belonged to another, or it was pushed; the next frame tells whether this one is.
 
     Args:
         ends: (k, 2, 3) ends of the capsules now [m].
-        before: (k, 2, 3) the same `passed` ago [m].
-        rate: (k, 2, 3) their velocities then, 0 where they are not known [m/s].
-        slack: (k,) bound on the errors of `rate` [m/s].
-        count: (k,) frames that each part has been followed for.
+        before: The same parts `passed` ago.
         passed: Time between the frames [s].
         limits: (4,) noise [m], acceleration and jump [m/s2], top speed [m/s].
         after: (k,) result.
     """
     noise, most, jump, top = limits[0], limits[1], limits[2], limits[3]
+    slack, count = before.slack, before.frames
     n = ends.shape[0]
     room = 2.0 * noise + 0.5 * most * passed * passed + _ROUNDING
     for k in range(n):
@@ -76,60 +86,58 @@ def follow(ends, before, rate, slack, count, passed, limits, after):
         for side in range(2):
             total = 0.0
             for a in range(3):
-                total += (ends[k, side, a] - before[k, side, a]) ** 2
+                total += (ends[k, side, a] - before.ends[k, side, a]) ** 2
             if not total <= moved:
                 moved = total
         fits = math.sqrt(moved) <= 2.0 * noise + top * passed + _ROUNDING
         agrees = True
         if count[k] >= 2:
-            own = off(ends, k, before, rate, k, passed, False)
+            error = off(ends, k, before, k, passed, False)
             allowed = room + slack[k] * passed
-            if not own <= allowed:
-                turned = off(ends, k, before, rate, k, passed, True)
+            if not error <= allowed:
+                turned = off(ends, k, before, k, passed, True)
                 fits = fits and not turned <= allowed
             if count[k] >= 3:  # its velocity was confirmed
                 allowed += max(0.0, jump - most) * passed * passed
-            agrees = own <= allowed
+            agrees = error <= allowed
         for j in range(n):
             if fits and j != k and count[j] >= 2:
                 reach = room + slack[j] * passed
                 fits = not (
-                    off(ends, k, before, rate, j, passed, False) <= reach
-                    or off(ends, k, before, rate, j, passed, True) <= reach
+                    off(ends, k, before, j, passed, False) <= reach
+                    or off(ends, k, before, j, passed, True) <= reach
                 )
         after[k] = (count[k] + 1 if agrees else 2) if fits else 1
 
 
 @njit(cache=True, nogil=True)
-def velocities(points, ends, radii, rates, own, out):
+def velocities(points, ends, radii, rates, part, out):
     """Write the velocities of points (n, 3) on capsules to out (r, n, 3).
 
     The capsules' ends stand in ends (k, 2, 3) and move by each of rates (r, k, 2, 3);
     radii (k,). A point moves with the capsule whose surface it is nearest to, written
-    to own (n,), as a rigid body: as the place of the axis that it stands above, and
+    to part (n,), as a rigid body: as the place of the axis that it stands above, and
     with the turning of the axis.
     """
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        p = points[i]
         nearest, share, least = 0, 0.0, math.inf
         for k in range(radii.shape[0]):
-            ax, ay, az = ends[k, 0, 0], ends[k, 0, 1], ends[k, 0, 2]
-            bx, by, bz = ends[k, 1, 0] - ax, ends[k, 1, 1] - ay, ends[k, 1, 2] - az
-            dx, dy, dz = x - ax, y - ay, z - az
-            t = dx * bx + dy * by + dz * bz
-            t /= max(bx * bx + by * by + bz * bz, 1e-12)
-            t = min(max(t, 0.0), 1.0)
-            dx, dy, dz = dx - t * bx, dy - t * by, dz - t * bz
+            a, b = ends[k, 0], ends[k, 1]
+            t = nearest_share(a, b, p)
+            dx = p[0] - a[0] - t * (b[0] - a[0])
+            dy = p[1] - a[1] - t * (b[1] - a[1])
+            dz = p[2] - a[2] - t * (b[2] - a[2])
             away = abs(math.sqrt(dx * dx + dy * dy + dz * dz) - radii[k])
             if away < least:
                 nearest, share, least = k, t, away
-        own[i] = nearest
+        part[i] = nearest
         a, b = ends[nearest, 0], ends[nearest, 1]
         ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         square = ux * ux + uy * uy + uz * uz
-        dx = x - a[0] - share * ux
-        dy = y - a[1] - share * uy
-        dz = z - a[2] - share * uz
+        dx = p[0] - a[0] - share * ux
+        dy = p[1] - a[1] - share * uy
+        dz = p[2] - a[2] - share * uz
         for r in range(rates.shape[0]):
             u, v = rates[r, nearest, 0], rates[r, nearest, 1]
             for c in range(3):

@@ -1,25 +1,73 @@
-"""The plain way to move: at joint speed limits, starting and stopping at once."""
+"""The plain motion: at joint speed limits, starting and stopping at once."""
+
+from typing import Any
 
 import numpy as np
 
-from odm.execution.execution import (
+from odm.execution.executor import (
     MOVING,
     RETREAT_EVERY,
     RETREATING,
     STANDING,
     ExecutionSettings,
 )
-from odm.execution.follower import Follower
-from odm.execution.threat import Threat
+from odm.execution.lookout import SeparationWatch
+from odm.execution.threat import Moving
+from roadmap.arrays import frozen
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Commit, SetPoint
 from roadmap.robot.robot import Robot
 
 
+class Follower:
+    """Moves along the corners of a path within the joints' speed limits.
+
+    It stops and starts at once: limits on acceleration and jerk need a timed path.
+
+    Args:
+        robot: The robot.
+        speed_scale: Share of the joints' speed limits that may be used, in (0, 1].
+    """
+
+    def __init__(self, robot: Robot, speed_scale: float = 1.0) -> None:
+        """Scale the limits."""
+        self.robot = robot
+        self.max_velocity = frozen(speed_scale * robot.max_velocity, np.float64)
+
+    def advance(
+        self, q: np.ndarray, path: np.ndarray, dt: float, scale: float = 1.0
+    ) -> np.ndarray:
+        """Return where the robot is after `dt` seconds on the path.
+
+        Args:
+            q: (dof,) configuration now [rad or m].
+            path: (k, dof) corners; the first one is at or near `q`.
+            dt: Time to move [s].
+            scale: Share of this follower's speed to use.
+
+        Returns:
+            (dof,) the new configuration; the last corner if there is time left.
+        """
+        left = dt
+        for corner in path:
+            step = difference(self.robot, q, corner)
+            needed = float(np.max(np.abs(step) / (scale * self.max_velocity)))
+            if needed > left:
+                return self._wrapped(q + step * (left / needed))
+            left -= needed
+            q = corner
+        return np.array(q, float)
+
+    def _wrapped(self, q: np.ndarray) -> np.ndarray:
+        """Return q with continuous joints in [-pi, pi)."""
+        turned = (q + np.pi) % (2 * np.pi) - np.pi
+        return np.where(self.robot.continuous, turned, q)
+
+
 class KinematicMover:
     """Follows the planner's paths within the speed limits only.
 
-    The same use as `odm.execution.execution.Executor`, for planners and robots without
+    The same use as `odm.execution.executor.Executor`, for planners and robots without
     dynamics.
 
     Args:
@@ -41,7 +89,7 @@ class KinematicMover:
     def __init__(
         self,
         robot: Robot,
-        planner: object,
+        planner: Any,  # noqa: ANN401 (asked for `separation` alone)
         q: np.ndarray,
         period: float,
         settings: ExecutionSettings | None = None,
@@ -55,8 +103,8 @@ class KinematicMover:
         self._retreater = Follower(robot, settings.retreat_scale)
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
         self._path = self._q[None]
-        self._gap = np.inf
-        self._frame, self._asked = 0, -RETREAT_EVERY
+        self._separation = SeparationWatch(planner)
+        self._frame, self._retreat_frame = 0, -RETREAT_EVERY
 
     @property
     def set_point(self) -> SetPoint:
@@ -78,29 +126,29 @@ class KinematicMover:
     def ahead(self) -> None:
         """It is not known where the next path will begin: somewhere near."""
 
-    def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
+    def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer; `commit` and `threat` change nothing."""
         if answer.status != "holding":
-            self._gap = np.inf
+            self._separation.forget()
             self.state, self._path = MOVING, answer.path
-            self._asked = -RETREAT_EVERY
+            self._retreat_frame = -RETREAT_EVERY
             return
         self._frame += 1
-        wise = self._wise()
-        if self.state == RETREATING and wise and self._still_better():
+        may_move = self._separation.stays_above(self._stand_below, self._q)
+        if self.state == RETREATING and may_move and self._still_better():
             return
         self.state, self._path = STANDING, self._q[None]
-        if wise and self._frame - self._asked >= RETREAT_EVERY:
-            self._asked, retreat = self._frame, answer.retreat
+        if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
+            self._retreat_frame, retreat = self._frame, answer.retreat
             if retreat is not None and len(retreat):
                 # without its beginning, or the robot would go back there every frame
                 self.state, self._path = RETREATING, retreat[-1:]
 
     def _still_better(self) -> bool:
-        """Whether the way out leads farther from the points than here, as they are."""
+        """Whether the retreat ends farther from the points than here, as they are."""
         end = self._path[-1]
         there = bool(np.abs(difference(self.robot, self._q, end)).max() < 1e-9)
-        return not there and self.planner.separation(end) >= self._gap - 1e-6
+        return not there and self._separation.is_better_at(end)
 
     def advance(self) -> None:
         """Let one period pass."""
@@ -110,9 +158,3 @@ class KinematicMover:
             q = mover.advance(q, self._path, self.period)
         self._dq = difference(self.robot, self._q, q) / self.period
         self._q = q
-
-    def _wise(self) -> bool:
-        """Whether it may move at all: the person is not about to touch it."""
-        before, self._gap = self._gap, self.planner.separation(self._q)
-        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
-        return self._gap - 2 * closing >= self._stand_below

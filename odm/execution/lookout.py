@@ -1,18 +1,54 @@
-"""When the robot should get out of the way of who comes, before it cannot any more.
+"""When a robot should retreat from who comes, before it cannot any more.
 
 Braking ends in a stand, and who does not look comes on. So the robot looks at where
-the person's drift leads within a short time: if that is in the way of its motion, and
-where it could stop as well, it asks for a motion out of the way.
+the person's drift leads within a short time: if that blocks its motion, and where it
+could stop as well, it asks for a motion that leads away.
 """
+
+from typing import Any
 
 import numpy as np
 
 from odm.execution.threat import Threat
 from roadmap.motion.motion import Commit, Motion
 
-AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] it looks ahead so far
-AGAIN = 0.05  # [s] between two searches, which take a while
-LOOKS = 0.02  # [s] between two looks
+_AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] it looks ahead so far
+_BETWEEN_SEARCHES = 0.05  # [s], which take a while
+_BETWEEN_LOOKS = 0.02  # [s]
+
+
+class SeparationWatch:
+    """Follows from frame to frame how near the points are to the robot.
+
+    Args:
+        planner: Asked with `separation`.
+
+    Attributes:
+        last: The separation that was measured last [m]; infinite where none was.
+    """
+
+    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+        """Nothing was measured."""
+        self.planner, self.last = planner, np.inf
+
+    def forget(self) -> None:
+        """Begin anew: how fast the points come nearer is not known any more."""
+        self.last = np.inf
+
+    def measure(self, q: np.ndarray) -> float:
+        """Return the separation at q (dof,) [m]."""
+        self.last = self.planner.separation(q)
+        return self.last
+
+    def stays_above(self, least: float, q: np.ndarray) -> bool:
+        """Whether the separation at q is `least` [m] still, two frames on."""
+        before = self.last
+        closing = max(before - self.measure(q), 0.0)  # by frame; 0 in the first one
+        return self.last - 2 * closing >= least
+
+    def is_better_at(self, q: np.ndarray) -> bool:
+        """Whether the points, as they are, are no nearer at another q (dof,)."""
+        return self.planner.separation(q) >= self.last - 1e-6
 
 
 class Lookout:
@@ -23,7 +59,7 @@ class Lookout:
         period: Time between frames [s].
     """
 
-    def __init__(self, planner: object, period: float) -> None:
+    def __init__(self, planner: Any, period: float) -> None:  # noqa: ANN401
         """Nobody comes."""
         self.planner, self.period = planner, period
         self._wait_s = 0.0
@@ -36,7 +72,7 @@ class Lookout:
         threat: Threat,
         speed_scale: float,
     ) -> np.ndarray | None:
-        """Return (2, dof) a motion out of the way, or None; ask in every frame.
+        """Return (2, dof) a motion that leads away, or None; ask in every frame.
 
         Args:
             motion: The motion in use.
@@ -48,21 +84,21 @@ class Lookout:
         self._wait_s -= self.period
         if self._wait_s > 1e-9:
             return None
-        self._wait_s = LOOKS
+        self._wait_s = _BETWEEN_LOOKS
         if not len(threat.points) or threat.likely(0.0) is None:
             return None
         if not self._is_hit(motion, t, threat):
             return None
-        points = threat.likely(0.0, *AHEAD)
+        points = threat.likely(0.0, *_AHEAD)
         if self.planner.blocked_leg(commit.q[None], 0.0, points) is None:
             return None
-        self._wait_s = AGAIN
-        coming = [(t, threat.likely(t)) for t in AHEAD]
+        self._wait_s = _BETWEEN_SEARCHES
+        coming = [(t, threat.likely(t)) for t in _AHEAD]
         return self.planner.way_out(commit.q, coming, speed_scale)
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
-        for ahead in AHEAD[1::2]:
+        for ahead in _AHEAD[1::2]:
             q = motion.at(t + ahead).q[None]
             if self.planner.blocked_leg(q, 0.0, threat.likely(ahead)) is not None:
                 return True

@@ -1,8 +1,8 @@
 """Where another robot can be until this one stands: by its intent, or by its limits.
 
-Two robots of one cell tell each other what they hold tested: the way they are on up to
-the next set-point and the stop behind it. Nothing else can follow without a new test.
-So each tests its own way against *all* that the other may still sweep, at any time:
+Two robots of one cell tell each other what they hold tested: their path up to the next
+set-point and the stop behind it. Nothing else can follow without a new test.
+So each tests its own path against *all* that the other may still sweep, at any time:
 what the two can sweep before they both stand never meets, whoever is late.
 
 A robot that tells nothing is bounded by its joints: from the measured q and dq it goes
@@ -14,17 +14,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm.execution.executor import Executor
 from odm.obstacles.robot_surface import RobotSurface
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
 
-_STEP = 0.02  # time between two places on a way, if it is short [s]
-_MOST = 24  # places on one piece of a way
+_STEP = 0.02  # time between two places on a stretch, if it is short [s]
+_MOST = 24  # places on one stretch
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A piece of a way that a robot may go: a motion from one time on it to another.
+    """What a robot may do next: a motion from one time on it to another.
 
     Attributes:
         motion: The motion.
@@ -39,20 +40,19 @@ class Stretch:
 Intent = tuple[Stretch, ...]
 
 
-def intent_of(executor: object) -> Intent:
+def intent_of(executor: Executor) -> Intent:
     """Return all that an executor may still do without another test.
 
     Args:
-        executor: A `odm.execution.execution.Executor`, in a frame that it heeded or
-            before.
+        executor: In a frame in which it was updated, or before its first one.
     """
     motion, t = executor.motion, executor.t
-    held = executor._held
+    held = executor.held
     if held is None or held is motion:
         return (Stretch(motion, t, motion.duration),)
-    go = min(t + max(0.0, -executor._held_t), motion.duration)
-    stop = Stretch(held, max(0.0, executor._held_t), held.duration)
-    return (Stretch(motion, t, go), stop)
+    turn = min(t + max(0.0, -executor.held_t), motion.duration)
+    stop = Stretch(held, max(0.0, executor.held_t), held.duration)
+    return (Stretch(motion, t, turn), stop)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class IntentThreat:
     """Everything another robot may still sweep; in the place of a `Threat`.
 
     Attributes:
-        points: (k, 3) its surface at places along its way [m].
+        points: (k, 3) its surface at places along its path [m].
         radius: What moves between two of them stays within this of a point [m].
         fastest: The highest speed of any of its points now, at most [m/s].
     """
@@ -80,7 +80,7 @@ def intent_threat(
     """Return what a robot with an intent may sweep.
 
     Within a time of `half` from the middle of a piece joint j moves by at most
-    |dq_j| half + a_j half^2 / 2, and a point by the sum over j times its sway.
+    |dq_j| half + a_j half^2 / 2, and a point by the sum over j times its motion bound.
 
     Args:
         surface: The other robot's moving links.

@@ -1,12 +1,13 @@
 """The test behind every set-point: can the robot stop before the person is there?
 
-The way up to the end of a stop is tested against the person's points, grown by how far
+The path up to the end of a stop is tested against the person's points, grown by how far
 the person can come meanwhile (design, step 7).
 """
 
 import math
+from typing import Any
 
-from odm.execution.threat import Threat
+from odm.execution.threat import Moving
 from roadmap.motion.motion import Motion
 
 _SLICE = 0.04  # a motion is tested in pieces of this length [s]
@@ -19,7 +20,7 @@ class BrakingTest:
         planner: Asked with `blocked_leg`.
     """
 
-    def __init__(self, planner: object) -> None:
+    def __init__(self, planner: Any) -> None:  # noqa: ANN401
         """Keep the planner."""
         self.planner = planner
 
@@ -29,11 +30,11 @@ class BrakingTest:
         t: float,
         begin: float,
         stop: Motion,
-        threat: Threat,
+        threat: Moving,
         closer: float = 0.0,
-        beside: float = 0.0,
+        off: float = 0.0,
     ) -> bool:
-        """Whether the way to the end of a stop is free, whenever the robot is where.
+        """Whether the path to the end of a stop is free at the times it is gone along.
 
         First as a whole, against where the person can be at any time of it, which is
         enough while nobody is near; then in pieces by time.
@@ -42,21 +43,21 @@ class BrakingTest:
             motion: The motion in use.
             t: The present time on it [s].
             begin: When the stop begins, on the same clock [s].
-            stop: The stop on the same way.
-            threat: The person.
+            stop: The stop on the same path.
+            threat: Where the person, or another robot, can be.
             closer: How much nearer than m the robot may come [m].
-            beside: How far from the motion any point of the robot may be [m]: the
-                points are grown by that, too.
+            off: How far from the motion any point of the robot may be [m]: the points
+                are grown by that, too.
         """
-        closer = closer - beside
-        go = max(begin - t, 0.0)  # a motion may be over
-        points, radius = threat.between(0.0, go + stop.duration)
-        way = motion.path_from(t, stop.length)
-        if self.planner.blocked_leg(way, radius - closer, points) is None:
+        closer = closer - off
+        before = max(begin - t, 0.0)  # the stop; a motion may be over
+        points, radius = threat.between(0.0, before + stop.duration)
+        path = motion.path_from(t, stop.length)
+        if self.planner.blocked_leg(path, radius - closer, points) is None:
             return True
         if not self._clear(motion, t, begin, 0.0, threat, closer):
             return False
-        return self._clear(stop, 0.0, stop.duration, go, threat, closer)
+        return self._clear(stop, 0.0, stop.duration, before, threat, closer)
 
     def _clear(
         self,
@@ -64,7 +65,7 @@ class BrakingTest:
         begin: float,
         end: float,
         later: float,
-        threat: Threat,
+        threat: Moving,
         closer: float,
     ) -> bool:
         """Test a motion from `begin` to `end`, which is at `later` from now on."""

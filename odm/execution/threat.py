@@ -35,11 +35,11 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from odm.execution._threat import follow, near_points, velocities
+from odm.execution._threat import Tracks, follow, near_points, velocities
 from roadmap.ranges import check_settings
 
 _DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
@@ -92,6 +92,17 @@ class ThreatSettings:
         check_settings(self, ranges)
 
 
+class Moving(Protocol):
+    """Who moves near a robot: a person (`Threat`), or another robot."""
+
+    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
+        """Return points (n, 3) and the radius [m] of balls that hold them meanwhile."""
+
+    @property
+    def fastest(self) -> float:
+        """The highest speed of any of the points [m/s]."""
+
+
 @dataclass(frozen=True)
 class Threat:
     """A person's points that are near enough to matter, and how they move.
@@ -135,13 +146,14 @@ class Threat:
         the points covered it; see the module. The radius is infinite where the times
         or the age are not known.
         """
-        known = self.is_dated and math.isfinite(begin + end)
+        age = self._age
+        known = math.isfinite(age + begin + end)
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
         if not (known and end < math.inf):
             return self.points, math.inf
         if end > self.settings.ahead and self.everywhere is not None:
             return self._all.between(begin, end)
-        begin, end = begin + self.age, end + self.age
+        begin, end = begin + age, end + age
         unknown = self.settings.noise + self._unknown * end
         if self.velocity is None:
             return self.points, unknown
@@ -154,7 +166,13 @@ class Threat:
     @property
     def is_dated(self) -> bool:
         """Whether the age of the data is known."""
-        return self.age is not None and 0.0 <= self.age < math.inf
+        return self._age < math.inf
+
+    @property
+    def _age(self) -> float:
+        """The age of the data [s]; infinite where it is not known."""
+        age = self.age
+        return age if age is not None and 0.0 <= age < math.inf else math.inf
 
     def _gained(self, t: float) -> float:
         """Return how far a part can be from where its velocity leads after t [m]."""
@@ -169,7 +187,7 @@ class Threat:
 
     @cached_property
     def _all(self) -> "Threat":
-        return self.everywhere()
+        return self if self.everywhere is None else self.everywhere()
 
     def likely(self, *times: float) -> np.ndarray | None:
         """Return (n, 3) where its points will be at some times from now [s].
@@ -180,7 +198,7 @@ class Threat:
         drift = self.velocity if self.drift is None else self.drift
         if drift is None or not self.is_dated:
             return None
-        return np.concatenate([self.points + (self.age + t) * drift for t in times])
+        return np.concatenate([self.points + (self._age + t) * drift for t in times])
 
     @cached_property
     def fastest(self) -> float:
@@ -278,10 +296,8 @@ class Watcher:
         same = bool(past) and past[-1][1].shape == ends.shape
         if same and 0.0 < passed <= longest:
             count = np.empty(len(ends), np.int64)
-            follow(
-                ends, past[-1][1], self._rates[0], self._slack, self._count, passed,
-                self._limits, count,
-            )  # fmt: skip
+            before = Tracks(past[-1][1], self._rates[0], self._slack, self._count)
+            follow(ends, before, passed, self._limits, count)
             self._count = count
         else:
             past.clear()
@@ -308,13 +324,13 @@ class Watcher:
                 continue
             first = max(0, last + 1 - count)
             i = min(range(last, first - 1, -1), key=errors.__getitem__)
-            own = self._count == count
-            moved = past[-1][1][own] - past[i][1][own]
-            self._rates[0, own] = moved / ages[i]
-            self._slack[own] = errors[i]
+            these = self._count == count
+            moved = past[-1][1][these] - past[i][1][these]
+            self._rates[0, these] = moved / ages[i]
+            self._slack[these] = errors[i]
             # seen for less: it rested before
-            moved = past[-1][1][own] - past[first][1][own]
-            self._rates[1, own] = moved / max(ages[first], _DRIFT)
+            moved = past[-1][1][these] - past[first][1][these]
+            self._rates[1, these] = moved / max(ages[first], _DRIFT)
 
     def _reach(self, parts: "_Parts", age: float, unknown: float) -> float:
         """Return how near a part can come in `ahead`, at most [m]."""
@@ -338,10 +354,11 @@ class Watcher:
         if not parts.sure.any():
             return Threat(points, None, age, self.settings)
         points = np.ascontiguousarray(points)
-        moving, own = np.empty((2, len(points), 3)), np.empty(len(points), np.int64)
-        velocities(points, parts.ends, parts.radii, parts.rates, own, moving)
+        moving = np.empty((2, len(points), 3))
+        nearest = np.empty(len(points), np.int64)
+        velocities(points, parts.ends, parts.radii, parts.rates, nearest, moving)
         here = np.zeros(len(parts.ends), np.bool_)
-        here[own] = True
+        here[nearest] = True
         known = here & parts.sure
         turn, stretch = parts.turns()
         return Threat(

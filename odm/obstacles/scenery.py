@@ -154,7 +154,8 @@ def _box_row(table: dict, k: int) -> np.ndarray:
 
 def _pose(table: dict, k: int) -> np.ndarray:
     zeros = (0.0, 0.0, 0.0)
-    return pose_of(*(_numbers(table, k, key, zeros) for key in ("position", "rpy")))
+    position = _numbers(table, k, "position", zeros)
+    return pose_of(position, _numbers(table, k, "rpy", zeros))
 
 
 def _numbers(

@@ -43,7 +43,8 @@ class _Posed:
 
     def moved(self, T: np.ndarray) -> "Shape":
         """Return the shape moved by `T` (4, 4): its pose becomes T @ T_base_shape."""
-        return replace(self, T_base_shape=np.asarray(T, float) @ self.T_base_shape)
+        T = np.asarray(T, float) @ self.T_base_shape
+        return replace(self, T_base_shape=T)  # type: ignore[type-var, return-value]
 
 
 def _identity() -> np.ndarray:

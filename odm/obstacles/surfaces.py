@@ -6,6 +6,7 @@ nearest sample. It is what the safety argument (design step 4) needs: a map buil
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -98,9 +99,9 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
     return Surface(points, radius, label or type(shape).__name__.lower(), closed=True)
 
 
-def require_covering(surface: Surface | float, rho: float) -> None:
-    """Refuse a covering radius larger than the map's `rho` [m]."""
-    radius = getattr(surface, "covering_radius", surface)
+def require_covering(surface: object, rho: float) -> None:
+    """Refuse a surface, or a covering radius, larger than the map's `rho` [m]."""
+    radius: Any = getattr(surface, "covering_radius", surface)
     if not radius <= rho:
         name = getattr(surface, "label", "") or "points"
         raise BadInput(

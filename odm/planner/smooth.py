@@ -20,7 +20,13 @@ from odm.search import _paths as ways
 from odm.search._types import N_SEGMENT
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
-from roadmap.motion.blending import STRAY, TURN_A, TURN_J, blend_length, joint_sway
+from roadmap.motion.blending import (
+    BLEND_DEVIATION,
+    TURN_A,
+    TURN_J,
+    blend_length,
+    joint_motion_bounds,
+)
 from roadmap.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -50,7 +56,7 @@ def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
         q = roadmap.nodes[node].copy()
         legs = [difference(robot, q, roadmap.nodes[k]) for k in near[[0, -1]]]
         u, w = (leg / np.linalg.norm(leg) for leg in legs)
-        far = STRAY * float(joint_sway(robot) @ np.abs(w + u))
+        far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w + u))
         if far > 0.0:
             d, _ = blend_length(robot, q, -u, w, _GAIN_ROOM, _GAIN_STRAY)
             gains.append(d * far / _GAIN_STRAY)
@@ -89,14 +95,14 @@ class Smoother:
                 _PACE * robot.max_velocity,
                 robot.max_acceleration,
                 robot.max_jerk,
-                joint_sway(robot),
+                joint_motion_bounds(robot),
                 planner.cell_map.roadmap.weights,
             ]
         )
         own, way = planner.memory.own, planner.memory.way
         cell_map = planner.cell_map
         stray = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
-        self._rounding = np.array([stray, STRAY, TURN_A, TURN_J])
+        self._rounding = np.array([stray, BLEND_DEVIATION, TURN_A, TURN_J])
         self._continuous = own.continuous
         self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
         self.reset()

@@ -9,7 +9,8 @@ import math
 from numba import njit
 
 from odm.search._state import N_TRACK, arm_of, own_of, work_of
-from roadmap.kinematics._deviation import legs_stray
+from roadmap.geometry._segments import nearest_share
+from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times the share: a robot farther off by the sum is not looked at
 _STRAIGHT = 1e-9  # of two legs along one line, no corner can be told
@@ -42,18 +43,6 @@ def locate_beside(state, way, first, q, out):
                 best, best_off = k, off
                 out[0] = share
     return best
-
-
-@njit(cache=True, nogil=True)
-def nearest_share(a, b, q):
-    """Return the share of the motion from a to b that is nearest to q."""
-    along = 0.0
-    length2 = 0.0
-    for j in range(q.shape[0]):
-        d = b[j] - a[j]
-        along += (q[j] - a[j]) * d
-        length2 += d * d
-    return min(1.0, max(0.0, along / length2)) if length2 > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -111,16 +100,8 @@ def stray_at(state, way, k, share, q, nearby):
         total += abs(own.dq[j]) * own.sway[j]
     if total > nearby:
         return math.inf
-    return legs_stray(
-        arm.tree_i,
-        arm.tree_f,
-        arm.spheres,
-        arm.body,
-        arm.reach,
-        work.point,
-        own.spot,
-        share,
-        own.dq,
+    cover = CoverModel(arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach)
+    scratch = DeviationWork(
         work.frames[0],
         work.frames[1],
         work.rates[0],
@@ -128,3 +109,4 @@ def stray_at(state, way, k, share, q, nearby):
         work.body_speed,
         work.speed,
     )
+    return legs_deviation(cover, work.point, own.spot, share, own.dq, scratch)

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from odm.search._beside import locate_beside, nearest_share, off_motion
+from odm.search._beside import locate_beside, off_motion
 from odm.search._items import pool_free
 from odm.search._state import (
     N_TRACK,
@@ -17,6 +17,7 @@ from odm.search._state import (
     short_of,
 )
 from odm.search._types import IS_GOAL, NO_ITEM
+from roadmap.geometry._segments import nearest_share
 
 SAME_PLACE = 1e-9  # [m]
 ON = 1e-7  # [m] a tenth of what every swept radius is larger than it must be

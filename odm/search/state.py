@@ -13,6 +13,7 @@ from odm.search import _state as layout
 from odm.search import _types as kinds
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
+from roadmap.kinematics.forward import motion_per_joint
 
 MAX_GOALS = 32
 MAX_ATTACHMENTS = 48
@@ -249,12 +250,7 @@ def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
 
 def joint_sway(arm: Arm, dof: int) -> np.ndarray:
     """Return (dof,) how far a joint moves any sphere, per rad or m, at most."""
-    sway = np.zeros(dof)
-    for joint in range(dof):
-        bodies = arm.tree_i[:, 1] == joint
-        factor = np.abs(arm.tree_f[bodies, 15])
-        sway[joint] = (arm.reach[:, bodies] * factor).sum(axis=1).max(initial=0.0)
-    return sway
+    return motion_per_joint(arm.tree_i, arm.tree_f, arm.reach, dof)
 
 
 def point_motion(arm: Arm, dof: int) -> np.ndarray:

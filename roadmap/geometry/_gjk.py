@@ -6,20 +6,29 @@ origin than min(x.v) / |v|. Points stay in their body frame; directions are turn
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 
+class Shell(NamedTuple):
+    """A convex set of points on a body."""
+
+    begin: int  # first row of its points
+    end: int  # row behind the last one
+    frame: np.ndarray  # (12,) pose of its body
+
+
 @njit(cache=True, nogil=True)
-def separation(points, a, b, frame_a, frame_b, v, need, s):
+def separation(points, a, b, v, need, s):
     """Bound the distance between two shells from below and above.
 
     Stops as soon as the distance is known to be at least `need`, or known to be less.
 
-    points: (n, 3) vertices, each in its body frame. a, b: (start, end) rows of the
-    shells; frame_a, frame_b: (12,) poses of their bodies. v: (3,) direction from B to
-    A to start with; gets the best one. need: distance asked for [m]. s: (16, 3)
-    scratch.
+    points: (n, 3) vertices, each in its body frame. a, b: the shells. v: (3,) direction
+    from B to A to start with; gets the best one. need: distance asked for [m]. s:
+    (16, 3) scratch.
 
     Returns:
         (lower, upper) [m]; lower is negative where no gap is proved, upper is 0 in
@@ -33,8 +42,8 @@ def separation(points, a, b, frame_a, frame_b, v, need, s):
     n = 0
     for _ in range(32):
         # the point of A - B farthest against v
-        _support(points, a, frame_a, -vx, -vy, -vz, s[4])
-        _support(points, b, frame_b, vx, vy, vz, s[5])
+        _support(points, a, -vx, -vy, -vz, s[4])
+        _support(points, b, vx, vy, vz, s[5])
         wx, wy, wz = s[4, 0] - s[5, 0], s[4, 1] - s[5, 1], s[4, 2] - s[5, 2]
         ahead = (vx * wx + vy * wy + vz * wz) / length
         if ahead > lower:
@@ -55,13 +64,14 @@ def separation(points, a, b, frame_a, frame_b, v, need, s):
 
 
 @njit(cache=True, nogil=True)
-def _support(points, rows, f, dx, dy, dz, out):
+def _support(points, shell, dx, dy, dz, out):
     """Write the shell's world point that is farthest along (dx, dy, dz) to out."""
+    f = shell.frame
     x = f[0] * dx + f[3] * dy + f[6] * dz
     y = f[1] * dx + f[4] * dy + f[7] * dz
     z = f[2] * dx + f[5] * dy + f[8] * dz
-    best, which = -1e300, rows[0]
-    for i in range(rows[0], rows[1]):
+    best, which = -1e300, shell.begin
+    for i in range(shell.begin, shell.end):
         d = points[i, 0] * x + points[i, 1] * y + points[i, 2] * z
         if d > best:
             best, which = d, i

@@ -1,50 +1,75 @@
 """Self-collision of configurations and of whole straight motions."""
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
-from roadmap.geometry._gjk import separation
+from roadmap.geometry._gjk import Shell, separation
 from roadmap.kinematics._forward import body_frames
 
-# pair_i has the columns: shell a, shell b, their bodies, first and end row of the
-# points of a, first and end row of the points of b
+
+class SelfModel(NamedTuple):
+    """The tested pairs of shells of a robot.
+
+    `pairs` has the columns: shell a, shell b, their bodies, first and end row of the
+    points of a, first and end row of the points of b.
+    """
+
+    tree_i: np.ndarray  # (n_bodies, 3) bodies, as in `Robot`
+    tree_f: np.ndarray  # (n_bodies, 17)
+    pairs: np.ndarray  # (n, 8)
+    reach: np.ndarray  # (n, dof) relative motion per unit of a joint [m/rad or 1]
+    balls: np.ndarray  # (n_shells, 4) around the shells: centre in body frame, radius
+    points: np.ndarray  # (k, 3) vertices in body frames [m]
+
+
+class SelfWork(NamedTuple):
+    """Scratch for one thread."""
+
+    frames: np.ndarray  # (n_bodies, 12)
+    axes: np.ndarray  # (n, 3) separating direction of each pair
+    moves: np.ndarray  # (n,) relative displacement of each pair [m]
+    lists: np.ndarray  # (depth, n) pairs that are open at a level
+    stack: np.ndarray  # (depth + 1, max(4, dof)) see `motion_clear`
+    simplex: np.ndarray  # (16, 3) of GJK
 
 
 @njit(cache=True, nogil=True)
-def pair_clearance(pair_i, balls, points, p, frames, need, v, s):
+def pair_clearance(model, p, frames, need, v, s):
     """Bound the distance of pair `p` by bounding balls, then by GJK if they fail.
 
     v: (3,) separating direction of last time; all zero to start with the centres.
     """
+    pair_i, balls = model.pairs, model.balls
     fa = frames[pair_i[p, 2]]
     fb = frames[pair_i[p, 3]]
     a, b = balls[pair_i[p, 0]], balls[pair_i[p, 1]]
     square = 0.0
-    fresh = v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0
+    unknown = v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0
     for k in range(3):
         x = fa[3 * k] * a[0] + fa[3 * k + 1] * a[1] + fa[3 * k + 2] * a[2] + fa[9 + k]
         y = fb[3 * k] * b[0] + fb[3 * k + 1] * b[1] + fb[3 * k + 2] * b[2] + fb[9 + k]
         square += (x - y) * (x - y)
-        if fresh:
+        if unknown:
             v[k] = x - y
     lower = math.sqrt(square) - a[3] - b[3]
     if lower >= need:
         return lower, 1e300
-    rows_a = (pair_i[p, 4], pair_i[p, 5])
-    rows_b = (pair_i[p, 6], pair_i[p, 7])
-    return separation(points, rows_a, rows_b, fa, fb, v, need, s)
+    shell_a = Shell(pair_i[p, 4], pair_i[p, 5], fa)
+    shell_b = Shell(pair_i[p, 6], pair_i[p, 7], fb)
+    return separation(model.points, shell_a, shell_b, v, need, s)
 
 
 @njit(cache=True, nogil=True)
 def configuration_clear(model, q, margin, scratch):
     """Return the first pair that is not proved `margin` apart at `q`, -1 for none."""
-    tree_i, tree_f, pair_i, _, balls, points = model
-    frames, axes, _, _, _, s = scratch
-    body_frames(tree_i, tree_f, q, frames)
-    for p in range(pair_i.shape[0]):
+    frames, axes, s = scratch.frames, scratch.axes, scratch.simplex
+    body_frames(model.tree_i, model.tree_f, q, frames)
+    for p in range(model.pairs.shape[0]):
         axes[p, 0] = axes[p, 1] = axes[p, 2] = 0.0
-        lower, _ = pair_clearance(pair_i, balls, points, p, frames, margin, axes[p], s)
+        lower, _ = pair_clearance(model, p, frames, margin, axes[p], s)
         if lower < margin:
             return p
     return -1
@@ -60,49 +85,38 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
     is below `tolerance`.
 
     Args:
-        model: (tree_i, tree_f, pair_i, pair_reach, balls, points), see
-            `SelfCollision`.
+        model: The tested pairs.
         q: (dof,) start.
         dq: (dof,) whole displacement.
         margin: Distance to keep [m].
         tolerance: Displacement below which an interval is given up [m], above 0.
-        scratch: (frames, axes, moves, lists, stack, simplex) from `SelfCollision`;
-            may be reused, not shared between threads.
+        scratch: May be reused, not shared between threads.
 
     Returns:
         (pair, t): the pair that is not proved clear and where; (-1, 1.0) for none.
     """
-    tree_i, tree_f, pair_i, pair_reach, balls, points = model
     frames, axes, moves, lists, stack, s = scratch
-    dof = dq.shape[0]
-    for p in range(pair_i.shape[0]):
-        move = 0.0
-        for j in range(dof):
-            move += pair_reach[p, j] * abs(dq[j])
-        moves[p] = move
-        axes[p, 0] = axes[p, 1] = axes[p, 2] = 0.0
-        lists[0, p] = p
+    _begin(model, dq, scratch)
     # the last row of the stack serves as q(t)
     at = stack[stack.shape[0] - 1]
-    stack[0, 0], stack[0, 1], stack[0, 2] = 0.5, 0.5, pair_i.shape[0]
-    depth = 0
     # stack[d]: middle, half length, number of pairs of lists[d], which child is next
-    stack[0, 3] = 0.0
+    stack[0, 0], stack[0, 1] = 0.5, 0.5
+    stack[0, 2], stack[0, 3] = model.pairs.shape[0], 0.0
+    depth = 0
     while depth >= 0:
         state = stack[depth, 3]
         if state == 0.0:
             t, half = stack[depth, 0], stack[depth, 1]
-            for j in range(dof):
+            for j in range(dq.shape[0]):
                 at[j] = q[j] + t * dq[j]
-            body_frames(tree_i, tree_f, at, frames)
+            body_frames(model.tree_i, model.tree_f, at, frames)
             left = 0
             for k in range(int(stack[depth, 2])):
                 p = lists[depth, k]
                 move = moves[p] * half
-                lower, upper = pair_clearance(
-                    pair_i, balls, points, p, frames, margin + move, axes[p], s
-                )
-                if lower >= margin + move:
+                need = margin + move
+                lower, upper = pair_clearance(model, p, frames, need, axes[p], s)
+                if lower >= need:
                     continue
                 if upper < margin or move < tolerance or depth + 2 >= lists.shape[0]:
                     return p, t
@@ -125,11 +139,23 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
 
 
 @njit(cache=True, nogil=True)
+def _begin(model, dq, scratch):
+    """Write each pair's displacement along dq; list all pairs; forget the axes."""
+    for p in range(model.pairs.shape[0]):
+        move = 0.0
+        for j in range(dq.shape[0]):
+            move += model.reach[p, j] * abs(dq[j])
+        scratch.moves[p] = move
+        for k in range(3):
+            scratch.axes[p, k] = 0.0
+        scratch.lists[0, p] = p
+
+
+@njit(cache=True, nogil=True)
 def contacts(model, q, scratch, touching):
     """Write for each pair whether its shells are in contact at `q`."""
-    tree_i, tree_f, pair_i, _, balls, points = model
-    frames, axes, _, _, _, s = scratch
-    body_frames(tree_i, tree_f, q, frames)
-    for p in range(pair_i.shape[0]):
-        lower, _ = pair_clearance(pair_i, balls, points, p, frames, 1e-9, axes[p], s)
+    frames, axes, s = scratch.frames, scratch.axes, scratch.simplex
+    body_frames(model.tree_i, model.tree_f, q, frames)
+    for p in range(model.pairs.shape[0]):
+        lower, _ = pair_clearance(model, p, frames, 1e-9, axes[p], s)
         touching[p] = lower < 1e-9

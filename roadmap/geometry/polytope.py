@@ -150,7 +150,8 @@ def _few(normals, offsets, inside, tolerance: float, limit: int) -> list[int]:
     The facets that are violated most come first; ends earlier where the polytope
     would get more than `limit` vertices.
     """
-    chosen, wanted, vertices = _first_facets(normals), [], None
+    chosen, vertices = _first_facets(normals), None
+    wanted: list[int] = []
     share = 0.34
     while share > 0:
         trial = chosen + wanted[: max(1, int(share * len(wanted)))]

@@ -31,24 +31,22 @@ class SelfCollision:
 
     Attributes:
         links: (n, 2) the two links of each pair of shells.
-        model: Arrays for the kernels: tree_i, tree_f, pair_i (n, 8), pair_reach
-            (n, dof) [m/rad or 1], balls (n_shells, 4) around the shells, points.
+        model: The pairs for the kernels.
     """
 
     links: np.ndarray
-    model: tuple[np.ndarray, ...]
+    model: kernels.SelfModel
 
-    def scratch(self) -> tuple[np.ndarray, ...]:
+    def scratch(self) -> kernels.SelfWork:
         """Return working memory for the kernels; one per thread."""
-        tree_i, _, pair_i, pair_reach = self.model[:4]
-        n = len(pair_i)
-        return (
-            np.zeros((len(tree_i), 12)),
-            np.zeros((n, 3)),
-            np.zeros(n),
-            np.zeros((_MAX_DEPTH, n), np.int32),
-            np.zeros((_MAX_DEPTH + 1, max(4, pair_reach.shape[1]))),
-            np.zeros((16, 3)),
+        n, dof = self.model.reach.shape
+        return kernels.SelfWork(
+            frames=np.zeros((len(self.model.tree_i), 12)),
+            axes=np.zeros((n, 3)),
+            moves=np.zeros(n),
+            lists=np.zeros((_MAX_DEPTH, n), np.int32),
+            stack=np.zeros((_MAX_DEPTH + 1, max(4, dof))),
+            simplex=np.zeros((16, 3)),
         )
 
 
@@ -73,7 +71,7 @@ def self_collision(robot: Robot) -> SelfCollision:
         _ball(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
         for i in range(n)
     ]
-    model = (
+    model = kernels.SelfModel(
         robot.tree_i,
         robot.tree_f,
         pair_i,

@@ -22,7 +22,7 @@ class Solid:
     kind: int
     link: int
     T_body_solid: np.ndarray
-    size: tuple[float, float, float]
+    size: tuple[float, ...]
     points: np.ndarray
 
     def body_points(self) -> np.ndarray:

@@ -106,7 +106,7 @@ def choose_landmarks(graph, n: int) -> np.ndarray:  # noqa: ANN001 (scipy type)
     from scipy.sparse.csgraph import dijkstra
 
     far = dijkstra(graph, indices=0)
-    columns = []
+    columns: list[np.ndarray] = []
     nearest = np.full(len(far), np.inf)
     for _ in range(min(n, len(far))):
         node = int(np.argmax(far if not columns else nearest))

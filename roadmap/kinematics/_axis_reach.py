@@ -1,21 +1,40 @@
 """Solids of revolution as profiles: how far points can get from joint axes."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+CORNERS = 64  # of the polygon around a circle
+
+
+class Joints(NamedTuple):
+    """A robot's bodies and what their joints span."""
+
+    tree_i: np.ndarray  # (n_bodies, 3), as in `Robot`
+    tree_f: np.ndarray  # (n_bodies, 17), as in `Robot`
+    span: np.ndarray  # (n_bodies, 2) smallest and largest value of each joint
+
+
+class Directions(NamedTuple):
+    """Directions in which a profile is bounded, (n,) each, from 0 to pi."""
+
+    cosines: np.ndarray
+    sines: np.ndarray
+
 
 @njit(cache=True, nogil=True)
-def profile_support(circles, n_circles, axis, cosines, sines, corners, height):
+def profile_support(circles, n_circles, axis, directions, height):
     """Bound max of cos(a) z + sin(a) rho over circles, for each direction a.
 
     circles: (n, 7) centre, unit normal, radius, in a frame whose origin lies on the
     axis. z is the height along `axis`, rho >= 0 the distance from it. The circle is
     replaced by a regular polygon around it; the function is convex for sin(a) >= 0,
-    so that its corners bound it. `corners` is the number of corners.
+    so that its corners bound it.
     """
-    grow = 1.0 / math.cos(math.pi / corners)
+    cosines, sines = directions
+    grow = 1.0 / math.cos(math.pi / CORNERS)
     for d in range(cosines.shape[0]):
         height[d] = -1e300
     for i in range(n_circles):
@@ -30,8 +49,8 @@ def profile_support(circles, n_circles, axis, cosines, sines, corners, height):
         norm = math.sqrt(ux * ux + uy * uy + uz * uz)
         ux, uy, uz = ux / norm, uy / norm, uz / norm
         vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-        for k in range(corners if r > 0.0 else 1):
-            phi = 2.0 * math.pi * k / corners
+        for k in range(CORNERS if r > 0.0 else 1):
+            phi = 2.0 * math.pi * k / CORNERS
             c, s = r * math.cos(phi), r * math.sin(phi)
             x = cx + c * ux + s * vx
             y = cy + c * uy + s * vy
@@ -45,12 +64,13 @@ def profile_support(circles, n_circles, axis, cosines, sines, corners, height):
 
 
 @njit(cache=True, nogil=True)
-def profile_circles(axis, cosines, sines, height, circles):
+def profile_circles(axis, directions, height, circles):
     """Write the rims of {cos(a) z + sin(a) rho <= height} about `axis`; return n.
 
     Directions run from a = 0 to a = pi, so that neighbours meet in the profile's
     corners; the polygon through them contains the profile.
     """
+    cosines, sines = directions
     n = cosines.shape[0]
     for d in range(n - 1):
         det = cosines[d] * sines[d + 1] - cosines[d + 1] * sines[d]
@@ -64,22 +84,23 @@ def profile_circles(axis, cosines, sines, height, circles):
 
 
 @njit(cache=True, nogil=True)
-def axis_reach(tree_i, tree_f, span, body, circles, n_circles, cosines, sines, out):
+def axis_reach(joints, body, circles, n_circles, directions, out):
     """Write bounds on the distance from each ancestor's axis to `out` (n_bodies,).
 
-    span: (n_bodies, 2) smallest and largest value of each body's joint.
     circles: (n, 7) circles in the frame of `body` whose hull holds the points; it is
-    overwritten and must have room for 2 * (len(cosines) - 1) + 2 * n_circles rows.
+    overwritten and must have room for 2 * (k - 1) + 2 * n_circles rows with k
+    directions.
     """
-    height = np.empty(cosines.shape[0])
-    middle = cosines.shape[0] // 2
+    tree_i, tree_f, span = joints
+    height = np.empty(directions.cosines.shape[0])
+    middle = height.shape[0] // 2
     while body > 0:
         f = tree_f[body]
         axis = f[12:15]
         if tree_i[body, 2] == 1:
-            profile_support(circles, n_circles, axis, cosines, sines, 64, height)
+            profile_support(circles, n_circles, axis, directions, height)
             out[body] = max(height[middle], 0.0)
-            n_circles = profile_circles(axis, cosines, sines, height, circles)
+            n_circles = profile_circles(axis, directions, height, circles)
         elif tree_i[body, 2] == 2:
             out[body] = 1.0
             for i in range(n_circles):

@@ -1,29 +1,53 @@
-"""How far sphere centres stray while the joints leave a path by a little.
+"""How far sphere centres deviate while the joints leave a path by a little.
 
 Where q leaves a configuration along dq, a centre's velocity is J dq. J itself changes
-along another direction: |d/dt J(q + t da) db| is bounded by `mixed_bends` over all
+along another direction: |d/dt J(q + t da) db| is bounded by `mixed_rates` over all
 configurations. So what is known exactly at one configuration holds nearby, but for a
 term of second order (docs/decisions/0006).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from roadmap.kinematics._forward import body_frames
 
-PEAK = 3.0 / 16.0  # farthest of a blend from its corner path, in d |w - u|
-_ALONG = 3.0 / 8.0  # what the way to the corner may weigh; see `longest_blend`
+# Farthest of a blend from its corner path, in d |w - u|: P of `longest_blend`.
+BLEND_DEVIATION = 3.0 / 16.0
+_ALONG = 3.0 / 8.0  # what the legs to the corner may weigh; see `longest_blend`
+
+
+class CoverModel(NamedTuple):
+    """The robot's bodies and the spheres on them; see `Robot`."""
+
+    tree_i: np.ndarray  # (n_bodies, 3)
+    tree_f: np.ndarray  # (n_bodies, 17)
+    spheres: np.ndarray  # (n, 4) centre in body frame, radius [m]
+    body: np.ndarray  # (n,)
+    reach: np.ndarray  # (n, n_bodies) [m]
+
+
+class DeviationWork(NamedTuple):
+    """Scratch of `legs_deviation`."""
+
+    frames: np.ndarray  # (n_bodies, 12)
+    twist: np.ndarray  # (n_bodies, >= 6)
+    along: np.ndarray  # (n_bodies,)
+    bend: np.ndarray  # (n_bodies,)
+    rate: np.ndarray  # (n_bodies,)
+    speed: np.ndarray  # (n,)
 
 
 @njit(cache=True, nogil=True)
-def center_speeds(tree_i, tree_f, spheres, body, q, dq, frames, twist, speed):
+def center_speeds(cover, q, dq, frames, twist, speed):
     """Write |J(q) dq| of every sphere's centre to `speed` (n,).
 
     frames (n_bodies, 12) and twist (n_bodies, 6), angular and linear velocity of the
-    bodies' origins, are filled on the way.
+    bodies' origins, are written, too.
     """
+    tree_i, tree_f, spheres, body, _ = cover
     body_frames(tree_i, tree_f, q, frames)
     for b in range(tree_i.shape[0]):
         parent = tree_i[b, 0]
@@ -94,69 +118,55 @@ def reached(rates, reach, i):
 
 
 @njit(cache=True, nogil=True)
-def longest_blend(tree_i, tree_f, spheres, body, reach, corner, u, w, room, most):
-    """Return (d, stray): the half-length of a corner's blend, and a bound on it [m].
+def longest_blend(cover, corner, u, w, room, most):
+    """Return (d, off): half-length of a corner's blend and bound on its deviation [m].
 
-    No centre strays farther than `stray` <= `most` [m] from the corner path, and d is
+    No centre is farther than `off` <= `most` [m] from the corner path, and d is
     at most `room`. The blend is beside the corner path by e(y) (w - u) with
     e = 2 d y^3 (1 - y / 2), where that is r = d (1 - 2 y) from the corner, y from 0
     to 1/2 there and back. There |J (w - u)| <= V + B r + C e, with V at the corner
     itself, B bounding p''[u, w - u] and p''[w, w - u], and C p''[w - u, w - u]; so
 
-        stray <= e (V + B r) + C e^2 / 2 <= P d max(V, 3/8 B d) + C (P d)^2 / 2
+        off <= e (V + B r) + C e^2 / 2 <= P d max(V, 3/8 B d) + C (P d)^2 / 2
 
     with P = 3/16, since e (1 + 8/3 (1 - 2 y)) is largest at y = 1/2.
     """
-    n, n_bodies, dof = spheres.shape[0], tree_i.shape[0], u.shape[0]
+    tree_i, tree_f, reach = cover.tree_i, cover.tree_f, cover.reach
+    n, n_bodies, dof = reach.shape[0], tree_i.shape[0], u.shape[0]
     turn = np.empty(dof)
     for j in range(dof):
         turn[j] = w[j] - u[j]
     speed = np.empty(n)
     frames, twist = np.empty((n_bodies, 12)), np.empty((n_bodies, 6))
     rates = np.empty((3, n_bodies))
-    center_speeds(tree_i, tree_f, spheres, body, corner, turn, frames, twist, speed)
+    center_speeds(cover, corner, turn, frames, twist, speed)
     mixed_rates(tree_i, tree_f, u, turn, rates[0])
     mixed_rates(tree_i, tree_f, w, turn, rates[1])
     mixed_rates(tree_i, tree_f, turn, turn, rates[2])
+    curved = 0.5 * BLEND_DEVIATION * BLEND_DEVIATION
     d = room
     for i in range(n):
         along = max(reached(rates[0], reach, i), reached(rates[1], reach, i))
         bend = reached(rates[2], reach, i)
-        first, second = PEAK * speed[i], 0.5 * PEAK * PEAK * bend
+        first, second = BLEND_DEVIATION * speed[i], curved * bend
         if (first + second * d) * d > most:
             d = 2.0 * most / (first + math.sqrt(first * first + 4.0 * second * most))
-        second += PEAK * _ALONG * along
+        second += BLEND_DEVIATION * _ALONG * along
         if second * d * d > most:
             d = math.sqrt(most / second)
-    stray = 0.0
+    off = 0.0
     for i in range(n):
         along = max(reached(rates[0], reach, i), reached(rates[1], reach, i))
-        e = PEAK * d
+        e = BLEND_DEVIATION * d
         fastest = max(speed[i], _ALONG * along * d)
         bend = reached(rates[2], reach, i)
-        stray = max(stray, e * fastest + 0.5 * bend * e * e)
-    return d, min(stray, most)
+        off = max(off, e * fastest + 0.5 * bend * e * e)
+    return d, min(off, most)
 
 
 @njit(cache=True, nogil=True)
-def legs_stray(
-    tree_i,
-    tree_f,
-    spheres,
-    body,
-    reach,
-    q_leg,
-    leg,
-    share,
-    off,
-    frames,
-    twist,
-    along,
-    bend,
-    rate,
-    speed,
-):
-    """Bound how far motions from beside a leg to its two ends stray from it [m].
+def legs_deviation(cover, q_leg, leg, share, off, work):
+    """Bound how far motions from beside a leg to its two ends deviate from it [m].
 
     They begin at q_leg + off, with q_leg at `share` of the leg, whose displacement is
     `leg`. After the part t of such a motion a centre is off the leg by at most
@@ -164,10 +174,11 @@ def legs_stray(
         (1 - t) min(G, V + t B + (1 - t) C / 2),
 
     with V = |J(q_leg) off|, B bounding p''[off] along what is left of the leg, C
-    p''[off, off], and G |J off| at any configuration. frames (n_bodies, 12), twist
-    (n_bodies, >= 6), along, bend, rate (n_bodies,) and speed (n,) are scratch.
+    p''[off, off], and G |J off| at any configuration.
     """
-    center_speeds(tree_i, tree_f, spheres, body, q_leg, off, frames, twist, speed)
+    tree_i, tree_f, _, _, reach = cover
+    frames, twist, along, bend, rate, speed = work
+    center_speeds(cover, q_leg, off, frames, twist, speed)
     mixed_rates(tree_i, tree_f, leg, off, along)
     mixed_rates(tree_i, tree_f, off, off, bend)
     for k in range(tree_i.shape[0]):
@@ -176,7 +187,7 @@ def legs_stray(
             rate[k] = abs(tree_f[k, 15] * off[tree_i[k, 1]])
     longer = max(share, 1.0 - share)
     worst = 0.0
-    for i in range(spheres.shape[0]):
+    for i in range(reach.shape[0]):
         most = reached(rate, reach, i)
         if most <= worst:
             continue

@@ -1,6 +1,7 @@
 """Inverse kinematics by damped least squares, one descent from one start."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,15 +12,23 @@ from roadmap.kinematics._forward import body_frames
 _LENGTH = 0.3
 
 
+class Tool(NamedTuple):
+    """A robot's bodies and the tool on one of them."""
+
+    tree_i: np.ndarray  # (n_bodies, 3), as in `Robot`
+    tree_f: np.ndarray  # (n_bodies, 17), as in `Robot`
+    body: int  # that the tool is on
+    pose: np.ndarray  # (12,) T_body_tip: rotation (9) and origin (3) [m]
+
+
 @njit(cache=True, nogil=True)
-def descend(tree_i, tree_f, tip_body, tip, target, limits, q, steps, goal):
+def descend(tool, target, limits, q, steps, goal):
     """Move `q` towards the pose `target` of the tool, within limits.
 
     Levenberg-Marquardt: the damping shrinks after a step that helped and grows after
     one that did not; joints at a limit that want to leave it are left out.
 
-    tree_i, tree_f: bodies of the Robot; tip_body: that of the tool. tip, target:
-    (12,) T_body_tip and T_base_tool, rotation (9) and origin (3). limits: (dof, 2),
+    target: (12,) T_base_tool, rotation (9) and origin (3) [m]. limits: (dof, 2),
     infinite for a continuous joint. q: (dof,) start, gets the result. steps: the
     largest number of them. goal: (2,) position [m] and rotation [rad] error to reach.
 
@@ -27,19 +36,19 @@ def descend(tree_i, tree_f, tip_body, tip, target, limits, q, steps, goal):
         (position error [m], rotation error [rad]).
     """
     dof = q.shape[0]
-    frames = np.empty((tree_i.shape[0], 12))
-    tool, error, new_error = np.empty(12), np.empty(6), np.empty(6)
+    frames = np.empty((tool.tree_i.shape[0], 12))
+    pose, error, new_error = np.empty(12), np.empty(6), np.empty(6)
     jac, trial, dq = np.empty((6, dof)), np.empty(dof), np.empty(dof)
     active = np.ones(dof, np.bool_)
     damping = 1e-3
-    cost = _error(tree_i, tree_f, tip_body, tip, target, q, frames, tool, error)
+    cost = _error(tool, target, q, frames, pose, error)
     for _ in range(steps):
         position = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
         rotation = math.sqrt(error[3] ** 2 + error[4] ** 2 + error[5] ** 2) / _LENGTH
         if (position <= goal[0] and rotation <= goal[1]) or damping > 1e8:
             break
-        body_frames(tree_i, tree_f, q, frames)
-        _jacobian(tree_i, tree_f, tip_body, frames, tool, jac)
+        body_frames(tool.tree_i, tool.tree_f, q, frames)
+        _jacobian(tool, frames, pose, jac)
         active[:] = True
         _step(jac, error, damping, active, dq)
         for j in range(dof):
@@ -49,9 +58,7 @@ def descend(tree_i, tree_f, tip_body, tip, target, limits, q, steps, goal):
         _step(jac, error, damping, active, dq)
         for j in range(dof):
             trial[j] = min(max(q[j] + dq[j], limits[j, 0]), limits[j, 1])
-        new = _error(
-            tree_i, tree_f, tip_body, tip, target, trial, frames, tool, new_error
-        )
+        new = _error(tool, target, trial, frames, pose, new_error)
         if new < cost:
             cost = new
             q[:] = trial
@@ -59,7 +66,7 @@ def descend(tree_i, tree_f, tip_body, tip, target, limits, q, steps, goal):
             damping = max(damping * 0.2, 1e-12)
         else:
             # the tool pose of q again, for the next Jacobian
-            _error(tree_i, tree_f, tip_body, tip, target, q, frames, tool, error)
+            _error(tool, target, q, frames, pose, error)
             damping *= 5.0
     position = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
     rotation = math.sqrt(error[3] ** 2 + error[4] ** 2 + error[5] ** 2) / _LENGTH
@@ -67,31 +74,31 @@ def descend(tree_i, tree_f, tip_body, tip, target, limits, q, steps, goal):
 
 
 @njit(cache=True, nogil=True)
-def _error(tree_i, tree_f, tip_body, tip, target, q, frames, tool, error):
-    """Write the tool pose and the weighted way to the target; return its square."""
-    body_frames(tree_i, tree_f, q, frames)
-    f = frames[tip_body]
+def _error(tool, target, q, frames, pose, error):
+    """Write the tool pose and the weighted error to the target; return its square."""
+    body_frames(tool.tree_i, tool.tree_f, q, frames)
+    f, tip = frames[tool.body], tool.pose
     for i in range(3):
         for j in range(3):
             x, y, z = tip[j], tip[3 + j], tip[6 + j]
-            tool[3 * i + j] = f[3 * i] * x + f[3 * i + 1] * y + f[3 * i + 2] * z
-        tool[9 + i] = (
+            pose[3 * i + j] = f[3 * i] * x + f[3 * i + 1] * y + f[3 * i + 2] * z
+        pose[9 + i] = (
             f[3 * i] * tip[9]
             + f[3 * i + 1] * tip[10]
             + f[3 * i + 2] * tip[11]
             + f[9 + i]
         )
-        error[i] = target[9 + i] - tool[9 + i]
-    # R = target tool^T, its skew part and its trace
+        error[i] = target[9 + i] - pose[9 + i]
+    # R = target pose^T, its skew part and its trace
     skew = np.zeros(3)
     trace = 0.0
     for i in range(3):
         for k in range(3):
-            trace += target[3 * i + k] * tool[3 * i + k]
+            trace += target[3 * i + k] * pose[3 * i + k]
     for k in range(3):
-        skew[0] += target[6 + k] * tool[3 + k] - target[3 + k] * tool[6 + k]
-        skew[1] += target[k] * tool[6 + k] - target[6 + k] * tool[k]
-        skew[2] += target[3 + k] * tool[k] - target[k] * tool[3 + k]
+        skew[0] += target[6 + k] * pose[3 + k] - target[3 + k] * pose[6 + k]
+        skew[1] += target[k] * pose[6 + k] - target[6 + k] * pose[k]
+        skew[2] += target[3 + k] * pose[k] - target[k] * pose[3 + k]
     sine = 0.5 * math.sqrt(skew[0] ** 2 + skew[1] ** 2 + skew[2] ** 2)
     cosine = 0.5 * (trace - 1.0)
     angle = math.atan2(sine, cosine)
@@ -108,10 +115,11 @@ def _error(tree_i, tree_f, tip_body, tip, target, q, frames, tool, error):
 
 
 @njit(cache=True, nogil=True)
-def _jacobian(tree_i, tree_f, tip_body, frames, tool, jac):
-    """Write the weighted Jacobian of the tool."""
+def _jacobian(tool, frames, pose, jac):
+    """Write the weighted Jacobian of the tool, which stands at `pose`."""
+    tree_i, tree_f = tool.tree_i, tool.tree_f
     jac[:] = 0.0
-    body = tip_body
+    body = tool.body
     while body > 0:
         f, joint = frames[body], tree_i[body, 1]
         a, scale = tree_f[body, 12:15], tree_f[body, 15]
@@ -119,7 +127,7 @@ def _jacobian(tree_i, tree_f, tip_body, frames, tool, jac):
         y = f[3] * a[0] + f[4] * a[1] + f[5] * a[2]
         z = f[6] * a[0] + f[7] * a[1] + f[8] * a[2]
         if tree_i[body, 2] == 1:
-            u, v, w = tool[9] - f[9], tool[10] - f[10], tool[11] - f[11]
+            u, v, w = pose[9] - f[9], pose[10] - f[10], pose[11] - f[11]
             jac[0, joint] += scale * (y * w - z * v)
             jac[1, joint] += scale * (z * u - x * w)
             jac[2, joint] += scale * (x * v - y * u)

@@ -13,7 +13,7 @@ the carried set are taken on those circles.
 
 import numpy as np
 
-from roadmap.kinematics._axis_reach import axis_reach
+from roadmap.kinematics._axis_reach import Directions, Joints, axis_reach
 
 # An odd number of directions, so that the middle one is the distance from the axis.
 _DIRECTIONS = 33
@@ -51,6 +51,7 @@ def group_reach(tree_i, tree_f, span, body, groups) -> np.ndarray:
     angles = np.linspace(0.0, np.pi, _DIRECTIONS)
     cosines, sines = np.cos(angles), np.maximum(np.sin(angles), 0.0)
     sines[[0, -1]] = 0.0
+    directions, joints = Directions(cosines, sines), Joints(tree_i, tree_f, span)
     result = np.zeros((len(groups), len(tree_i)))
     slides = int((tree_i[:, 2] == 2).sum())
     for i, points in enumerate(groups):
@@ -59,8 +60,7 @@ def group_reach(tree_i, tree_f, span, body, groups) -> np.ndarray:
         circles = np.zeros((rows, 7))
         circles[:n, :3] = points
         circles[:, 5] = 1.0
-        row = result[i]
-        axis_reach(tree_i, tree_f, span, int(body[i]), circles, n, cosines, sines, row)
+        axis_reach(joints, int(body[i]), circles, n, directions, result[i])
     turns = (tree_i[:, 2] == 1) & (result > 0)
     return np.where(turns, result + _ROUNDING, result)
 

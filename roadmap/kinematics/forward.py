@@ -81,6 +81,25 @@ def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndar
     return first, second
 
 
+def motion_per_joint(
+    tree_i: np.ndarray, tree_f: np.ndarray, reach: np.ndarray, dof: int
+) -> np.ndarray:
+    """Return (dof,) how far a joint moves any point at most, per rad or m.
+
+    Args:
+        tree_i: (n_bodies, 3) bodies, as in `Robot`.
+        tree_f: (n_bodies, 17) bodies, as in `Robot`.
+        reach: (n, n_bodies) distances of points from the joints' axes, as in `Robot`.
+        dof: Number of joints.
+    """
+    most = np.zeros(dof)
+    for joint in range(dof):
+        bodies = tree_i[:, 1] == joint
+        factor = np.abs(tree_f[bodies, 15])
+        most[joint] = (reach[:, bodies] * factor).sum(axis=1).max(initial=0.0)
+    return most
+
+
 def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
     frames = np.empty((len(robot.tree_i), 12))
     q = np.ascontiguousarray(q, dtype=np.float64)

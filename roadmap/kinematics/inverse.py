@@ -6,9 +6,10 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics._inverse import descend
+from roadmap.kinematics._inverse import Tool, descend
 from roadmap.kinematics.forward import checked, difference, tool_pose
 from roadmap.kinematics.joint_tree import JointTree
+from roadmap.transforms import flat_pose
 
 
 class BadPose(BadInput):
@@ -70,29 +71,26 @@ def solve(
     middle = limits.mean(axis=1)
     start = middle if q_seed is None else checked(robot, q_seed)
     rng = np.random.default_rng(seed)
-    starts = [start, middle, *rng.uniform(*limits.T, (max(attempts, 2), robot.dof))]
+    size = (max(attempts, 2), robot.dof)
+    starts = [start, middle, *rng.uniform(limits[:, 0], limits[:, 1], size)]
     if q_seed is None:
         starts = starts[1:]
     limits[robot.continuous] = -np.inf, np.inf
+    tool, target = tool_of(robot), flat_pose(T_base_tool)
     goal = np.array([position_tolerance, rotation_tolerance])
     found: list[IkSolution] = []
     for q in starts[: max(attempts, 1)]:
         q = np.clip(q, limits[:, 0], limits[:, 1])
-        errors = descend(
-            robot.tree_i,
-            robot.tree_f,
-            robot.tip_body,
-            _flat(robot.T_body_tip),
-            _flat(T_base_tool),
-            limits,
-            q,
-            steps,
-            # a little further than asked, so that a solution stays one when checked
-            goal / 2,
-        )
+        # a little further than asked, so that a solution stays one when checked
+        errors = descend(tool, target, limits, q, steps, goal / 2)
         if (np.array(errors) <= goal).all():
             _add(robot, found, q, T_base_tool)
     return sorted(found, key=lambda s: np.linalg.norm(difference(robot, start, s.q)))
+
+
+def tool_of(robot: JointTree) -> Tool:
+    """Return the robot's tool for `_inverse.descend`."""
+    return Tool(robot.tree_i, robot.tree_f, robot.tip_body, flat_pose(robot.T_body_tip))
 
 
 def checked_pose(T: np.ndarray) -> np.ndarray:
@@ -130,7 +128,3 @@ def _add(
     angle = np.arctan2(np.linalg.norm(skew) / 2, (np.trace(R) - 1) / 2)
     distance = np.linalg.norm(T[:3, 3] - reached[:3, 3])
     found.append(IkSolution(frozen(q, np.float64), float(distance), float(angle)))
-
-
-def _flat(T: np.ndarray) -> np.ndarray:
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])

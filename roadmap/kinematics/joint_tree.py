@@ -6,21 +6,56 @@ import numpy as np
 
 
 class JointTree(Protocol):
-    """A tree of joints with a tool; `roadmap.Robot` is one, see its attributes."""
+    """A tree of joints with a tool, read only; `roadmap.Robot` is one."""
 
-    name: str
-    joint_names: tuple[str, ...]
-    lower: np.ndarray
-    upper: np.ndarray
-    continuous: np.ndarray
-    tree_i: np.ndarray
-    tree_f: np.ndarray
-    tip_body: int
-    T_body_tip: np.ndarray
-    spheres: np.ndarray
-    sphere_body: np.ndarray
-    sphere_reach: np.ndarray
+    @property
+    def name(self) -> str:
+        """The robot's name."""
 
     @property
     def dof(self) -> int:
         """Number of moving joints."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the moving joints, (dof,)."""
+
+    @property
+    def lower(self) -> np.ndarray:
+        """(dof,) lower limits [rad or m]."""
+
+    @property
+    def upper(self) -> np.ndarray:
+        """(dof,) upper limits [rad or m]."""
+
+    @property
+    def continuous(self) -> np.ndarray:
+        """(dof,) bool: joints that turn without end."""
+
+    @property
+    def tree_i(self) -> np.ndarray:
+        """(n_bodies, 3) parent, joint and kind of each body."""
+
+    @property
+    def tree_f(self) -> np.ndarray:
+        """(n_bodies, 17) frame, axis, multiplier and offset of each body [m, rad]."""
+
+    @property
+    def tip_body(self) -> int:
+        """The body that the tool is on."""
+
+    @property
+    def T_body_tip(self) -> np.ndarray:
+        """(4, 4) pose of the tool in its body's frame [m]."""
+
+    @property
+    def spheres(self) -> np.ndarray:
+        """(n, 4) the cover: centre in the body's frame, radius [m]."""
+
+    @property
+    def sphere_body(self) -> np.ndarray:
+        """(n,) body of each sphere."""
+
+    @property
+    def sphere_reach(self) -> np.ndarray:
+        """(n, n_bodies) largest distance of its centre from a joint's axis [m]."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -77,16 +78,16 @@ def assemble(
     links = carried_links(description, tree, travel)
     solids = swept_solids(solids, owners, tree, links)
     geometry = _geometry(owners, tree, solids, excess)
+    arrays: dict[str, Any] = {**tree.limits, **geometry}
     robot = Robot(
         name=description.name,
         joint_names=tree.joint_names,
-        **tree.limits,
         tree_i=tree.tree_i,
         tree_f=tree.tree_f,
         tip_name=parts.tip,
         tip_body=tree.link_body[parts.tip],
         T_body_tip=tree.T_body_link[parts.tip],
-        **geometry,
+        **arrays,
         self_pairs=np.empty((0, 2)),
         notes=(
             *_standing(parts, travel, why_not or {}),

@@ -64,10 +64,19 @@ def build_tree(
             f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
             "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
         )
-    bodies = _bodies(description, drives, moving, values)
+    tree_i, tree_f, link_body, poses = _bodies(description, drives, moving, values)
     joint_limits, notes = _joint_limits(description, moving, limits, drives)
     _take_limits(joint_limits, moving, drives, given or {})
-    return BodyTree(tuple(moving), joint_limits, *bodies, values, tuple(notes))
+    return BodyTree(
+        joint_names=tuple(moving),
+        limits=joint_limits,
+        tree_i=tree_i,
+        tree_f=tree_f,
+        link_body=link_body,
+        T_body_link=poses,
+        standing=values,
+        notes=tuple(notes),
+    )
 
 
 def drive(description: Description, joint: Joint) -> tuple[str, float, float]:

@@ -119,7 +119,9 @@ def carried_links(
     """
     found = {}
     for link in description.links:
-        steps, names, T = [], [], np.eye(4)
+        steps: list[Step] = []
+        names: list[str] = []
+        T = np.eye(4)
         for joint in description.path(link):
             name, factor, offset = (
                 drive(description, joint) if joint.kind in MOVABLE else ("", 0.0, 0.0)
@@ -135,8 +137,8 @@ def carried_links(
                 value = factor * tree.standing[name] + offset
                 T = T @ _motions(joint, np.array([value]))[0]
         if steps:
-            limits = np.array([_limits(description.joints[n]) for n in names])
-            found[link] = Carried(tuple(names), *limits.T, tuple(steps), T)
+            lower, upper = np.array([_limits(description.joints[n]) for n in names]).T
+            found[link] = Carried(tuple(names), lower, upper, tuple(steps), T)
     return found
 
 

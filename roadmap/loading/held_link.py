@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def with_payload(
     reach = group_reach(robot.tree_i, robot.tree_f, span, bodies, [centers, corners])
     held = hanging_on(robot, body)
     pairs = [[k, link] for k, b in enumerate(robot.link_body) if int(b) not in held]
-    own = {
+    changed: dict[str, Any] = {
         "link_names": (*robot.link_names, PAYLOAD),
         "link_body": np.append(robot.link_body, body),
         "spheres": np.concatenate([robot.spheres, placed]),
@@ -75,7 +76,7 @@ def with_payload(
             [robot.self_pairs, np.array(pairs, np.int32).reshape(-1, 2)]
         ),
     }
-    return replace(robot, **own, **_with_solids(robot, solids, link))
+    return replace(robot, **changed, **_with_solids(robot, solids, link))
 
 
 def hanging_on(robot: Robot, body: int) -> set[int]:
@@ -94,7 +95,7 @@ def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
         bare: Model of the same robot without its payload.
         loaded: What `with_payload` made of it.
     """
-    tree_i, tree_f, pair_i, pair_reach, balls, _ = bare.model
+    known = bare.model
     new, n = len(loaded.shell_link) - 1, len(loaded.link_names) - 1
     tested = {int(a) for a, b in loaded.self_pairs if b == n}
     body = loaded.link_body[loaded.shell_link]
@@ -105,16 +106,14 @@ def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
             rows.append((a, new, body[a], body[new], *ptr[a : a + 2], *ptr[new:]))
             reach.append(relative_reach(loaded, a, new))
     rows = np.array(rows, np.int64).reshape(-1, 8)
-    pairs = np.concatenate([pair_i, rows])
+    pairs = np.concatenate([known.pairs, rows])
     reach = np.array(reach, float).reshape(-1, loaded.dof)
     ball = _loose_ball(loaded.shell_points[ptr[new] : ptr[new + 1]])
-    model = (
-        tree_i,
-        tree_f,
-        frozen(pairs, np.int32),
-        frozen(np.concatenate([pair_reach, reach]), np.float64),
-        frozen(np.concatenate([balls, [ball]]), np.float64),
-        loaded.shell_points,
+    model = known._replace(
+        pairs=frozen(pairs, np.int32),
+        reach=frozen(np.concatenate([known.reach, reach]), np.float64),
+        balls=frozen(np.concatenate([known.balls, [ball]]), np.float64),
+        points=loaded.shell_points,
     )
     return SelfCollision(frozen(loaded.shell_link[pairs[:, :2]], np.int32), model)
 

@@ -1,4 +1,4 @@
-"""The way of a motion: straight pieces of joint space, and blends for its corners.
+"""Blended paths: straight pieces of joint space, and blends that round the corners.
 
 A blend of half-length d replaces the corner between unit directions u and w by
 
@@ -8,10 +8,10 @@ which starts d before the corner and ends d behind it. Direction and curvature a
 continuous, and the blend is beside the corner path along w - u alone, by 3/16 d |w - u|
 at most.
 
-How long may d be? Two bounds on the way of every sphere centre are proved, and the
-better one is taken: the joints' ways times the most that each joint can move any centre
-(`joint_sway`), whatever the configuration; and what they do at the corner's own
-configuration, where some of it cancels (`roadmap.kinematics._deviation`).
+How long may d be? Two bounds on how far any sphere centre deviates are proved, and the
+better one is taken: how far each joint deviates times the most that it can move any
+centre (`joint_motion_bounds`), whatever the configuration; and what they do at the
+corner's own configuration, where some of it cancels (`roadmap.kinematics._deviation`).
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +19,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from roadmap.kinematics._deviation import PEAK, longest_blend
+from roadmap.kinematics._deviation import BLEND_DEVIATION, CoverModel, longest_blend
+from roadmap.kinematics.forward import motion_per_joint
 from roadmap.robot.robot import Robot
 
-STRAY = PEAK  # farthest from the corner path, in d |w - u|
 # Shares of the joints' limits in a blend: what following the curve takes at constant
 # speed, and what is left for speeding up and slowing down on it.
 TURN_A, ALONG_A = 0.6, 0.4  # of the acceleration
@@ -32,7 +32,7 @@ SHORTEST = 1e-9  # [rad or m] shorter pieces are dropped
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A piece of the way over the arc lengths begin..end.
+    """A piece of a path over the arc lengths begin..end.
 
     Attributes:
         begin, end: Arc length of its ends [rad or m of joint space].
@@ -79,19 +79,14 @@ class Piece:
 
 
 @lru_cache(maxsize=8)
-def joint_sway(robot: Robot) -> np.ndarray:
+def joint_motion_bounds(robot: Robot) -> np.ndarray:
     """Return (dof,) how far a joint moves any centre of the cover, per rad or m."""
-    sway = np.zeros(robot.dof)
-    for joint in range(robot.dof):
-        bodies = robot.tree_i[:, 1] == joint
-        factor = np.abs(robot.tree_f[bodies, 15])
-        reach = robot.sphere_reach[:, bodies] * factor
-        sway[joint] = reach.sum(axis=1).max(initial=0.0)
-    sway.setflags(write=False)
-    return sway
+    bounds = motion_per_joint(robot.tree_i, robot.tree_f, robot.sphere_reach, robot.dof)
+    bounds.setflags(write=False)
+    return bounds
 
 
-def lay_way(
+def blend_path(
     robot: Robot,
     path: np.ndarray,
     blend: float,
@@ -99,15 +94,15 @@ def lay_way(
     at: float = 0.0,
     room_before: float = 0.0,
 ) -> tuple[tuple[Piece, ...], float]:
-    """Return the pieces of a corner path, and how far they stray from it [m].
+    """Return the pieces of a corner path, and how far they deviate from it [m].
 
     Args:
         robot: Whose cover it is.
         path: (k, dof) corners; with `before`, the first one is where that ends.
-        blend: No centre of the cover strays farther than this [m]; 0: no blends.
-        before: A way that leads to the path; its last piece is blended with the
-            first leg of the path where it is straight.
-        at: Arc length at which the way starts.
+        blend: No centre of the cover deviates farther than this [m]; 0: no blends.
+        before: Pieces that lead to the path; the last one is blended with the first
+            leg of the path where it is straight.
+        at: Arc length at which the path starts.
         room_before: What the first blend may take of the end of `before`.
     """
     pieces = list(before)
@@ -115,7 +110,7 @@ def lay_way(
         at = pieces[-1].end
     legs = np.diff(path, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
-    stray = 0.0
+    deviation = 0.0
     for k in np.flatnonzero(lengths > SHORTEST):
         u = legs[k] / lengths[k]
         straight = Piece(at, at + lengths[k], path[k], at, u, u, 0.0)
@@ -128,9 +123,9 @@ def lay_way(
             d, off = blend_length(robot, path[k], pieces[-1].u, u, room, blend)
             if off > 0.0 and d > 10.0 * SHORTEST and u @ pieces[-1].u > -0.999:
                 pieces[-1:], straight = _rounded(pieces[-1], straight, d)
-                stray = max(stray, off)
+                deviation = max(deviation, off)
         pieces.append(straight)
-    return tuple(p for p in pieces if p.length > SHORTEST), stray
+    return tuple(p for p in pieces if p.length > SHORTEST), deviation
 
 
 def blend_length(
@@ -141,7 +136,7 @@ def blend_length(
     room: float,
     blend: float,
 ) -> tuple[float, float]:
-    """Return the half-length of a corner's blend, and how far it strays at most [m].
+    """Return the half-length of a corner's blend, and how far it deviates at most [m].
 
     Args:
         robot: Whose cover it is.
@@ -149,27 +144,19 @@ def blend_length(
         u: (dof,) unit direction before it.
         w: (dof,) unit direction behind it.
         room: The most that the half-length may be [rad or m of joint space].
-        blend: No centre of the cover may stray farther than this [m].
+        blend: No centre of the cover may deviate farther than this [m].
     """
-    far = STRAY * float(joint_sway(robot) @ np.abs(w - u))
+    far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w - u))
     d = room if far * room <= blend else blend / far
     if far == 0.0:
         return d, 0.0
-    longer, stray = longest_blend(
-        robot.tree_i,
-        robot.tree_f,
-        robot.spheres,
-        robot.sphere_body,
-        robot.sphere_reach,
-        corner,
-        u,
-        w,
-        float(room),
-        float(blend),
+    cover = CoverModel(
+        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body, robot.sphere_reach
     )
+    longer, deviation = longest_blend(cover, corner, u, w, float(room), float(blend))
     if longer < d:
         return d, far * d
-    return longer, min(stray, far * longer)
+    return longer, min(deviation, far * longer)
 
 
 def without_gaps(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:

@@ -1,106 +1,119 @@
-"""The quickest stop along the way of a motion."""
+"""The quickest stop along the path of a motion."""
 
-from typing import TYPE_CHECKING
-
-from roadmap.motion.timed_path import NEAR, Way
-from roadmap.motion.timing import NoProfile, Phase, Profiles, State, passing
-
-if TYPE_CHECKING:
-    from roadmap.motion.motion import Motion
+from roadmap.motion.blended_path import NEAR, BlendedPath
+from roadmap.motion.timing import (
+    NoProfile,
+    Phase,
+    ProfileBuilder,
+    SpeedProfile,
+    after,
+    passing,
+)
 
 _OVER = 4  # pieces that a stop may lead over
 
 
-def quickest_stop(motion: "Motion", t: float) -> Profiles:
-    """Return the profiles of a stop from time `t` on; at worst as planned to the end.
+def quickest_stop(path: BlendedPath, profile: SpeedProfile, t: float) -> SpeedProfile:
+    """Return a stop from time `t` of a profile on; at worst as planned to the end.
 
-    It begins and ends on one piece of the way; or leads over some more, by the least of
-    their limits; or goes on as planned to the end of a piece. The shortest is taken.
+    It begins and ends on one piece of the path; or leads over some more, by the least
+    of their limits; or goes on as planned to the end of a piece. The shortest is taken.
     """
-    way, begin = motion._way, motion._state(t)
+    begin = profile.state(t)
     found = []
     for over in (False, True):
         try:
-            profiles = _stopped(motion, t, over)
+            builder = _stopped(path, profile, t, over)
         except NoProfile:
             continue
-        found.append(profiles)
-        k = way.index_of(begin)
-        if not way.pieces or profiles.state.s <= way.pieces[k].end:
+        found.append(builder)
+        if not path.pieces or builder.state.s <= path.pieces[path.index_of(begin)].end:
             break
     if found:
-        return min(found, key=_ends)
-    profiles = Profiles(begin)
-    motion._finish(profiles, t)
-    return profiles
+        return min(found, key=_duration).profile()
+    builder = ProfileBuilder(begin)
+    builder.finish(profile, t)
+    return builder.profile()
 
 
-def _stopped(motion: "Motion", t: float, over: bool) -> Profiles:
-    """Return a stop by the limits of the pieces on the way.
+def stop_later(
+    path: BlendedPath, profile: SpeedProfile, t: float, begin: float
+) -> SpeedProfile:
+    """Return the profile from `t` on that goes on as planned, and stops at `begin`."""
+    stop = quickest_stop(path, profile, begin)
+    phases = []
+    ends = [phase.t for phase in profile.phases[1:]] + [begin]
+    for phase, end in zip(profile.phases, ends, strict=True):
+        end = min(end, begin)
+        here = max(t, phase.t)
+        if here < end:
+            phases.append(Phase(here - t, *after(phase, here - phase.t), phase.j))
+    phases += [p._replace(t=p.t + begin - t) for p in stop.phases]
+    return SpeedProfile(tuple(phases), begin - t + stop.duration, stop.end)
+
+
+def _stopped(
+    path: BlendedPath, profile: SpeedProfile, t: float, over: bool
+) -> ProfileBuilder:
+    """Return a stop by the limits of the pieces on its path.
 
     With `over` it may begin on one piece and end on a later one; else it goes on as
     planned to the end of a piece that is too short.
     """
-    way, end = motion._way, motion._end
-    profiles = Profiles(motion._state(t))
-    while profiles.state.v > 0.0 or profiles.state.a != 0.0:
-        k = way.index_of(profiles.state)
-        if _stop_within(way, profiles, k, k, end):
+    builder = ProfileBuilder(profile.state(t))
+    while builder.state.v > 0.0 or builder.state.a != 0.0:
+        k = path.index_of(builder.state)
+        if _stop_within(path, builder, k, k, profile.end):
             break
-        if way.pieces[k].end >= end - NEAR:
-            motion._finish(profiles, t + profiles.t)
+        if path.pieces[k].end >= profile.end - NEAR:
+            builder.finish(profile, t + builder.t)
             break
-        if over and _stop_over(way, profiles, k, end):
+        if over and _stop_over(path, builder, k, profile.end):
             break
-        motion._repeat(profiles, t + profiles.t, way.pieces[k].end)
-        if way.index_of(profiles.state) <= k:
+        builder.repeat(profile, t + builder.t, path.pieces[k].end)
+        if path.index_of(builder.state) <= k:
             raise NoProfile(f"the end of piece {k} leads to no further one")
-    return profiles
+    return builder
 
 
-def _stop_over(way: Way, profiles: Profiles, k: int, end: float) -> bool:
+def _stop_over(path: BlendedPath, builder: ProfileBuilder, k: int, end: float) -> bool:
     """Stop from piece k on behind its end; False where a limit forbids it."""
-    for last in range(k + 1, min(k + 1 + _OVER, len(way.pieces))):
-        if way.corners[last]:
+    for last in range(k + 1, min(k + 1 + _OVER, len(path.pieces))):
+        if path.stops[last]:
             return False
-        if _stop_within(way, profiles, k, last, end):
+        if _stop_within(path, builder, k, last, end):
             return True
     return False
 
 
-def _stop_within(way: Way, profiles: Profiles, k: int, last: int, end: float) -> bool:
+def _stop_within(
+    path: BlendedPath, builder: ProfileBuilder, k: int, last: int, end: float
+) -> bool:
     """Stop by what all of the pieces k..last allow, if that is on them."""
-    begun, state, n = profiles.t, profiles.state, len(profiles.phases)
-    j = way.j[k] if k == last else min(way.j[k : last + 1])
+    begun, state, n = builder.t, builder.state, len(builder.phases)
+    j = path.j[k] if k == last else min(path.j[k : last + 1])
     fastest = state.v + max(state.a, 0.0) ** 2 / (2.0 * j)
-    slowing = [way.slowing(piece, fastest) for piece in range(k, last + 1)]
-    profiles.to_rest(min(slowing), j)
-    end = min(way.pieces[last].end, end) + NEAR
-    if profiles.state.s <= end and _enters(way, profiles.phases[n:], k, slowing):
+    slowing = [path.slowing(piece, fastest) for piece in range(k, last + 1)]
+    builder.to_rest(min(slowing), j)
+    end = min(path.pieces[last].end, end) + NEAR
+    if builder.state.s <= end and _enters(path, builder.phases[n:], k, slowing):
         return True
-    profiles.t, profiles.state = begun, state
-    del profiles.phases[n:]
+    builder.t, builder.state = begun, state
+    del builder.phases[n:]
     return False
 
 
-def _enters(way: Way, phases: list[Phase], k: int, slowing: list[float]) -> bool:
+def _enters(
+    path: BlendedPath, phases: list[Phase], k: int, slowing: list[float]
+) -> bool:
     """Whether phases come into the pieces behind k within their limits."""
     for piece, most in enumerate(slowing[1:], k + 1):
-        v, a = passing(phases, way.pieces[piece].begin)
-        fastest = min(way.swift[piece], way.turning[piece])
+        v, a = passing(phases, path.pieces[piece].begin)
+        fastest = path.fastest(piece)
         if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * most:
             return False
     return True
 
 
-def settled(way: Way, state: State) -> float:
-    """Return the arc length at which the acceleration of a state has ended."""
-    k = way.index_of(state)
-    profiles = Profiles(state)
-    natural = state.v + state.a * abs(state.a) / (2.0 * way.j[k])
-    profiles.to_speed(max(natural, 0.0), way.a[k], way.j[k])
-    return profiles.state.s
-
-
-def _ends(profiles: Profiles) -> float:
-    return profiles.t
+def _duration(builder: ProfileBuilder) -> float:
+    return builder.t

@@ -1,4 +1,4 @@
-"""Time along a way: jerk-limited speed of the arc length, by ruckig.
+"""Speed profiles: arc length over time within speed, acceleration and jerk, by ruckig.
 
 The speed at the ends of the pieces comes from a pass backward and a pass forward;
 acceleration is zero there. Between them ruckig (Berscheid, Kroeger 2021) finds the
@@ -6,16 +6,20 @@ quickest profile. All profiles are kept as constant-jerk phases.
 """
 
 import math
-from typing import NamedTuple
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 
-from roadmap.errors import PlanningError
+from roadmap.errors import BadInput, PlanningError
 from roadmap.motion._timing import reachable
 
 _BACK = 1e-9  # slower than this is at rest, not backwards [rad or m per second]
-_NOTHING = 1e-8  # no way to speak of [rad or m of joint space]
+_NOTHING = 1e-8  # no length to speak of [rad or m of joint space]
+_MEETS = 1e-6  # a phase begins at the end of a piece, give or take that
+_STEADY = 1e-3  # less is no acceleration: a rounding of v by e leaves sqrt(e j) of it
 
 
 class Phase(NamedTuple):
@@ -40,18 +44,99 @@ class NoProfile(PlanningError):
     """No profile keeps the limits from this state."""
 
 
-class Profiles:
+@dataclass(frozen=True, eq=False)
+class SpeedProfile:
+    """Arc length over time: phases one after the other, then rest.
+
+    Attributes:
+        phases: In order of time, from 0 s on.
+        duration: Time to the end of the last one [s].
+        end: Arc length at which it comes to rest [rad or m of joint space].
+    """
+
+    phases: tuple[Phase, ...]
+    duration: float
+    end: float
+
+    def state(self, t: float) -> State:
+        """Return the state at time `t` [s]; beyond the duration it rests at the end.
+
+        Raises:
+            BadInput: `t` is negative or not a number.
+        """
+        if not t >= 0.0:
+            raise BadInput(f"a motion has no set-point at {t} s; ask from 0 s on")
+        if t >= self.duration or not self.phases:
+            return State(self.end, 0.0, 0.0)
+        phase = self.phases[self.index(t)]
+        s, v, a = after(phase, t - phase.t)
+        return State(min(s, self.end), max(v, 0.0), a)
+
+    def index(self, t: float) -> int:
+        """Return the phase that holds time `t` [s]."""
+        return max(0, bisect_right(self.phases, t, key=_begin) - 1)
+
+    def then(self, later: "SpeedProfile") -> "SpeedProfile":
+        """Return this profile followed by another, which begins where this one ends."""
+        phases = tuple(p._replace(t=p.t + self.duration) for p in later.phases)
+        return SpeedProfile(
+            self.phases + phases, self.duration + later.duration, later.end
+        )
+
+
+class ProfileBuilder:
     """Collects phases one after the other, from a state on.
 
     Args:
         state: Where it begins.
+
+    Attributes:
+        phases: The phases so far.
+        t: Time at their end [s].
+        state: State at their end.
     """
 
     def __init__(self, state: State) -> None:
         """Begin at time 0."""
         self.phases: list[Phase] = []
         self.t, self.state = 0.0, state
-        self._otg: Ruckig | None = None
+        self._otg: Any = None  # made when it is needed
+
+    def profile(self) -> SpeedProfile:
+        """Return what was collected."""
+        return SpeedProfile(tuple(self.phases), self.t, float(self.state.s))
+
+    def repeat(self, profile: SpeedProfile, t: float, s_end: float) -> None:
+        """Add what a profile does from time `t` until arc length `s_end`.
+
+        Raises:
+            NoProfile: No phase of it begins there without acceleration.
+        """
+        phases = profile.phases
+        if not any(abs(p.s - s_end) < _MEETS and abs(p.a) < _STEADY for p in phases):
+            raise NoProfile(f"no piece of the motion ends at arc length {s_end}")
+        k = profile.index(t)
+        while phases[k].s < s_end - _MEETS:
+            phase = phases[k]
+            end = phases[k + 1].t
+            state = after(phase, t - phase.t)
+            self.phases.append(Phase(self.t, *state, phase.j))
+            self.t += end - t
+            t, k = end, k + 1
+        # the end itself, so that the next piece is the next one's
+        self.state = State(max(phases[k].s, s_end), phases[k].v, phases[k].a)
+
+    def finish(self, profile: SpeedProfile, t: float) -> None:
+        """Add what a profile does from time `t` to its end."""
+        ends = [phase.t for phase in profile.phases[1:]] + [profile.duration]
+        for phase, end in zip(profile.phases, ends, strict=False):
+            if end <= t:
+                continue
+            begin = max(t, phase.t)
+            state = after(phase, begin - phase.t)
+            self.phases.append(Phase(self.t, *state, phase.j))
+            self.t += end - begin
+        self.state = State(profile.end, 0.0, 0.0)
 
     def to_speed(self, v: float, a: float, j: float) -> None:
         """Add the quickest change to speed `v` and no acceleration within a and j."""
@@ -191,7 +276,7 @@ def junction_speeds(
 
 
 def fill(
-    profiles: Profiles,
+    profiles: ProfileBuilder,
     ends: np.ndarray,
     limits: np.ndarray,
     speeds: list[float],
@@ -210,3 +295,7 @@ def fill(
             continue
         v = reachable(state.v, left, min(speeds[k + 1], limits[k]), a[k], j[k])
         profiles.to_place(ends[k], min(v, speeds[k + 1]), limits[k], a[k], j[k])
+
+
+def _begin(phase: Phase) -> float:
+    return phase.t

@@ -214,15 +214,15 @@ def _range(joint: Joint, filename: str) -> tuple[float, float] | tuple[None, Non
     low, high = joint.lower, joint.upper
     if (low is None and high is None) or (low == 0.0 and high == 0.0):
         return None, None
-    given = low is not None and high is not None
-    far = given and low < -NO_STOP and high > NO_STOP
-    finite = given and math.isfinite(low) and math.isfinite(high)
-    if not (far or (finite and low < high)):
-        raise BadRobot(
-            f"the continuous joint {joint.name!r} of {filename} has the limits {low} "
-            f"to {high}; give it both, the lower one first, or neither"
-        )
-    return (None, None) if far else (low, high)
+    if low is not None and high is not None:
+        if low < -NO_STOP and high > NO_STOP:
+            return None, None
+        if math.isfinite(low) and math.isfinite(high) and low < high:
+            return low, high
+    raise BadRobot(
+        f"the continuous joint {joint.name!r} of {filename} has the limits {low} "
+        f"to {high}; give it both, the lower one first, or neither"
+    )
 
 
 def _link(link, filename: str) -> Link:
@@ -273,9 +273,9 @@ def _joint(joint, filename: str) -> Joint:
             "needs a direction of length 1"
         )
     limit, mimic = joint.limit, joint.mimic
-    values = [None] * 3
+    lower = upper = velocity = None
     if limit is not None:
-        values = [limit.lower, limit.upper, limit.velocity]
+        lower, upper, velocity = limit.lower, limit.upper, limit.velocity
     follows = None
     if mimic is not None and joint.type in MOVABLE:
         follows = (mimic.joint, float(mimic.multiplier), float(mimic.offset))
@@ -286,7 +286,9 @@ def _joint(joint, filename: str) -> Joint:
         joint.child,
         _finite_pose(joint.origin, f"joint {joint.name!r}", filename),
         axis / length if length > 0 else np.array([1.0, 0.0, 0.0]),
-        *values,
+        lower,
+        upper,
+        velocity,
         follows,
     )
 

@@ -92,7 +92,8 @@ def _load(path: Path) -> np.ndarray:
 
 def _obj_vertices(data: bytes) -> np.ndarray:
     """Read the vertices that faces use; bytes, since comments may be in any code."""
-    vertices, used = [], set()
+    vertices: list[list[float]] = []
+    used: set[int] = set()
     for line in data.splitlines():
         words = line.split()
         if not words:

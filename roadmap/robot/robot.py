@@ -144,7 +144,8 @@ class Robot:
         for name in ("joint_names", "link_names", "notes"):
             plain[name] = tuple(plain[name])
         plain["dropped_pairs"] = tuple(tuple(p) for p in plain["dropped_pairs"])
-        return cls(**plain, **{name: arrays[name] for name in _ARRAYS})
+        plain |= {name: arrays[name] for name in _ARRAYS}
+        return cls(**plain)
 
     def fingerprint(self) -> str:
         """Return a SHA-256 over geometry, kinematics and limits (not the notes)."""

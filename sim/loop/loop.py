@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.execution.execution import RETREATING, ExecutionSettings, Executor
+from odm.execution.executor import RETREATING, ExecutionSettings, Executor
 from odm.execution.kinematic import KinematicMover
 from odm.execution.threat import Watcher
 from odm.obstacles.surfaces import sample_capsules
@@ -199,7 +199,7 @@ class Loop:
             margin = self._widest + getattr(self.planner, "keep", 0.0)
             margin += self.executor.off
             threat = self._watcher.look(capsules, points, centers, now, margin=margin)
-        self.executor.heed(answer, commit, threat)
+        self.executor.update(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
         escape = self._escapes(answer.status == "holding")

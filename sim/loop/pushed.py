@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.kinematics.forward import difference, sphere_centers
-from roadmap.motion.blending import joint_sway
+from roadmap.motion.blending import joint_motion_bounds
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 
@@ -129,7 +129,7 @@ class Pushes:
         """Draw the encoders' error and the first push."""
         self.settings, self.period = settings, period
         self._rng = np.random.default_rng(seed)
-        self._sway = joint_sway(robot)
+        self._sway = joint_motion_bounds(robot)
         self.error = self._drawn(settings.encoder, len(self._sway))
         self.now = self._next(0.0)
 

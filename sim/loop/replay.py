@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from odm import Answer, CellMap, ReactivePlanner
-from odm.execution.follower import Follower
+from odm.execution.kinematic import Follower
 from odm.planner.goal_checks import check_valid
 from roadmap.kinematics.forward import difference
 from sim.loop.recording import BadRecording, Recording, read_recording

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
-from odm.execution.execution import BRAKED, MOVING, RETREATING, SLOWED, STANDING
+from odm.execution.executor import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from roadmap.errors import BadInput
 from roadmap.unfinished import beside
 from sim.loop.loop import Frame, Loop

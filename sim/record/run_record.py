@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from odm.execution.execution import RETREATING
+from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
 FORMAT, CARRYING = 2, 3  # format of a recording, and of one with a payload

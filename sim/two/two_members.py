@@ -7,7 +7,7 @@ import numpy as np
 
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
-from odm.execution.execution import ExecutionSettings, Executor
+from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.robot_threat import Intent, intent_of
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
@@ -132,7 +132,7 @@ class Planned:
             points, q=commit.q, dq=dq, stamp=now, now=now, closed=True
         )
         self.wall_s = time.perf_counter() - begun
-        self.executor.heed(answer, commit, threat)
+        self.executor.update(answer, commit, threat)
         self.status = STATUS.index(answer.status)
         held = answer.status == HOLDING
         self.reason = (answer.reason or "") if held else ""

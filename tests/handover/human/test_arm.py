@@ -11,9 +11,8 @@ from handover.human._arm_ik import AXES, MAX_SPANS, SPANS, WORK_ROWS
 from handover.human._arm_solve import solve_arm
 from handover.human._human_arm import arm_axes, arm_pose
 from handover.human.anthropometry import ARM_RANGES
-from handover.human.human_arm import flat_pose
 from roadmap.errors import BadInput
-from roadmap.transforms import pose_of
+from roadmap.transforms import flat_pose, pose_of
 
 LENGTHS = np.array([0.33, 0.25, 0.09])
 RIGHT, LEFT = Arm("right", LENGTHS), Arm("left", LENGTHS)

@@ -25,7 +25,7 @@ def on_blends(planner, path, places=7):
     blend = planner.cell_map.safety.blending
     motion = time_path(planner.robot, path, blend=blend)
     assert motion.deviation <= blend * (1 + 1e-12)
-    blends = [p for p in motion._way.pieces if p.d > 0.0]
+    blends = [p for p in motion.path.pieces if p.d > 0.0]
     shares = np.linspace(0.0, 1.0, places)
     return [p.at(p.begin + x * p.length)[0] for p in blends for x in shares]
 

@@ -7,9 +7,10 @@ from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 import odm
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
-from odm.search._beside import nearest_share, off_motion
+from odm.search._beside import off_motion
 from odm.search._paths import is_on
 from odm.search._types import N_BESIDE, N_WHERE
+from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics.forward import sphere_centers
 
 

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from roadmap import load_robot
 from roadmap.errors import BadConfiguration
 from roadmap.geometry import _self_collision as kernels
-from roadmap.geometry._gjk import separation
+from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry.self_collision import (
     MARGIN,
     configuration_free,
@@ -116,11 +116,10 @@ def test_a_blocked_motion_comes_near_contact(panda, rng):
 
 def proved_apart(robot, tested, pair, q, need):
     """Say if a pair's shells are proved to be `need` apart at q."""
-    _, _, pair_i, _, balls, points = tested.model
     T = body_frames(robot, q)
     flat = np.hstack([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]])
     v, s = np.zeros(3), np.zeros((16, 3))
-    lower, _ = kernels.pair_clearance(pair_i, balls, points, pair, flat, need, v, s)
+    lower, _ = kernels.pair_clearance(tested.model, pair, flat, need, v, s)
     return lower >= need
 
 
@@ -161,7 +160,7 @@ def test_the_relative_displacement_bound_holds(panda, rng):
 def bounds(points, n, need):
     """Return (lower, upper) for two clouds of n points each, started anew."""
     v, s = np.zeros(3), np.zeros((16, 3))
-    return separation(points, (0, n), (n, 2 * n), EYE, EYE, v, need, s)
+    return separation(points, Shell(0, n, EYE), Shell(n, 2 * n, EYE), v, need, s)
 
 
 def exact_distance(a, b, scale):

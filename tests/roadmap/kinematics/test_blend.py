@@ -6,7 +6,12 @@ from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
 
 from roadmap.kinematics import _deviation as kernels
 from roadmap.kinematics.forward import body_frames, motion_bounds, sphere_centers
-from roadmap.motion.blending import STRAY, blend_length, joint_sway, lay_way
+from roadmap.motion.blending import (
+    BLEND_DEVIATION,
+    blend_length,
+    blend_path,
+    joint_motion_bounds,
+)
 
 
 @pytest.fixture(params=ROBOTS)
@@ -42,7 +47,7 @@ def test_no_centre_strays_farther_than_is_said(robot, rng, blend, kind):
         else:
             q, u, w = draw_corner(robot, rng, kind == "sharp")
         size = rng.choice([0.02, 0.3, 3.0])
-        pieces, stray = lay_way(robot, legs_at(q, u, w, size), blend)
+        pieces, stray = blend_path(robot, legs_at(q, u, w, size), blend)
         assert stray <= blend * (1.0 + 1e-12)
         blends = [p for p in pieces if p.d > 0.0]
         for piece in blends:
@@ -56,7 +61,7 @@ def test_the_bound_is_near_the_truth(robot, rng):
     shares = []
     for _ in range(60):
         q, u, w = draw_corner(robot, rng, True)
-        pieces, stray = lay_way(robot, legs_at(q, u, w), 0.004)
+        pieces, stray = blend_path(robot, legs_at(q, u, w), 0.004)
         blends = [p for p in pieces if p.d > 0.0]
         shares += [farthest(robot, p, 0.5) / stray for p in blends]
     assert np.median(shares) > 0.9
@@ -66,7 +71,7 @@ def test_a_blend_is_never_shorter_than_the_sum_over_joints_allows(robot, rng):
     gains = []
     for _ in range(200):
         q, u, w = draw_corner(robot, rng, True)
-        far = STRAY * float(joint_sway(robot) @ np.abs(w - u))
+        far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w - u))
         d, stray = blend_length(robot, q, u, w, 5.0, 0.004)
         if far > 0.0:
             assert d >= 0.004 / far * (1 - 1e-12) and stray <= far * d * (1 + 1e-12)
@@ -120,26 +125,21 @@ def mixed(robot, a, b):
 
 def bound_of(robot, q, u, w, d):
     """The bound of the docstring of `longest_blend`."""
-    turn, e = w - u, STRAY * d
+    turn, e = w - u, BLEND_DEVIATION * d
     v = velocities(robot, q, turn)
     along = np.maximum(mixed(robot, u, turn), mixed(robot, w, turn))
     first = e * np.maximum(v, 0.375 * along * d)
     return (first + 0.5 * mixed(robot, turn, turn) * e * e).max()
 
 
-def longest(robot, q, u, w, room, most):
-    return kernels.longest_blend(
-        robot.tree_i,
-        robot.tree_f,
-        robot.spheres,
-        robot.sphere_body,
-        robot.sphere_reach,
-        q,
-        u,
-        w,
-        room,
-        most,
+def cover_of(robot):
+    return kernels.CoverModel(
+        robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body, robot.sphere_reach
     )
+
+
+def longest(robot, q, u, w, room, most):
+    return kernels.longest_blend(cover_of(robot), q, u, w, room, most)
 
 
 def test_the_kernel_agrees_with_its_twin_and_leaves_nothing(robot, rng):
@@ -162,29 +162,18 @@ def test_mixed_bends_of_one_direction_are_the_bends_of_a_motion(robot, rng):
 def test_the_blend_is_off_most_in_the_corner_even_with_the_way_to_it():
     x = np.linspace(0.0, 1.0, 100001)
     weighed = beside(x, 1.0) * (1.0 + 8.0 / 3.0 * np.abs(1.0 - 2.0 * x))
-    assert weighed.max() <= STRAY + 1e-12 and np.isclose(weighed[50000], STRAY)
+    assert weighed.max() <= BLEND_DEVIATION + 1e-12
+    assert np.isclose(weighed[50000], BLEND_DEVIATION)
 
 
 # --- motions from beside a leg -----------------------------------------------
 
 
-def legs_stray(robot, q, leg, share, off):
+def legs_deviation(robot, q, leg, share, off):
     n, bodies = len(robot.spheres), len(robot.tree_i)
-    return kernels.legs_stray(
-        robot.tree_i,
-        robot.tree_f,
-        robot.spheres,
-        robot.sphere_body,
-        robot.sphere_reach,
-        q,
-        leg,
-        share,
-        off,
-        np.empty((bodies, 12)),
-        np.empty((bodies, 12)),
-        *np.empty((3, bodies)),
-        np.empty(n),
-    )
+    frames, twist = np.empty((2, bodies, 12))
+    work = kernels.DeviationWork(frames, twist, *np.empty((3, bodies)), np.empty(n))
+    return kernels.legs_deviation(cover_of(robot), q, leg, share, off, work)
 
 
 @pytest.mark.parametrize("size", [0.003, 0.05])
@@ -194,8 +183,8 @@ def test_motions_from_beside_a_leg_stay_as_near_as_is_said(robot, rng, size):
         q, leg, off = draw_corner(robot, rng, True)
         leg, off = rng.uniform(0.05, 2.0) * leg, size * off
         share = rng.random()
-        said = legs_stray(robot, q, leg, share, off)
-        assert said <= np.abs(off) @ joint_sway(robot) + 1e-12
+        said = legs_deviation(robot, q, leg, share, off)
+        assert said <= np.abs(off) @ joint_motion_bounds(robot) + 1e-12
         far = 0.0
         for end in ((1.0 - share) * leg, -share * leg):
             for t in np.linspace(0.0, 1.0, 25):
@@ -213,7 +202,7 @@ def test_joints_that_cancel_beside_a_leg_need_not_cancel_along_it(robot, rng):
     for _ in range(40):
         q, leg, _ = draw_corner(robot, rng, True)
         off = 0.003 * cancelling(robot, q)
-        said = legs_stray(robot, q, 2.5 * leg, 0.0, off)
+        said = legs_deviation(robot, q, 2.5 * leg, 0.0, off)
         far = []
         for t in np.linspace(0.0, 1.0, 25):
             on = q + 2.5 * t * leg

@@ -8,7 +8,7 @@ from corners import ROBOTS, check_limits, draw_corner, legs_at
 
 import roadmap
 from roadmap.kinematics.forward import sphere_centers
-from roadmap.motion.blending import STRAY, lay_way
+from roadmap.motion.blending import BLEND_DEVIATION, blend_path
 
 
 @pytest.fixture(params=ROBOTS)
@@ -22,7 +22,7 @@ def test_chords_of_any_part_of_a_blend_are_nearer_to_it_than_the_corner_path(
 ):
     for _ in range(15):
         q, u, w = draw_corner(robot, rng, True)
-        pieces, stray = lay_way(robot, legs_at(q, u, w), 0.02)
+        pieces, stray = blend_path(robot, legs_at(q, u, w), 0.02)
         for piece in (p for p in pieces if p.d > 0.0):
             a, b = np.sort(rng.random(2)) if rng.random() < 0.7 else (0.0, 1.0)
             ends = piece.begin + 2.0 * piece.d * np.array([a, 0.5 * (a + b), b])
@@ -50,7 +50,7 @@ def test_the_weighed_distance_of_chords_is_less_than_that_of_the_corner_path():
     for a in np.linspace(0.0, 1.0, 41):
         for b in np.linspace(a, min(1.0, a + 0.5), 21):
             x = np.linspace(a, b, 101)
-            assert chord_weight(a, b, x).max() < 0.9 * STRAY
+            assert chord_weight(a, b, x).max() < 0.9 * BLEND_DEVIATION
 
 
 def test_all_limits_hold_on_longer_blends_and_through_joins(robot, rng):
@@ -84,8 +84,8 @@ def test_stops_on_blends_brake_harder_and_keep_all_limits(robot, rng, jerk):
         for t in rng.choice(_times_on_blends(motion), 6):
             stop = motion.stop(t)
             check_limits(robot, stop)
-            way = stop._way
-            for phase in stop._phases:
+            way = stop.path
+            for phase in stop.profile.phases:
                 k = way.index(phase.s)
                 harder += -phase.a > 1.05 * way.a[k] and way.pieces[k].d > 0.0
             # taken back before it stands, and left for another path
@@ -100,7 +100,7 @@ def test_stops_on_blends_brake_harder_and_keep_all_limits(robot, rng, jerk):
 
 
 def _times_on_blends(motion):
-    way, times = motion._way, np.linspace(0.0, motion.duration, 200)
+    way, times = motion.path, np.linspace(0.0, motion.duration, 200)
     return [t for t in times if way.pieces[way.index(motion.place(t))].d > 0.0]
 
 
@@ -112,18 +112,18 @@ def test_a_motion_may_be_left_behind_its_blends_and_goes_straight_on(panda, rng)
         for t in np.linspace(0.0, motion.duration, 40):
             stands = motion.commit(t, 0.05).s
             commit = motion.commit(t, 0.05, through_blends=True)
-            piece = motion._way.pieces[motion._way.index(commit.s)]
+            piece = motion.path.pieces[motion.path.index(commit.s)]
             assert piece.d == 0.0 or commit.s >= piece.end - 1e-9
             if commit.s <= stands + 1e-6:
                 continue
             through += 1
             ahead = [
                 p.corner()
-                for p in motion._way.pieces
+                for p in motion.path.pieces
                 if p.d > 0.0 and p.begin >= commit.s - 1e-9
             ]
             rest = np.vstack([commit.q, *ahead, path[-1]])
             joined = motion.join(t, commit, rest, blend=0.01, speed_scale=0.5)
             assert joined.duration < 1.02 * (motion.duration - t) + 0.01
-            assert not joined._way.corners[1:-1].any()  # it stops nowhere
+            assert not joined.path.stops[1:-1].any()  # it stops nowhere
     assert through > 5

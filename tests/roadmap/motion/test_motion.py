@@ -10,8 +10,8 @@ from moving import DT, check_limits, draw_path
 import roadmap
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
-from roadmap.motion._timing import way_to_change
-from roadmap.motion.blending import joint_sway
+from roadmap.motion._timing import length_to_change
+from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import Motion
 
 
@@ -83,7 +83,7 @@ def test_a_straight_way_takes_the_time_its_limits_allow(panda):
     path[:, 3] = -1.0
     motion = roadmap.time_path(panda, path)
     v, a, j = panda.max_velocity[0], panda.max_acceleration[0], panda.max_jerk[0]
-    assert 2 * way_to_change(0.0, v, a, j) < 1.0  # it gets up to speed
+    assert 2 * length_to_change(0.0, v, a, j) < 1.0  # it gets up to speed
     assert np.isclose(motion.duration, 1.0 / v + v / a + a / j)
     slow = roadmap.time_path(panda, path, speed_scale=0.25)
     assert np.abs(sampled(slow).dq).max() <= 0.25 * v + 1e-9
@@ -152,7 +152,7 @@ def test_what_is_left_covers_the_way(panda, rng):
     motion = roadmap.time_path(panda, draw_path(panda, rng, 4), blend=0.02)
     for t in np.linspace(0.0, motion.duration, 12):
         corners = motion.path_from(t)
-        sway = joint_sway(panda)
+        sway = joint_motion_bounds(panda)
         for u in np.linspace(t, motion.duration, 60):
             q = motion.at(u).q
             off = (

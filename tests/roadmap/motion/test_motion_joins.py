@@ -33,7 +33,7 @@ def test_the_same_path_changes_nothing(panda, rng):
         joined = motion.join(t, commit, rest, blend=BLEND)
         # it is timed anew from an acceleration, which takes it out first
         assert joined.duration == pytest.approx(motion.duration - t, abs=0.05)
-        assert joined._way is motion._way
+        assert joined.path is motion.path
 
 
 def test_a_change_far_ahead_slows_nothing_before_it(panda, rng):
@@ -71,7 +71,7 @@ def test_a_commit_point_is_never_on_a_blend(panda, rng):
         plain = motion.commit(t, 0.05)
         commit = motion.commit(t, 0.05, through_blends=True)
         assert commit.s >= plain.s
-        piece = motion._way.pieces[motion._way.index(commit.s - 1e-9)]
+        piece = motion.path.pieces[motion.path.index(commit.s - 1e-9)]
         assert piece.d == 0.0 or commit.s == motion.length
         if commit.s == motion.length:
             continue
@@ -100,7 +100,7 @@ def test_limits_hold_through_joins_over_common_corners_and_stops(panda, seed):
         begin = motion.at(t)
         through = bool(rng.random() < 0.7)
         commit = motion.commit(t, 0.05, through_blends=through)
-        turns = [turn.q for turn in motion._way.turns if turn.s > commit.s + 1e-7]
+        turns = [turn.q for turn in motion.path.corners if turn.s > commit.s + 1e-7]
         keep = turns[: rng.integers(0, len(turns) + 1)]
         new = draw_path(panda, rng, int(rng.integers(0, 3)), size=0.5)
         rest = np.vstack([commit.q[None], *[q[None] for q in keep], new])

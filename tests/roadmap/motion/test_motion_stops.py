@@ -7,7 +7,7 @@ import pytest
 
 import roadmap
 from roadmap.motion import stopping
-from roadmap.motion.timing import NoProfile, Profiles, State, after
+from roadmap.motion.timing import NoProfile, ProfileBuilder, State, after
 
 PERIOD = 0.01
 
@@ -49,12 +49,13 @@ def test_no_motion_ever_goes_back(panda, seed):
     for motion in changed_each_frame(panda, rng):
         stop = motion.stop(min(PERIOD, motion.duration))
         for one in (motion, stop):
-            ends = [*(phase.t for phase in one._phases[1:]), one.duration]
-            for phase, end in zip(one._phases, ends, strict=True):
+            phases = one.profile.phases
+            ends = [*(phase.t for phase in phases[1:]), one.duration]
+            for phase, end in zip(phases, ends, strict=True):
                 times = np.linspace(0.0, end - phase.t, 5)
                 speeds = [after(phase, dt).v for dt in times]
                 assert min(speeds) > -1e-6
-            assert one._phases == () or one._phases[-1].s <= one._end + 1e-6
+            assert phases == () or phases[-1].s <= one.length + 1e-6
 
 
 def bent_path(robot, rng, corners):
@@ -88,7 +89,7 @@ def test_a_stop_is_within_limits_where_it_leads_over_blends(panda, rng, monkeypa
 
 def test_pieces_of_a_way_leave_no_gap(panda, rng):
     for motion in changed_each_frame(panda, rng, 30):
-        pieces = motion._way.pieces
+        pieces = motion.path.pieces
         for piece, later in zip(pieces, pieces[1:], strict=False):
             assert piece.end == later.begin
 
@@ -98,7 +99,7 @@ def test_a_stop_in_closed_form_is_the_one_that_ruckig_finds(rng):
     for _ in range(2000):
         v, a_most, j = rng.uniform(0, 3), rng.uniform(0.2, 8), rng.uniform(2, 400)
         state = State(rng.uniform(-5, 5), v, rng.uniform(-1.1, 1.1) * a_most)
-        mine, ruckigs = Profiles(state), Profiles(state)
+        mine, ruckigs = ProfileBuilder(state), ProfileBuilder(state)
         try:
             ruckigs.to_speed(0.0, a_most, j)
         except NoProfile:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.execution import BRAKED, MOVING, Executor
+from odm.execution.executor import BRAKED, MOVING, Executor
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from sim.loop.loop import LoopSettings, run_loop
@@ -96,7 +96,7 @@ def _at_work(small_map):
         answer = planner.step(points, q=commit.q)
         speeds = np.tile(np.array(velocity, float), (len(points), 1))
         threat = Threat(points, speeds, 0.0, ThreatSettings())
-        executor.heed(answer, commit, threat)
+        executor.update(answer, commit, threat)
         stop = executor.motion.stop(executor.t)
         executor.advance()
         return answer, stop, points

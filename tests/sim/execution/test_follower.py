@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from odm.execution.follower import Follower
+from odm.execution.kinematic import Follower
 
 corner = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 corners = st.lists(corner, min_size=1, max_size=6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.execution import (
+from odm.execution.executor import (
     BRAKED,
     RETREATING,
     STANDING,
@@ -16,7 +16,7 @@ from odm.execution.execution import (
 from odm.execution.kinematic import KinematicMover
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
-from roadmap.motion.blending import joint_sway
+from roadmap.motion.blending import joint_motion_bounds
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.people.human_motion import make_motion, motion_names
@@ -119,7 +119,7 @@ class Pushable:
         self.executor = Executor(
             small_map.robot, self.planner, PLACES[0], PERIOD, settings
         )
-        self.sway = joint_sway(small_map.robot)
+        self.sway = joint_motion_bounds(small_map.robot)
         self.reasons = set()
 
     def frame(self, q=None, threat=None):
@@ -128,7 +128,7 @@ class Pushable:
         commit = executor.commit()
         points = np.zeros((0, 3)) if threat is None else threat.points
         self.answer = self.planner.step(points, q=commit.q)
-        executor.heed(self.answer, commit, threat)
+        executor.update(self.answer, commit, threat)
         self.reasons.add(executor.reason)
         executor.advance()
 
@@ -228,7 +228,7 @@ def gets_away(small_map, far, off, standing=None):
         pushable.planner.set_static(standing)
     pushable.planner.step(points, q=executor.set_point.q)
     executor.state = RETREATING  # as if it had begun to before the push
-    executor._gap = pushable.planner.separation(executor.set_point.q)
+    executor._separation.measure(executor.set_point.q)
     threat = Threat(points, down, 0.0, ThreatSettings())
     pushable.frame(executor.set_point.q + pushable.beside(off), threat)
     return executor.state == RETREATING
@@ -271,7 +271,7 @@ def test_a_test_of_a_stop_asks_for_the_points_grown_by_the_deviation(small_map):
     for far in (0.0, 0.01, 0.03):
         q = executor.set_point.q + pushable.beside(far)
         executor.locate(q)
-        executor._safe(executor.motion, executor.t, threat)
+        executor._stop_free(executor.motion, executor.t, threat)
     assert np.allclose(np.diff(asked), [0.01, 0.02])
 
 

@@ -5,7 +5,7 @@ import pytest
 from recorded import PLACES, crane_recipe
 
 import odm
-from odm.execution.execution import RETREATING
+from odm.execution.executor import RETREATING
 from sim.loop.loop import Loop, LoopSettings, run_frames
 from sim.loop.run_result import RETREATS
 from sim.people.human_motion import make_motion

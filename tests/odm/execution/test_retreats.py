@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.execution import RETREATING, STANDING, Executor
+from odm.execution.executor import RETREATING, STANDING, Executor
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.kinematics.forward import sphere_centers
 
@@ -36,7 +36,7 @@ class Scene:
         speeds = np.tile(np.asarray(velocity, float), (len(points), 1))
         threat = Threat(points, speeds, 0.0, ThreatSettings())
         answer = SimpleNamespace(status="holding", retreat=self.path, reason="")
-        self.executor.heed(answer, commit, threat)
+        self.executor.update(answer, commit, threat)
         return points
 
 

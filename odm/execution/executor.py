@@ -1,46 +1,44 @@
 """From the planner's answers to set-points: joined, timed, and braked for the person.
 
 At every moment there is a stop that was tested: before a set-point is passed on, the
-way up to the end of the stop that could begin behind it is tested against the points
+path up to the end of the stop that could begin behind it is tested against the points
 grown by how far the person can come meanwhile. Where the test fails the robot slows
 down; where that does not help it takes the stop it holds.
 
 A robot that is pushed is not on the motion that was tested (`Executor.locate`). Within
 the tracking share of m, less what its encoders may be wrong by, it goes on. Farther off
-it stops, as quickly as it can on its way. There is no quicker stop, so none is looked
-for, whatever the way beside the tested one leads to: this, with the centimetres of the
-push itself, is the one thing that it does untested. What it may do instead is to go on
-getting out of somebody's way, if that is free *beside* the motion: from the person by
-balls that are larger by how far it is off, from itself and its scenery at the very
-offset. At rest, and once it is held still, it takes the place where it is for its
-set-point: the planner plans from there, and tests the first leg in full.
+it stops, as quickly as it can on its path. There is no quicker stop, so none is looked
+for, whatever lies beside the tested path: this, with the centimetres of the push
+itself, is the one thing that it does untested. What it may do instead is to go on
+retreating from somebody, if that is free *beside* the motion: from the person by balls
+that are larger by how far it is off, from itself and its scenery at the very offset.
+At rest, and once it is held still, it takes the place where it is for its set-point:
+the planner plans from there, and tests the first leg in full.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from odm.execution.lookout import Lookout
+from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.stop_test import BrakingTest
-from odm.execution.threat import Threat
+from odm.execution.threat import Moving, Threat
+from odm.execution.tracking import TrackingMonitor
 from roadmap.kinematics.forward import difference
-from roadmap.motion.blending import joint_sway
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
-RETREAT_EVERY = 5  # frames between two searches for a way out, which take a while
+RETREAT_EVERY = 5  # frames between two searches for a retreat, which take a while
 _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
-_STILL = 0.001  # a robot is held still while no point of it moves by more [m]
-_HELD = 0.1  # for so long [s]: then it takes where it is for its set-point
 _TRACKING = 0.002  # tracking share for planners without a map [m]
-_ROUNDING = 1e-9  # [m]
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,11 @@ class ExecutionSettings:
 
     Attributes:
         speed_scale: Share of the joints' speed limits the robot uses.
-        retreat_scale: The same when it moves out of the way.
+        retreat_scale: The same when it retreats from somebody.
         blend: Corners are rounded within this [m], but never within more than the
             map's blending share of m.
         ahead: A new path begins where the robot stands if it begins to stop this
-            much later [s]: a rounded corner needs some way.
+            much later [s]: a rounded corner needs some length.
         stand_below: It does not even retreat where, two frames on, its cover would be
             nearer to a sample than this [m].
         encoder: No point of the robot is farther from where its measured q says than
@@ -88,26 +86,29 @@ class ExecutionSettings:
 class Executor:
     """Holds the motion in use and decides in every frame how it goes on.
 
+    In every frame: `locate` (if q is measured), `commit`, the planner's answer from
+    there, `update`, then `advance`.
+
     Args:
         robot: The robot.
         planner: Asked with `blocked_leg`, `separation` and `way_out` where it has them.
-        q: (dof,) where the robot stands.
+        q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
 
     Attributes:
         motion, t: The motion in use, and the time on it [s].
+        held, held_t: The stop that was tested, to be taken where nothing else is, and
+            the time on it [s], negative before it begins; None where nobody was about.
         state: "moving", "slowed", "braked", "retreating" or "standing".
         reason: One sentence while it is slowed or braked.
-        brakes: Whether the planner can test the way of a stop.
-        off: How far any point of the robot may be from its set-point [m]; 0 while
-            that is within what the tracking share leaves.
+        brakes: Whether the planner can test the path of a stop.
     """
 
     def __init__(
         self,
         robot: Robot,
-        planner: object,
+        planner: Any,  # noqa: ANN401 (whatever answers some of the questions)
         q: np.ndarray,
         period: float,
         settings: ExecutionSettings | None = None,
@@ -117,6 +118,8 @@ class Executor:
         self.settings = settings or ExecutionSettings()
         self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
         self.motion, self.t = time_path(robot, q[None]), 0.0
+        self.held: Motion | None = None
+        self.held_t = 0.0
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend = 0.0, self.settings.blend
@@ -125,27 +128,29 @@ class Executor:
             safety = planner.cell_map.safety
             self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
-        self._share = max(tracking - self.settings.encoder, 0.0) + _ROUNDING
-        self._sway = joint_sway(robot)
-        self.off = 0.0
-        self._beside = np.zeros(robot.dof)  # from the set-point to where it is
-        self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
-        self._said = ""  # of a push, in this frame
+        share = max(tracking - self.settings.encoder, 0.0)
+        self._tracking = TrackingMonitor(robot, share, period)
+        self._separation = SeparationWatch(planner)
         self._test = BrakingTest(planner)
-        self._level = 0
-        self._frame = 0
-        self._on_path = False
-        self._corners = np.zeros((0, robot.dof))
-        self._begin = 0.0  # where on the motion the path in use begins
-        self._gap = np.inf
-        self._heeded = False  # a frame was answered since the last period
-        self._asked = -RETREAT_EVERY  # frame in which a retreat was asked for
-        self._next: tuple[Motion, float, float, Commit] | None = None  # see `ahead`
         looks = self.brakes and callable(getattr(planner, "way_out", None))
         self._lookout = Lookout(planner, period) if looks else None
-        self._yielding = False  # it gets out of the way, whatever the planner says
-        self._held: Motion | None = None  # the stop that was tested, and
-        self._held_t = 0.0  # the time on it at this moment
+        self._level = 0  # of speed; 0 is full speed
+        self._frame = 0
+        self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
+        self._updated = False  # whether a frame was answered since the last period
+        self._evading = False  # it retreats from somebody, whatever the planner says
+        self._on_path = False  # whether the motion follows the last answer's path
+        self._corners = np.zeros((0, robot.dof))  # of that path
+        self._path_begin = 0.0  # arc length on the motion at which that path begins
+        self._next: tuple[Motion, float, float, Commit] | None = None  # see `ahead`
+
+    @property
+    def off(self) -> float:
+        """How far any point of the robot may be from its set-point [m].
+
+        0 while that is within what the tracking share leaves.
+        """
+        return self._tracking.off
 
     @property
     def set_point(self) -> SetPoint:
@@ -167,7 +172,7 @@ class Executor:
         """Return where a new path would begin: the planner plans from there.
 
         It is on the path in use, even if the robot has not come to its beginning yet.
-        Out of the way it goes to the end.
+        A retreat from somebody goes to its end.
         """
         least = self._least(self.t)
         known = self._next
@@ -190,64 +195,65 @@ class Executor:
 
     def _least(self, t: float) -> float:
         """Return the arc length before which no new path begins."""
-        if self._yielding:
+        if self._evading:
             return math.inf
         on_path = self._on_path and t < self.motion.duration
-        return self._begin if on_path else 0.0
+        return self._path_begin if on_path else 0.0
 
-    def heed(self, answer: object, commit: Commit, threat: Threat | None) -> None:
+    def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer planned from `commit`, then brake where it must be.
 
-        `threat` is None where nobody is about.
+        Args:
+            answer: The planner's answer.
+            commit: From `commit`, in this frame.
+            threat: Where the person can be; None where nobody is about.
         """
         self._frame += 1
-        self._heeded = True
+        self._updated = True
         if self.off:
-            self._get_away_or_stop(threat)
+            self._retreat_on_or_stop(threat)
             return
-        if self._yields(threat):
+        if self._evades(threat):
             return
         if answer.status == "holding":
             self._hold(answer, threat)
         else:
-            self._gap = np.inf
-            if answer.status == "replanned" or not self._goes_on(answer.path):
-                scale = self.scales[self._level]
-                self._take(
-                    self.motion.join(
-                        self.t,
-                        commit,
-                        answer.path,
-                        blend=self._blend,
-                        speed_scale=float(scale),
-                    )
-                )
-                self._on_path, self._corners = True, answer.path[1:]
-                self._begin = commit.s
-                self.state = MOVING
+            self._separation.forget()
+            if answer.status == "replanned" or not self._continues(answer.path):
+                self._join(answer.path, commit)
         if self.state != RETREATING and self._on_path:
             self._brake(threat)
-        self.reason = self._said or self.reason
+        self.reason = self._tracking.note or self.reason
 
-    def _goes_on(self, path: np.ndarray) -> bool:
+    def _continues(self, path: np.ndarray) -> bool:
         """Whether a path leads over what is left of the corners of the one in use."""
         left = len(path) - 1
         if not self._on_path or left > len(self._corners):
             return False
         return np.array_equal(path[1:], self._corners[len(self._corners) - left :])
 
+    def _join(self, path: np.ndarray, commit: Commit) -> None:
+        """Leave the motion in use for a path at the commit point."""
+        scale = float(self.scales[self._level])
+        self._take(
+            self.motion.join(self.t, commit, path, blend=self._blend, speed_scale=scale)
+        )
+        self._on_path, self._corners = True, path[1:]
+        self._path_begin = commit.s
+        self.state = MOVING
+
     def advance(self) -> None:
         """Let one period pass; without an answer since the last one, brake.
 
-        The watchdog of a late frame or a late planner: what was tested is the way to
+        The watchdog of a late frame or a late planner: what was tested is the path to
         the end of a stop behind this set-point, and no more.
         """
-        if not self._heeded and not self.at_rest:
+        if not self._updated and not self.at_rest:
             self._stop_as_tested()
             self.reason = "no frame was answered in time"
-        self._heeded = False
+        self._updated = False
         self.t += self.period
-        self._held_t += self.period
+        self.held_t += self.period
 
     # --- pushed -----------------------------------------------------------------
 
@@ -256,155 +262,134 @@ class Executor:
 
         Off its set-point by more than the tracking share of m leaves, it stops. At rest
         and held still for a tenth of a second, it takes q for its set-point: it may
-        differ then from the one before. In between it heeds no answer.
+        differ then from the one before. In between it takes no answer.
 
         Args:
             q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.
         """
-        far, beside = math.inf, self._beside
-        if np.isfinite(q).all():
-            beside = difference(self.robot, self.set_point.q, q)
-            far = float(self._sway @ np.abs(beside))
-        if self._said:
-            self._said = self.reason = ""
-        self.off = far if far > self._share else 0.0
+        if self._tracking.note:
+            self.reason = ""
+        self._tracking.measure(self.set_point.q, q)
         if not self.off:
-            self._still = None
             return
-        self._beside = beside
-        self._said = "nobody knows where it is; stopped"
-        if far < math.inf:
-            self._said = f"pushed {1e3 * far:.0f} mm off its path; stopped"
         if not self.at_rest:
-            self._still = None
+            self._tracking.moves()
             if self.state not in (RETREATING, BRAKED):
                 self._stop_as_tested()
-        elif self._held_still(q):
-            self._seat(q)
+        elif self._tracking.held_still(q):
+            self._restart_at(q)
 
-    def _held_still(self, q: np.ndarray) -> bool:
-        """Whether the robot has been near q for a while."""
-        if not math.isfinite(self.off):
-            return False
-        where, long = self._still or (q, 0.0)
-        moved = self._sway @ np.abs(difference(self.robot, where, q))
-        if moved > _STILL:
-            where, long = q, 0.0
-        self._still = np.array(where), long + self.period
-        return long >= _HELD
-
-    def _seat(self, q: np.ndarray) -> None:
+    def _restart_at(self, q: np.ndarray) -> None:
         """Take q, where the robot is, for its set-point."""
         robot = self.robot
         within = np.where(robot.continuous, q, np.clip(q, robot.lower, robot.upper))
         self._take(time_path(robot, within[None]))
-        self._on_path, self._yielding, self._held = False, False, None
-        self.state, self._level, self.off, self._still = STANDING, 0, 0.0, None
-        self._said = self._said.replace("stopped", "goes on from there")
-        self._gap = np.inf
+        self._on_path, self._evading, self.held = False, False, None
+        self.state, self._level = STANDING, 0
+        self._tracking.restart()
+        self._separation.forget()
 
-    def _get_away_or_stop(self, threat: Threat | None) -> None:
-        """Go on out of somebody's way if that is free beside the motion; else stop."""
+    def _retreat_on_or_stop(self, threat: Moving | None) -> None:
+        """Go on with a retreat if that is free beside the motion, too; else stop."""
         if self.state == RETREATING and not self.at_rest:
-            free = self._wise() and self._free_beside()
-            if free and self._untouched(self.motion, self.t, threat):
+            free = self._may_move() and self._offset_free()
+            if free and self._retreat_free(self.motion, self.t, threat):
                 return
             self._stop_as_tested()
-        self._yielding = self._on_path = False
-        self.reason = self._said
+        self._evading = self._on_path = False
+        self.reason = self._tracking.note
         self.state = STANDING if self.at_rest else BRAKED
 
-    def _free_beside(self) -> bool:
+    def _offset_free(self) -> bool:
         """Whether all that stands still is clear of the motion, moved by the offset."""
         static = getattr(self.planner, "static", None)
         if static is None or not math.isfinite(self.off):
             return False
-        way = self.motion.path_from(self.t) + self._beside
-        legs = np.diff(way, axis=0) if len(way) > 1 else np.zeros_like(way)
-        return bool(static.motions_free(way[: len(legs)], legs).all())
+        path = self.motion.path_from(self.t) + self._tracking.offset
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        return bool(static.motions_free(path[: len(legs)], legs).all())
 
-    # --- hold, back off, escape -------------------------------------------------
+    # --- hold, retreat ----------------------------------------------------------
 
-    def _yields(self, threat: Threat | None) -> bool:
-        """Whether it gets out of the way of who comes, and heeds no answer."""
-        if self._yielding:
-            self._yielding = not self.at_rest
-            if self._yielding and self._wise():
-                if self._untouched(self.motion, self.t, threat):
+    def _evades(self, threat: Moving | None) -> bool:
+        """Whether it retreats from who comes, and takes no answer."""
+        if self._evading:
+            self._evading = not self.at_rest
+            if self._evading and self._may_move():
+                if self._retreat_free(self.motion, self.t, threat):
                     return True
                 scale = _LOWER * self.motion.speed_scale
                 slower = self.motion.rescaled(self.t, scale)
-                if self._untouched(slower, 0.0, threat):
+                if self._retreat_free(slower, 0.0, threat):
                     self._take(slower)
                     return True
-            if self._yielding:
-                self._yielding = False
-                self._halt()
+            if self._evading:
+                self._evading = False
+                self._stop_and_stand()
                 return True
             self.state, self.reason = STANDING, ""
-        if self._lookout is None or not hasattr(threat, "likely"):
-            return False  # nobody is about, or another robot that tells its way
+        if self._lookout is None or not isinstance(threat, Threat):
+            return False  # nobody is about, or another robot that tells its intent
         if self.state == MOVING and not self.at_rest:
             return False  # nobody slows it: it may be gone before they come
         commit = self.motion.commit(self.t, 0.0)
         scale = self.settings.speed_scale
-        way = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
-        return way is not None and self._leave(way, commit, threat)
+        path = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
+        return path is not None and self._begin_evading(path, commit, threat)
 
-    def _leave(self, way: np.ndarray, commit: Commit, threat: Threat) -> bool:
-        """Get out of the way, as fast as the person lets it; False if none."""
-        self._gap = self.planner.separation(self.set_point.q)
-        if not self._gap >= self.settings.stand_below:
+    def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
+        """Retreat along a path, as fast as the person lets it; False if not at all."""
+        if not self._separation.measure(self.set_point.q) >= self.settings.stand_below:
             return False
         for share in _RETREATS:
             scale = share * self.settings.speed_scale
-            motion = self.motion.join(self.t, commit, way, blend=0, speed_scale=scale)
-            if self._untouched(motion, 0.0, threat):
+            motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
+            if self._retreat_free(motion, 0.0, threat):
                 self._take(motion)
-                self._yielding, self._on_path = True, False
+                self._evading, self._on_path = True, False
                 self.state, self.reason = RETREATING, "somebody comes"
                 return True
         return False
 
-    def _hold(self, answer: object, threat: Threat | None) -> None:
+    def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401
         self._on_path, self.reason = False, ""
-        wise = self._wise()
+        may_move = self._may_move()
         if self.state == RETREATING and not self.at_rest:
-            better = self.planner.separation(self.motion.q_end) >= self._gap - 1e-6
-            if wise and better and self._untouched(self.motion, self.t, threat):
+            better = self._separation.is_better_at(self.motion.q_end)
+            if may_move and better and self._retreat_free(self.motion, self.t, threat):
                 return
-            self._halt()
+            self._stop_and_stand()
         elif self.at_rest:
             self.state = STANDING
-            if wise and self._frame - self._asked >= RETREAT_EVERY:
-                self._asked = self._frame
+            if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
+                self._retreat_frame = self._frame
                 self._retreat(answer.retreat, threat)
         elif self.state != STANDING:
-            self._halt()
+            self._stop_and_stand()
 
-    def _halt(self) -> None:
-        """Stop, the way that was tested where there is one, and stand."""
+    def _stop_and_stand(self) -> None:
+        """Take the stop that was tested where there is one, and stand."""
         self._stop_as_tested()
         self.state = STANDING
 
-    def _retreat(self, path: np.ndarray | None, threat: Threat | None) -> None:
-        """Get out of the way, as fast as the person lets it."""
+    def _retreat(self, path: np.ndarray | None, threat: Moving | None) -> None:
+        """Retreat along a path, as fast as the person lets it."""
         if path is None or not self._begins_here(path):
             return
         for share in _RETREATS:
             scale = share * self.settings.retreat_scale
             motion = time_path(self.robot, path, blend=0, speed_scale=scale)
-            if self._untouched(motion, 0.0, threat):
+            if self._retreat_free(motion, 0.0, threat):
                 self._take(motion)
                 self.state = RETREATING
                 return
 
-    def _untouched(self, motion: Motion, t: float, threat: Threat | None) -> bool:
+    def _retreat_free(self, motion: Motion, t: float, threat: Moving | None) -> bool:
         """Test a retreat until it can stand: it may come nearer than m, not touch."""
         if threat is None or not self.brakes:
-            self._held = None
+            self.held = None
             return True
-        return self._safe(motion, t, threat, closer=self._clearance)
+        return self._stop_free(motion, t, threat, closer=self._clearance)
 
     def _begins_here(self, path: np.ndarray) -> bool:
         """Whether a path begins at the set-point: from elsewhere it proves nothing."""
@@ -413,40 +398,38 @@ class Executor:
         off = difference(self.robot, self.set_point.q, path[0])
         return bool(np.abs(off).max() < 1e-6)
 
-    def _wise(self) -> bool:
+    def _may_move(self) -> bool:
         """Whether it may move at all: the person is not about to touch it."""
-        q = self.set_point.q
-        before, self._gap = self._gap, self.planner.separation(q)
-        closing = max(before - self._gap, 0.0)  # by frame; not known in the first one
-        return self._gap - 2 * closing >= self.settings.stand_below + self.off
+        least = self.settings.stand_below + self.off
+        return self._separation.stays_above(least, self.set_point.q)
 
     # --- braking ----------------------------------------------------------------
 
-    def _brake(self, threat: Threat | None) -> None:
+    def _brake(self, threat: Moving | None) -> None:
         """Leave a motion in use whose next set-point has a tested stop behind it."""
         if threat is None or not self.brakes:
             self._raise_to_full()
-            self._held = None
+            self.held = None
             return
         if self.state == BRAKED:
             self._go_on_slowly(threat)
             return
-        if self._safe(self.motion, self.t, threat):
+        if self._stop_free(self.motion, self.t, threat):
             self._try_faster(threat)
             self.state = SLOWED if self._level else MOVING
             return
         self.reason = self._why(threat)
         self._level = min(self._level + 1, _LEVELS - 1)
         slower = self.motion.rescaled(self.t, float(self.scales[self._level]))
-        if self._safe(slower, 0.0, threat):
+        if self._stop_free(slower, 0.0, threat):
             self._take(slower)
             self.state = SLOWED
             return
         self._stop_as_tested()
 
-    def _go_on_slowly(self, threat: Threat) -> None:
+    def _go_on_slowly(self, threat: Moving) -> None:
         slow = self.motion.rescaled(self.t, float(self.scales[-1]))
-        if self._safe(slow, 0.0, threat):
+        if self._stop_free(slow, 0.0, threat):
             self._take(slow)
             self._level, self.state = _LEVELS - 1, SLOWED
         else:
@@ -455,17 +438,17 @@ class Executor:
     def _stop_as_tested(self) -> None:
         """Take the stop that was tested one frame ago, or before."""
         self.state = BRAKED
-        if self._held is None:
+        if self.held is None:
             self._take(self.motion.stop(self.t))
-        elif self.motion is not self._held:
-            self.motion, self.t = self._held, self._held_t
-            self._on_path = False  # it may lie on the way before the last one
+        elif self.motion is not self.held:
+            self.motion, self.t = self.held, self.held_t
+            self._on_path = False  # it may lie on the path before the last one
 
-    def _try_faster(self, threat: Threat) -> None:
+    def _try_faster(self, threat: Moving) -> None:
         if self._level == 0:
             return
         faster = self.motion.rescaled(self.t, float(self.scales[self._level - 1]))
-        if self._safe(faster, 0.0, threat, _LOOK_AHEAD):
+        if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)
             self._level -= 1
             self.reason = self.reason if self._level else ""
@@ -476,18 +459,19 @@ class Executor:
             self._take(self.motion.rescaled(self.t, float(self.scales[0])))
         self.state, self.reason = MOVING, ""
 
-    def _safe(
+    def _stop_free(
         self,
         motion: Motion,
         t: float,
-        threat: Threat,
+        threat: Moving,
         ahead: float = 0.0,
         closer: float = 0.0,
     ) -> bool:
-        """Test the way from `t` to the end of a stop behind the next set-point.
+        """Test the path from `t` to the end of a stop behind the next set-point.
 
-        Afterwards the robot rests. It may come `closer` than m [m]. It may be `off` its
-        motion by more than m allows for; the balls grow by that.
+        Afterwards the robot rests, and the stop is held. With `ahead` [s] the stop may
+        also begin that much later. The robot may come `closer` than m [m]. It may be
+        `off` its motion by more than m allows for; the balls grow by that.
         """
         begin = min(t + self.period + ahead, motion.duration)
         stop = motion.stop(begin)
@@ -499,11 +483,11 @@ class Executor:
             stop = motion.stop(begin)
             if not self._test.passes(motion, t, begin, stop, *how):
                 return False
-        self._held = stop
-        self._held_t = -self.period
+        self.held = stop
+        self.held_t = -self.period
         return True
 
-    def _why(self, threat: Threat) -> str:
+    def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)
         time = self.period + stop.duration
         _, radius = threat.between(time, time)

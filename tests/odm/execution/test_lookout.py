@@ -5,7 +5,7 @@ import pytest
 from small import draw_valid
 
 import odm
-from odm.execution.execution import RETREATING, Executor
+from odm.execution.executor import RETREATING, Executor
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.kinematics.forward import sphere_centers
 
@@ -35,7 +35,7 @@ class Scene:
         threat = self.watcher.look(capsule, points, np.zeros((1, 3)), now)
         if not known:
             threat = Threat(points, None, 0.0, ThreatSettings())
-        self.executor.heed(answer, commit, threat)
+        self.executor.update(answer, commit, threat)
         point = self.executor.set_point
         self.gaps.append(self.planner.separation(point.q))
         self.speeds.append(np.abs(point.dq).max())

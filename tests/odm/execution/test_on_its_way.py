@@ -7,7 +7,7 @@ import pytest
 from small import AWAY, HOME, draw_arm
 
 import odm
-from odm.execution.execution import Executor
+from odm.execution.executor import Executor
 
 
 def follow(small_map, seed, frames=2000):
@@ -34,10 +34,10 @@ def follow(small_map, seed, frames=2000):
         commit = executor.commit()
         answer = planner.step(points, q=commit.q)
         statuses.append(answer.status)
-        executor.heed(answer, commit, None)
+        executor.update(answer, commit, None)
         planner.polish(4, executor.ahead())
         executor.advance()
-        way, s = executor.motion._way, executor.motion.place(executor.t)
+        way, s = executor.motion.path, executor.motion.place(executor.t)
         on_blends += bool(way.pieces and way.pieces[way.index(s)].d > 0.0)
         if executor.at_rest:
             break

@@ -1,4 +1,4 @@
-"""The way of a motion: pieces with the limits of the arc length on them."""
+"""The path of a motion: its pieces, and the limits of the arc length on each."""
 
 from bisect import bisect_right
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import (
     Piece,
-    lay_way,
+    blend_path,
     scalar_limits,
     slowing_limit,
     without_gaps,
@@ -24,8 +24,8 @@ SAME = 1e-9
 NEAR = 1e-7  # rounding of profiles [rad or m of joint space]
 
 
-class Turn(NamedTuple):
-    """A corner of a way: its arc length, where its blend begins, and its (dof,) q."""
+class Corner(NamedTuple):
+    """A corner of a path: its arc length, where its blend begins, and its (dof,) q."""
 
     s: float
     begin: float
@@ -33,38 +33,39 @@ class Turn(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class BlendedPath:
     """Pieces with the limits of the arc length on them.
 
     Attributes:
         robot: Whose limits they are.
         pieces: In order, each from the end of the one before.
-        swift: (n,) speed by the joints' velocities.
-        turning: (n,) speed by what turning on a blend takes; infinite without one.
+        joint_speed: (n,) highest speed by the joints' velocities [rad/s or m/s].
+        turning_speed: (n,) the same by what turning on a blend takes; infinite on
+            straight pieces.
         a, j: (n,) acceleration and jerk.
-        stray: No centre of the cover strays farther from the corner path [m].
-        home: (dof,) where a way without pieces stands.
+        deviation: No centre of the cover is farther from the corner path [m].
+        home: (dof,) where a path without pieces stands.
     """
 
     robot: Robot
     pieces: tuple[Piece, ...]
-    swift: np.ndarray
-    turning: np.ndarray
+    joint_speed: np.ndarray
+    turning_speed: np.ndarray
     a: np.ndarray
     j: np.ndarray
-    stray: float
+    deviation: float
     home: np.ndarray
 
     @classmethod
     def of(
-        cls, robot: Robot, pieces: tuple[Piece, ...], stray: float, home: np.ndarray
-    ) -> "Way":
-        """Return the way over some pieces, with the limits of a robot."""
+        cls, robot: Robot, pieces: tuple[Piece, ...], deviation: float, home: np.ndarray
+    ) -> "BlendedPath":
+        """Return the path over some pieces, with the limits of a robot."""
         if not pieces:
             none = np.zeros(0)
             return cls(robot, (), none, none, none, none, 0.0, home)
         pieces = without_gaps(pieces)
-        return cls(robot, pieces, *scalar_limits(pieces, robot), stray, home)
+        return cls(robot, pieces, *scalar_limits(pieces, robot), deviation, home)
 
     def index(self, s: float) -> int:
         """Return the piece that holds arc length `s`."""
@@ -100,31 +101,31 @@ class Way:
         return min(s, end)
 
     @cached_property
-    def turns(self) -> "list[Turn]":
-        """The corners of the way, the end as the last one."""
-        turns = []
+    def corners(self) -> list[Corner]:
+        """The corners of the path, the end as the last one."""
+        corners = []
         for k, p in enumerate(self.pieces):
             if p.d > 0.0:
-                turns.append(Turn(p.anchor + p.d, p.anchor, p.corner()))
+                corners.append(Corner(p.anchor + p.d, p.anchor, p.corner()))
             elif k and self.pieces[k - 1].d == 0.0:
-                turns.append(Turn(p.begin, p.begin, p.at(p.begin)[0]))
+                corners.append(Corner(p.begin, p.begin, p.at(p.begin)[0]))
         if self.pieces:
             end = self.pieces[-1].end
-            turns.append(Turn(end, end, self.at(end)[0]))
-        return turns
+            corners.append(Corner(end, end, self.at(end)[0]))
+        return corners
 
     def along(self, s: float, path: np.ndarray) -> "tuple[int, float]":
-        """Return how far a path keeps to this way.
+        """Return how far a corner path keeps to this one.
 
         Args:
             s: Arc length of its first corner.
             path: (k, dof) corners [rad or m].
 
         Returns:
-            Index of the last corner to which the way leads over the same corners and
+            Index of the last corner to which this path leads over the same corners and
             where a blend, if any, begins behind `s`; and its arc length. (0, s): none.
         """
-        ahead = [turn for turn in self.turns if turn.s > s + NEAR]
+        ahead = [corner for corner in self.corners if corner.s > s + NEAR]
         first = 1
         while first < len(path) and np.abs(path[first] - path[0]).max() <= NEAR:
             first += 1
@@ -135,7 +136,7 @@ class Way:
                 return first + kept - 1, ahead[skip + kept - 1].s
         return 0, s
 
-    def to_corner(self, begin: float, s: float) -> "Way":
+    def to_corner(self, begin: float, s: float) -> "BlendedPath":
         """Return the part from `begin` to the corner at arc length `s`, not rounded."""
         kept = [p for p in self.pieces if p.end > begin + SAME and p.begin < s - SAME]
         if kept and kept[-1].d > 0.0 and kept[-1].anchor + kept[-1].d > s - NEAR:
@@ -146,7 +147,7 @@ class Way:
             kept.append(Piece(last.end, s, at, last.end, last.w, last.w, 0.0))
         pieces = tuple(p.cut(begin, s) for p in kept[:-1])
         pieces += tuple(replace(p.cut(begin, s), end=s) for p in kept[-1:])
-        return Way.of(self.robot, pieces, self.stray, self.home)
+        return BlendedPath.of(self.robot, pieces, self.deviation, self.home)
 
     def slowing(self, k: int, v: float) -> float:
         """Return the acceleration for slowing down on piece k from speed v or less.
@@ -156,47 +157,64 @@ class Way:
         piece = self.pieces[k]
         if piece.d == 0.0:
             return self.a[k]
-        v = min(v, self.swift[k], self.turning[k])
+        v = min(v, self.fastest(k))
         return max(self.a[k], slowing_limit(piece, self.robot, v))
 
+    def fastest(self, k: int) -> float:
+        """Return the highest speed on piece k."""
+        return min(self.joint_speed[k], self.turning_speed[k])
+
+    def steady_speed(self, state: State) -> float:
+        """Return the speed once the acceleration of a state has ended."""
+        return state.v + state.a * abs(state.a) / (2.0 * self.j[self.index_of(state)])
+
     @cached_property
-    def corners(self) -> np.ndarray:
+    def stops(self) -> np.ndarray:
         """Which ends of the pieces (n + 1,) must be passed at rest."""
-        corners = [
+        sharp = [
             bool(np.abs(a.w - b.u).max() > SAME)
             for a, b in zip(self.pieces, self.pieces[1:], strict=False)
         ]
-        return np.array([False, *corners, True])
+        return np.array([False, *sharp, True])
 
-    def joined(self, path: np.ndarray, s: float, blend: float, room: float) -> "Way":
-        """Return this way followed by a corner path.
+    def joined(
+        self, path: np.ndarray, s: float, blend: float, room: float
+    ) -> "BlendedPath":
+        """Return this path followed by a corner path.
 
         Args:
-            path: (k, dof) corners; the first one is the end of this way.
+            path: (k, dof) corners; the first one is the end of this path.
             s: Arc length of the first one.
-            blend: No centre of the cover strays farther from the corners [m].
-            room: What rounding the first one may take of this way; 0: it stays sharp.
+            blend: No centre of the cover gets farther from the corner path [m].
+            room: What rounding the first one may take of this path; 0: it stays sharp.
         """
-        pieces, stray = lay_way(self.robot, path, blend, self.pieces, s, room)
-        return Way.of(self.robot, pieces, max(stray, self.stray), path[0])
+        pieces, off = blend_path(self.robot, path, blend, self.pieces, s, room)
+        return BlendedPath.of(self.robot, pieces, max(off, self.deviation), path[0])
 
-    def part(self, begin: float, end: float) -> "Way":
+    def part(self, begin: float, end: float) -> "BlendedPath":
         """Return the part between two arc lengths; its limits stay."""
         kept = [
             k
             for k, p in enumerate(self.pieces)
             if p.end > begin + SAME and p.begin < end - SAME
         ]
-        pieces = tuple(self.pieces[k].cut(begin, end) for k in kept)
-        limits = (array[kept] for array in (self.swift, self.turning, self.a, self.j))
-        return Way(self.robot, pieces, *limits, self.stray, self.at(end)[0])
+        return BlendedPath(
+            self.robot,
+            tuple(self.pieces[k].cut(begin, end) for k in kept),
+            self.joint_speed[kept],
+            self.turning_speed[kept],
+            self.a[kept],
+            self.j[kept],
+            self.deviation,
+            self.at(end)[0],
+        )
 
 
-def _common(turns: list[Turn], path: np.ndarray) -> int:
+def _common(corners: list[Corner], path: np.ndarray) -> int:
     """Return how many of the first corners are the same."""
     kept = 0
-    for turn, corner in zip(turns, path, strict=False):
-        if np.abs(turn.q - corner).max() > NEAR:
+    for corner, q in zip(corners, path, strict=False):
+        if np.abs(corner.q - q).max() > NEAR:
             break
         kept += 1
     return kept

@@ -1,0 +1,89 @@
+"""Time along a path: from a state on it, or from a profile in use, without a step."""
+
+import math
+
+import numpy as np
+
+from roadmap.motion.blended_path import NEAR, SAME, BlendedPath
+from roadmap.motion.timing import (
+    NoProfile,
+    ProfileBuilder,
+    SpeedProfile,
+    State,
+    fill,
+    junction_speeds,
+)
+
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # of a speed, tried one after the other
+
+
+def timed(path: BlendedPath, state: State, scale: float) -> SpeedProfile:
+    """Return the quick profile from a state on a path to its end.
+
+    Args:
+        path: The path and its limits.
+        state: Where on it the profile begins.
+        scale: Share of the velocity limits to use, in (0, 1].
+
+    Raises:
+        NoProfile: It is too fast for what lies ahead.
+    """
+    if not path.pieces:
+        return ProfileBuilder(State(state.s, 0.0, 0.0)).profile()
+    limits = np.minimum(scale * path.joint_speed, path.turning_speed)
+    ends = np.array([p.end for p in path.pieces])
+    stops = path.stops
+    k = path.index_of(state)
+    steady = path.steady_speed(state)
+    if max(state.v, steady) > (1.0 + 1e-6) * path.fastest(k):
+        raise NoProfile(f"{state.v} is too fast for the piece ahead")
+    wanted = max(0.0, min(steady, limits[k]))
+    for share in _SHARES:
+        builder = ProfileBuilder(state)
+        v = share * wanted
+        if state.a != 0.0 or abs(v - state.v) > SAME:
+            builder.to_speed(v, path.a[k], path.j[k])
+        s = builder.state.s
+        if s > ends[k] + NEAR:
+            continue
+        lengths = np.diff(np.maximum(ends[k:], s), prepend=s)
+        rest = (limits[k:], stops[k:], path.a[k:], path.j[k:])
+        speeds = junction_speeds(lengths, *rest)
+        if v > speeds[0] + SAME:
+            continue
+        fill(builder, ends[k:], limits[k:], speeds, path.a[k:], path.j[k:])
+        return builder.profile()
+    raise NoProfile(f"the state {state} leaves no time to slow down")
+
+
+def retimed(
+    profile: SpeedProfile,
+    t: float,
+    path: BlendedPath,
+    scale: float,
+    same_until: float = math.inf,
+) -> SpeedProfile:
+    """Time a path anew from the state of a profile at `t`, or from a later piece on.
+
+    Args:
+        profile: The profile in use.
+        t: The present time on it [s].
+        path: The profile's own path up to arc length `same_until`.
+        scale: Share of the velocity limits to use, in (0, 1].
+        same_until: See `path` [rad or m of joint space].
+
+    Raises:
+        NoProfile: It is too fast for what lies ahead.
+    """
+    head = ProfileBuilder(profile.state(t))
+    while True:
+        try:
+            return head.profile().then(timed(path, head.state, scale))
+        except NoProfile:
+            k = path.index_of(head.state)
+            end = path.pieces[k].end
+            if end > same_until + SAME:
+                raise
+            head.repeat(profile, t + head.t, end)
+            if path.index_of(head.state) <= k:
+                raise
