@@ -1,6 +1,6 @@
 """Set-points beside a person: joined, timed and braked before anyone is touched."""
 
-from odm.execution.execution import ExecutionSettings, Executor
+from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.robot_threat import intent_of, intent_threat, limits_threat
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 
