@@ -2,48 +2,114 @@
 
 import importlib
 import inspect
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
-from roadmap.errors import BadInput
+import typer
+
+from sim.terminal.flags import Json, flags_of, from_request
 from sim.terminal.output import Bars, show_json, write_text
 
-_FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
-_FLAGS |= {"distances": "--distance"}
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """What `odm bench` is asked for; None: left to the bench."""
+
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
+            "human, handover-recording, approach, attach, workspace, targets or "
+            "interrupts.",
+        ),
+    ]
+    map_dir: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
+    ] = None
+    seed: Annotated[int | None, typer.Option(help="Same seed, same frames.")] = None
+    short: Annotated[
+        bool, typer.Option("--short", help="To see that it runs, not to measure.")
+    ] = False
+    execution: Annotated[
+        str | None,
+        typer.Option(
+            metavar="kinematic|timed", help="How the robot moves (motions, targets)."
+        ),
+    ] = None
+    pushed: Annotated[
+        bool,
+        typer.Option("--pushed", help="Push the robot meanwhile (motions)."),
+    ] = False
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Simulated time of each run (motions, targets)."),
+    ] = None
+    seeds: Annotated[
+        int | None, typer.Option(help="Runs of each motion (motions).")
+    ] = None
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Runs at a time (motions).")
+    ] = None
+    motions: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--motion", metavar="NAME", help="Only these; again for more (motions)."
+        ),
+    ] = None
+    reach: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Reach map (targets).")
+    ] = None
+    distances: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--distance", help="Of the person, in m; again for more (targets)."
+        ),
+    ] = None
+    files: Annotated[
+        list[Path] | None,
+        typer.Option("--file", metavar="F", help="A recording, too; again for more."),
+    ] = None
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw the figures, if it can.")
+    ] = None
+    markdown: Annotated[
+        str | None,
+        typer.Option(
+            "--markdown",
+            metavar="FILE",
+            help="Put the table between the markers in FILE.md; alone: print it.",
+        ),
+    ] = None
+    json: Json = None
 
 
-def bench_names() -> list[str]:
-    """Return the benches that are there: modules under `sim.bench` with a `run`.
-
-    `sim/bench/paper/odm_paper.py` is called odm-paper.
-    """
-    return sorted(_modules())
-
-
-def _modules() -> dict[str, str]:
-    """Return the module of each bench by its name."""
-    import sim.bench
-
-    found = {}
-    for folder in map(Path, sim.bench.__path__):
-        for file in folder.rglob("*.py"):
-            if "\ndef run(" in file.read_text(encoding="utf-8"):
-                inner = file.relative_to(folder).with_suffix("").parts
-                found[file.stem.replace("_", "-")] = ".".join(("sim.bench", *inner))
-    return found
+@from_request(BenchRequest)
+def bench(request: BenchRequest) -> None:
+    """Measure: figures as tables or JSON, with processor, versions and map hash."""
+    options = asdict(request)
+    name, json, markdown = (options.pop(k) for k in ("name", "json", "markdown"))
+    given = {k: v for k, v in options.items() if v is not False and v != []}
+    run_bench(name, given, json, markdown)
 
 
-def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> None:
+def run_bench(
+    name: str, options: dict, json: str | None = None, markdown: str | None = None
+) -> None:
     """Run a bench and print its table, or write it where it is wanted.
 
     Args:
         name: Of a module under `sim.bench` with `run(...)`, which returns plain data.
-        options: What the user chose, by parameter of `run`; None: left to the bench.
+        options: What the user chose, by parameter of `run`.
         json: FILE.json or '-'.
         markdown: '-' or a file with the markers of this bench, see `fill_section`.
 
     Raises:
         BadInput: There is no such bench, or it has no such option or file.
     """
+    from roadmap.errors import BadInput
+
     modules = _modules()
     if name not in modules:
         known = ", ".join(sorted(modules))
@@ -69,15 +135,38 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
         table.print_bench(result)
 
 
+def bench_names() -> list[str]:
+    """Return the benches that are there: modules under `sim.bench` with a `run`.
+
+    `sim/bench/paper/odm_paper.py` is called odm-paper.
+    """
+    return sorted(_modules())
+
+
+def _modules() -> dict[str, str]:
+    """Return the module of each bench by its name."""
+    import sim.bench
+
+    found = {}
+    for folder in map(Path, sim.bench.__path__):
+        for file in folder.rglob("*.py"):
+            if "\ndef run(" in file.read_text(encoding="utf-8"):
+                inner = file.relative_to(folder).with_suffix("").parts
+                found[file.stem.replace("_", "-")] = ".".join(("sim.bench", *inner))
+    return found
+
+
 def _check_options(name: str, run: object, given: dict) -> None:
-    known = inspect.signature(run).parameters
+    from roadmap.errors import BadInput
+
+    known, flags = inspect.signature(run).parameters, flags_of(BenchRequest)
     for option in given:
         if option not in known:
-            flag = _FLAGS.get(option, f"--{option}")
+            flag = flags[option]
             raise BadInput(f"the bench {name!r} has no option {flag}; leave it out")
     for option, parameter in known.items():
         if parameter.default is parameter.empty and option not in given:
-            flag = _FLAGS.get(option, f"--{option}")
+            flag = flags.get(option, f"--{option}")
             raise BadInput(f"the bench {name!r} needs {flag}; give it")
 
 
@@ -93,6 +182,8 @@ def fill_section(path: Path, name: str, text: str | None) -> None:
         BadInput: The file or its markers are missing.
     """
     begin, end = (f"<!-- odm bench {name}: {side} -->" for side in ("begin", "end"))
+    from roadmap.errors import BadInput
+
     whole = path.read_text(encoding="utf-8")
     before, _, rest = whole.partition(begin)
     _, found, after = rest.partition(end)

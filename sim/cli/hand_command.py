@@ -6,17 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.cli.workspace_command import app
-from sim.terminal.output import JSON_HELP, Bars, guarded, show_json
+from sim.terminal.flags import Json, Posture, Side
+from sim.terminal.output import Bars, guarded, report
 
 if TYPE_CHECKING:
     from handover import Human
     from sim.draw.arm_cut import Cut
 
-_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
 BELOW_SHOULDER = 0.25  # [m] the level cut lies this far below it
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
-Posture = Annotated[str, typer.Option(metavar=_POSTURES, help="What the person does.")]
-Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
 
 
 @app.command("human")
@@ -60,10 +57,7 @@ def human_reach(
         from sim.draw.arm_cut import write_arm_picture
 
         facts["plot"] = str(write_arm_picture(human, side, cuts, plot))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show_arm(facts)
+    report(facts, json, _show_arm)
 
 
 def _arm_facts(

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.people.grips import grip_points
-from sim.terminal.output import JSON_HELP, guarded, show_json
+from sim.terminal.flags import Json, Posture
+from sim.terminal.output import guarded, show_json
 
 if TYPE_CHECKING:
     from handover import Human
@@ -15,8 +16,6 @@ app = typer.Typer(
     help="The model of the person: proportions, joint ranges, reach.",
     no_args_is_help=True,
 )
-
-_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
 
 
 @app.callback()
@@ -28,9 +27,7 @@ def _group() -> None:
 @guarded
 def info(
     height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
-    posture: Annotated[
-        str, typer.Option(metavar=_POSTURES, help="What the person does.")
-    ] = "standing",
+    posture: Posture = "standing",
     mass: Annotated[
         float | None,
         typer.Option(help="Body mass in kg; default: a body mass index of 24."),
@@ -47,9 +44,7 @@ def info(
             metavar="PNG", help="Draw the person, the reach and the joint ranges."
         ),
     ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
+    json: Json = None,
 ) -> None:
     """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
     from handover import Human

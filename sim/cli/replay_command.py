@@ -1,13 +1,15 @@
 """`odm replay`: a recorded run again, or recorded obstacle frames."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.cli.build_command import MAPS
-from sim.terminal.output import JSON_HELP, Bars, show_json, write_text
+from sim.run.folders import MAPS, check_map_folder
+from sim.terminal.flags import Json, from_request, given
+from sim.terminal.output import Bars, show_json, write_text
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -17,20 +19,21 @@ _RUN = "A recorded run"
 _FRAMES = "Recorded obstacle frames"
 
 
-def replay(
+@dataclass(frozen=True)
+class ReplayRequest:
+    """What `odm replay` is asked for."""
+
     file: Annotated[
         Path | None,
         typer.Argument(metavar="FILE", help="A recording of `odm run --record`."),
-    ] = None,
+    ] = None
     map_dir: Annotated[
         Path | None,
         typer.Option(
             "--map", metavar="MAP", help="A map's folder; default: maps/built/NAME."
         ),
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
+    ] = None
+    json: Json = None
     holds: Annotated[
         bool,
         typer.Option(
@@ -38,7 +41,7 @@ def replay(
             help="Only list the recorded holds with their reasons.",
             rich_help_panel=_RUN,
         ),
-    ] = False,
+    ] = False
     record: Annotated[
         Path | None,
         typer.Option(
@@ -46,7 +49,7 @@ def replay(
             help="Record the replay: the same bytes, where it is the same.",
             rich_help_panel=_RUN,
         ),
-    ] = None,
+    ] = None
     recipe_out: Annotated[
         Path | None,
         typer.Option(
@@ -54,7 +57,7 @@ def replay(
             help="Only write the recipe of the recorded map.",
             rich_help_panel=_RUN,
         ),
-    ] = None,
+    ] = None
     build: Annotated[
         Path | None,
         typer.Option(
@@ -62,13 +65,13 @@ def replay(
             help="Only build the recorded map, for which no URDF is needed.",
             rich_help_panel=_RUN,
         ),
-    ] = None,
+    ] = None
     frames: Annotated[
         Path | None,
         typer.Option(
             metavar="NPZ", help="The frames; or FILE.", rich_help_panel=_FRAMES
         ),
-    ] = None,
+    ] = None
     always_replan: Annotated[
         bool,
         typer.Option(
@@ -76,14 +79,14 @@ def replay(
             help="Search anew in every frame.",
             rich_help_panel=_FRAMES,
         ),
-    ] = False,
+    ] = False
     spacing: Annotated[
         float | None,
         typer.Option(
             help="Of samples on capsules, in m; default: 0.03 or the map's rho.",
             rich_help_panel=_FRAMES,
         ),
-    ] = None,
+    ] = None
     paths: Annotated[
         bool,
         typer.Option(
@@ -91,8 +94,11 @@ def replay(
             help="Keep each frame's path in the JSON.",
             rich_help_panel=_FRAMES,
         ),
-    ] = False,
-) -> None:
+    ] = False
+
+
+@from_request(ReplayRequest)
+def replay(request: ReplayRequest) -> None:
     """Repeat a recorded run and tell whether every byte of it is the same.
 
     Exit code 0: the same; 1: not, with the first frame that differs. The figures of
@@ -104,103 +110,90 @@ def replay(
     path at its joints' speed limits; while the planner holds, it stands still and
     does not retreat.
     """
-    if (file is None) == (frames is None):
+    if (request.file is None) == (request.frames is None):
         raise typer.BadParameter("give one FILE to replay")
-    path = frames if file is None else file
     from sim.record import is_record
 
-    asked = {"--holds": holds, "--record": record, "--recipe-out": recipe_out}
-    asked |= {"--build": build}
-    if not is_record(path):
-        _refuse(asked, f"a recorded run, which {path} is not")
-        if map_dir is None:
-            raise typer.BadParameter("recorded obstacle frames need --map MAP")
-        _play(path, map_dir, json, (always_replan, spacing, paths))
+    path = request.frames or request.file
+    if is_record(path):
+        what = f"recorded obstacle frames, but {path} is a recorded run"
+        _refuse(given(request, _FRAMES), what)
+        _replay(path, request)
         return
-    asked = {"--always-replan": always_replan, "--spacing": spacing, "--paths": paths}
-    _refuse(asked, f"recorded obstacle frames, but {path} is a recorded run")
-    _replay(path, map_dir, json, holds, record, recipe_out, build)
+    _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
+    if request.map_dir is None:
+        raise typer.BadParameter("recorded obstacle frames need --map MAP")
+    _play(path, request)
 
 
-def _refuse(options: dict[str, object], what: str) -> None:
+def _refuse(flags: list[str], what: str) -> None:
     from roadmap.errors import BadInput
 
-    for name, value in options.items():
-        if value not in (None, False):
-            raise BadInput(f"{name} goes with {what}; leave it out")
+    if flags:
+        raise BadInput(f"{flags[0]} goes with {what}; leave it out")
 
 
-def _play(path: Path, map_dir: Path, json: str | None, options: tuple) -> None:
-    """Play obstacle frames; options: always replan, spacing, keep paths."""
+def _play(path: Path, request: ReplayRequest) -> None:
+    """Play obstacle frames."""
     from odm import load_map
     from sim.loop import replay as player
 
-    always_replan, spacing, paths = options
-    cell_map = load_map(map_dir)
-    recording = player.read_recording(path, cell_map, spacing)
+    cell_map = load_map(request.map_dir)
+    recording = player.read_recording(path, cell_map, request.spacing)
     with Bars() as tell:
-        found = player.play(cell_map, recording, always_replan, paths, tell)
-    if json is not None:
-        show_json(found, json)
-    if json != "-":
+        found = player.play(
+            cell_map, recording, request.always_replan, request.paths, tell
+        )
+    if request.json is not None:
+        show_json(found, request.json)
+    if request.json != "-":
         player.show(found)
 
 
-def _replay(
-    path: Path,
-    map_dir: Path | None,
-    json: str | None,
-    holds: bool,
-    record: Path | None,
-    recipe_out: Path | None,
-    build: Path | None,
-) -> None:
+def _replay(path: Path, request: ReplayRequest) -> None:
+    """Repeat a recorded run, or take out of it what was asked for."""
     from sim.record import check_target, read_record
     from sim.record.show import show_holds
 
     found = read_record(path)
-    if recipe_out is not None:
+    if request.recipe_out is not None:
         from sim.record.again import recipe_of
         from sim.record.recipe_toml import recipe_text
 
-        print(write_text(recipe_out, recipe_text(recipe_of(found))))
-    if build is not None:
-        _build(found, build)
-    if holds:
+        print(write_text(request.recipe_out, recipe_text(recipe_of(found))))
+    if request.build is not None:
+        _build(found, request.build)
+    if request.holds:
         show_holds(found)
-    if holds or recipe_out or build:
+    if request.holds or request.recipe_out or request.build:
         return
-    if record is not None:
-        check_target(record)
-    cell_map = _map_of(found, path, map_dir)
-    _repeat(found, path, cell_map, json, record)
+    if request.record is not None:
+        check_target(request.record)
+    _repeat(found, path, _map_of(found, path, request.map_dir), request)
 
 
 def _repeat(
-    found: "RunRecord",
-    path: Path,
-    cell_map: "CellMap",
-    json: str | None,
-    record: Path | None,
+    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
 ) -> None:
     from sim.record import first_difference, run_again, write_record
     from sim.record.show import show_same, what_differs
 
     with Bars() as tell:
         again = run_again(found, cell_map, tell)
-    if record is not None:
-        write_record(again, record)
-    if json is not None:
+    if request.record is not None:
+        write_record(again, request.record)
+    quiet = request.json == "-"
+    if request.json is not None:
         text = again.result().to_json(timing=False) + "\n"
-        write_text(json, text) if json != "-" else sys.stdout.write(text)
+        sys.stdout.write(text) if quiet else write_text(request.json, text)
     difference = first_difference(found, again)
     if difference is not None:
         print(f"odm: {what_differs(found, again, difference, path)}", file=sys.stderr)
         raise typer.Exit(1)
-    if json != "-":
+    if not quiet:
         show_same(again)
-        if record is not None:
-            print(record)
+        if request.record is not None:
+            print(request.record)
 
 
 def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
@@ -224,10 +217,9 @@ def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
 def _build(found: "RunRecord", target: Path) -> None:
     """Build the recorded map into a folder, and see that it is the one."""
     from odm import load_map
-    from sim.cli.build_command import check_target as check_folder
     from sim.record.again import build_again, check_built, recipe_of
 
-    check_folder(target, recipe_of(found), force=False)
+    check_map_folder(target, recipe_of(found), force=False)
     with Bars() as tell:
         build_again(found, progress=tell).save(target)
     cell_map = load_map(target)
