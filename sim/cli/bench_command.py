@@ -4,11 +4,8 @@ import importlib
 import inspect
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from sim.terminal.flags import Json, flags_of, from_request
+from sim.terminal.flags import Json, argument, flag, flags_of, from_request
 from sim.terminal.output import Bars, show_json, write_text
 
 
@@ -16,72 +13,40 @@ from sim.terminal.output import Bars, show_json, write_text
 class BenchRequest:
     """What `odm bench` is asked for; None: left to the bench."""
 
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-            "human, handover-recording, approach, attach, workspace, targets or "
-            "interrupts.",
-        ),
-    ]
-    map_dir: Annotated[
-        Path | None, typer.Option("--map", metavar="MAP", help="A map's folder.")
-    ] = None
-    seed: Annotated[int | None, typer.Option(help="Same seed, same frames.")] = None
-    short: Annotated[
-        bool, typer.Option("--short", help="To see that it runs, not to measure.")
-    ] = False
-    execution: Annotated[
-        str | None,
-        typer.Option(
-            metavar="kinematic|timed", help="How the robot moves (motions, targets)."
-        ),
-    ] = None
-    pushed: Annotated[
-        bool,
-        typer.Option("--pushed", help="Push the robot meanwhile (motions)."),
-    ] = False
-    seconds: Annotated[
-        float | None,
-        typer.Option(help="Simulated time of each run (motions, targets)."),
-    ] = None
-    seeds: Annotated[
-        int | None, typer.Option(help="Runs of each motion (motions).")
-    ] = None
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Runs at a time (motions).")
-    ] = None
-    motions: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--motion", metavar="NAME", help="Only these; again for more (motions)."
-        ),
-    ] = None
-    reach: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Reach map (targets).")
-    ] = None
-    distances: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--distance", help="Of the person, in m; again for more (targets)."
-        ),
-    ] = None
-    files: Annotated[
-        list[Path] | None,
-        typer.Option("--file", metavar="F", help="A recording, too; again for more."),
-    ] = None
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the figures, if it can.")
-    ] = None
-    markdown: Annotated[
-        str | None,
-        typer.Option(
-            "--markdown",
-            metavar="FILE",
-            help="Put the table between the markers in FILE.md; alone: print it.",
-        ),
-    ] = None
+    name: str = argument(
+        ...,
+        "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
+        "human, handover-recording, approach, attach, workspace, targets or "
+        "interrupts.",
+        metavar="NAME",
+    )
+    map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
+    seed: int | None = flag(None, "Same seed, same frames.")
+    short: bool = flag(False, "To see that it runs, not to measure.", "--short")
+    execution: str | None = flag(
+        None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
+    )
+    pushed: bool = flag(False, "Push the robot meanwhile (motions).", "--pushed")
+    seconds: float | None = flag(None, "Simulated time of each run (motions, targets).")
+    seeds: int | None = flag(None, "Runs of each motion (motions).")
+    processes: int | None = flag(None, "Runs at a time (motions).", min=1)
+    motions: list[str] | None = flag(
+        None, "Only these; again for more (motions).", "--motion", metavar="NAME"
+    )
+    reach: Path | None = flag(None, "Reach map (targets).", metavar="DIR")
+    distances: list[float] | None = flag(
+        None, "Of the person, in m; again for more (targets).", "--distance"
+    )
+    files: list[Path] | None = flag(
+        None, "A recording, too; again for more.", "--file", metavar="F"
+    )
+    plot: Path | None = flag(None, "Draw the figures, if it can.", metavar="PNG")
+    markdown: str | None = flag(
+        None,
+        "Put the table between the markers in FILE.md; alone: print it.",
+        "--markdown",
+        metavar="FILE",
+    )
     json: Json = None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
-from sim.terminal.flags import Json, from_request
+from sim.terminal.flags import Json, argument, flag, from_request
 from sim.terminal.output import Bars, bytes_text, report
 
 if TYPE_CHECKING:
@@ -24,62 +24,30 @@ _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
 class BuildRequest:
     """What `odm build` is asked for; None: as in the recipe."""
 
-    recipe: Annotated[
-        str | None,
-        typer.Argument(help="Name or .toml path of a recipe; or give --robot."),
-    ] = None
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="The map's folder; maps/built/NAME if left."),
-    ] = None
-    threads: Annotated[int, typer.Option(min=0, help="0: one per core.")] = 0
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a map of another recipe.")
-    ] = False
-    suggest: Annotated[
-        bool, typer.Option("--suggest", help="Table of sizes; nothing is built.")
-    ] = False
-    robot: Annotated[
-        str | None,
-        typer.Option(metavar="URDF", help="Its file.", rich_help_panel=_OWN),
-    ] = None
-    tip: Annotated[
-        str | None,
-        typer.Option(metavar="LINK", help="Link of the tool.", rich_help_panel=_OWN),
-    ] = None
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT=VALUE",
-            help="Make a joint rigid, at a value in rad or m; may be repeated.",
-            rich_help_panel=_OWN,
-        ),
-    ] = None
-    name: Annotated[
-        str | None, typer.Option(help="Name of the map.", rich_help_panel=_OWN)
-    ] = None
-    srdf: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SRDF", help="Link pairs not to test.", rich_help_panel=_OWN
-        ),
-    ] = None
-    nodes: Annotated[int | None, typer.Option(help="Nodes.", rich_help_panel=_COST)] = (
-        None
+    recipe: str | None = argument(
+        None, "Name or .toml path of a recipe; or give --robot."
     )
-    neighbors: Annotated[
-        int | None, typer.Option(help="Edges tried per node.", rich_help_panel=_COST)
-    ] = None
-    h: Annotated[
-        float | None, typer.Option(help="Cell size in m.", rich_help_panel=_COST)
-    ] = None
-    rho: Annotated[
-        float | None,
-        typer.Option(help="Covering radius of samples in m.", rich_help_panel=_COST),
-    ] = None
-    seed: Annotated[
-        int | None, typer.Option(help="Of the samples.", rich_help_panel=_COST)
-    ] = None
+    out: Path | None = flag(
+        None, "The map's folder; maps/built/NAME if left.", metavar="DIR"
+    )
+    threads: int = flag(0, "0: one per core.", min=0)
+    force: bool = flag(False, "Replace a map of another recipe.", "--force")
+    suggest: bool = flag(False, "Table of sizes; nothing is built.", "--suggest")
+    robot: str | None = flag(None, "Its file.", metavar="URDF", panel=_OWN)
+    tip: str | None = flag(None, "Link of the tool.", metavar="LINK", panel=_OWN)
+    lock: list[str] | None = flag(
+        None,
+        "Make a joint rigid, at a value in rad or m; may be repeated.",
+        metavar="JOINT=VALUE",
+        panel=_OWN,
+    )
+    name: str | None = flag(None, "Name of the map.", panel=_OWN)
+    srdf: str | None = flag(None, "Link pairs not to test.", metavar="SRDF", panel=_OWN)
+    nodes: int | None = flag(None, "Nodes.", panel=_COST)
+    neighbors: int | None = flag(None, "Edges tried per node.", panel=_COST)
+    h: float | None = flag(None, "Cell size in m.", panel=_COST)
+    rho: float | None = flag(None, "Covering radius of samples in m.", panel=_COST)
+    seed: int | None = flag(None, "Of the samples.", panel=_COST)
     json: Json = None
 
 

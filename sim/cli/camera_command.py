@@ -3,11 +3,9 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from sim.terminal.flags import Json, MapOption, from_request
+from sim.terminal.flags import Json, MapOption, argument, flag, from_request
 from sim.terminal.output import report
 
 if TYPE_CHECKING:
@@ -29,83 +27,47 @@ _FX, _FY, _CX, _CY, _SCALE = 476.007, 476.007, 313.683, 242.755, 0.000125
 class CameraRequest:
     """What `odm camera` is asked for."""
 
-    file: Annotated[
-        Path, typer.Argument(metavar="PNG", help="A 16-bit depth image, one channel.")
-    ]
+    file: Path = argument(..., "A 16-bit depth image, one channel.", metavar="PNG")
     map_dir: MapOption
-    eye: Annotated[
-        Three,
-        typer.Option(
-            metavar="X Y Z", help="Where it is, base frame, m.", rich_help_panel=_CAMERA
-        ),
-    ] = (0.0, -0.45, 0.75)
-    at: Annotated[
-        Three,
-        typer.Option(
-            metavar="X Y Z", help="What it looks at, m.", rich_help_panel=_CAMERA
-        ),
-    ] = (0.65, 0.0, 0.5)
-    pose: Annotated[
-        Six | None,
-        typer.Option(
-            metavar="X Y Z ROLL PITCH YAW",
-            help="Instead: pose of its axes (x right, y down, z forward), m, degrees.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = None
-    fx: Annotated[
-        float, typer.Option(help="Focal length, pixels.", rich_help_panel=_CAMERA)
-    ] = _FX
-    fy: Annotated[
-        float | None,
-        typer.Option(help="The same along v; default: fx.", rich_help_panel=_CAMERA),
-    ] = None
-    cx: Annotated[
-        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
-    ] = _CX
-    cy: Annotated[
-        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
-    ] = _CY
-    scale: Annotated[
-        float, typer.Option(help="Metres per pixel unit.", rich_help_panel=_CAMERA)
-    ] = _SCALE
-    q: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q1,Q2,...",
-            help="The robot's joints, rad or m; default: mid-range.",
-        ),
-    ] = None
-    d_self: Annotated[
-        float | None,
-        typer.Option(
-            help="Take the robot's own points away, within so many m of its cover.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = None
-    flying: Annotated[
-        float | None,
-        typer.Option(
-            help="Take flying pixels away, so many m from both neighbours.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = None
-    shadow: Annotated[
-        bool,
-        typer.Option(help="What is behind a surface blocks.", rich_help_panel=_CELLS),
-    ] = True
-    policy: Annotated[
-        str,
-        typer.Option(
-            metavar="free|occupied|keep",
-            help="What cells that are not seen are.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = "free"
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Draw the cells beside the image."),
-    ] = None
+    eye: Three = flag(
+        (0.0, -0.45, 0.75),
+        "Where it is, base frame, m.",
+        metavar="X Y Z",
+        panel=_CAMERA,
+    )
+    at: Three = flag(
+        (0.65, 0.0, 0.5), "What it looks at, m.", metavar="X Y Z", panel=_CAMERA
+    )
+    pose: Six | None = flag(
+        None,
+        "Instead: pose of its axes (x right, y down, z forward), m, degrees.",
+        metavar="X Y Z ROLL PITCH YAW",
+        panel=_CAMERA,
+    )
+    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA)
+    fy: float | None = flag(None, "The same along v; default: fx.", panel=_CAMERA)
+    cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA)
+    cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA)
+    scale: float = flag(_SCALE, "Metres per pixel unit.", panel=_CAMERA)
+    q: str | None = flag(
+        None, "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
+    )
+    d_self: float | None = flag(
+        None,
+        "Take the robot's own points away, within so many m of its cover.",
+        panel=_CELLS,
+    )
+    flying: float | None = flag(
+        None, "Take flying pixels away, so many m from both neighbours.", panel=_CELLS
+    )
+    shadow: bool = flag(True, "What is behind a surface blocks.", panel=_CELLS)
+    policy: str = flag(
+        "free",
+        "What cells that are not seen are.",
+        metavar="free|occupied|keep",
+        panel=_CELLS,
+    )
+    plot: Path | None = flag(None, "Draw the cells beside the image.", metavar="PNG")
     json: Json = None
 
 

@@ -3,14 +3,12 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from sim.cli.hand_command import app, place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
-from sim.terminal.flags import Json, Posture, Side, from_request
+from sim.terminal.flags import Json, Posture, Side, flag, from_request
 from sim.terminal.output import Bars, guarded, report
 
 if TYPE_CHECKING:
@@ -23,56 +21,40 @@ if TYPE_CHECKING:
 class MeetRequest:
     """What `odm workspace meet` is asked for."""
 
-    robot: Annotated[str, typer.Option(metavar="NAME", help="Its name, or its URDF.")]
-    human: Annotated[
-        float, typer.Option("--human", metavar="HEIGHT", help="The person's, in m.")
-    ] = 1.75
-    distance: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="From the robot's base to the person's pelvis along the base's x, m; "
-            "0.9 if left; again for more."
-        ),
-    ] = None
-    aside: Annotated[
-        float, typer.Option(help="Of the pelvis along the base's y, m.")
-    ] = 0.0
-    turn: Annotated[
-        float, typer.Option(help="0: the person faces the robot; to the left, deg.")
-    ] = 0.0
+    robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
+    human: float = flag(1.75, "The person's, in m.", "--human", metavar="HEIGHT")
+    distance: list[float] | None = flag(
+        None,
+        "From the robot's base to the person's pelvis along the base's x, m; "
+        "0.9 if left; again for more.",
+    )
+    aside: float = flag(0.0, "Of the pelvis along the base's y, m.")
+    turn: float = flag(0.0, "0: the person faces the robot; to the left, deg.")
     posture: Posture = "standing"
     side: Side = "right"
-    object_name: Annotated[
-        str, typer.Option("--object", metavar="wrench|mallet", help="What is handed.")
-    ] = "wrench"
-    k: Annotated[int, typer.Option("--k", min=1, help="Targets told.")] = 10
-    cell: Annotated[float, typer.Option(help="Side of a position cell, m.")] = 0.15
-    rotations: Annotated[int, typer.Option(help="Cells of rotation.")] = 72
-    base_height: Annotated[
-        float | None,
-        typer.Option(
-            help="Of the robot's base above the floor, m; left: 0 for a robot whose "
-            "own base is taller than 0.5 m, else 0.75."
-        ),
-    ] = None
-    map_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--map", metavar="DIR", help="Reach map; maps/built/reach/NAME if left."
-        ),
-    ] = None
-    human_map: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Reach map of a person's arm, for the dexterity; left: "
-            "maps/built/reach/human where it is, else a coarse one made on the spot.",
-        ),
-    ] = None
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Draw cuts, robot, person and target."),
-    ] = None
+    object_name: str = flag(
+        "wrench", "What is handed.", "--object", metavar="wrench|mallet"
+    )
+    k: int = flag(10, "Targets told.", "--k", min=1)
+    cell: float = flag(0.15, "Side of a position cell, m.")
+    rotations: int = flag(72, "Cells of rotation.")
+    base_height: float | None = flag(
+        None,
+        "Of the robot's base above the floor, m; left: 0 for a robot whose "
+        "own base is taller than 0.5 m, else 0.75.",
+    )
+    map_dir: Path | None = flag(
+        None, "Reach map; maps/built/reach/NAME if left.", "--map", metavar="DIR"
+    )
+    human_map: Path | None = flag(
+        None,
+        "Reach map of a person's arm, for the dexterity; left: "
+        "maps/built/reach/human where it is, else a coarse one made on the spot.",
+        metavar="DIR",
+    )
+    plot: Path | None = flag(
+        None, "Draw cuts, robot, person and target.", metavar="PNG"
+    )
     json: Json = None
 
 

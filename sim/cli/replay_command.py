@@ -3,12 +3,12 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
-from sim.terminal.flags import Json, from_request, given
+from sim.terminal.flags import Json, argument, flag, from_request, given
 from sim.terminal.output import Bars, show_json, write_text
 
 if TYPE_CHECKING:
@@ -23,78 +23,45 @@ _FRAMES = "Recorded obstacle frames"
 class ReplayRequest:
     """What `odm replay` is asked for."""
 
-    file: Annotated[
-        Path | None,
-        typer.Argument(metavar="FILE", help="A recording of `odm run --record`."),
-    ] = None
-    map_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--map", metavar="MAP", help="A map's folder; default: maps/built/NAME."
-        ),
-    ] = None
+    file: Path | None = argument(
+        None, "A recording of `odm run --record`.", metavar="FILE"
+    )
+    map_dir: Path | None = flag(
+        None, "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
+    )
     json: Json = None
-    holds: Annotated[
-        bool,
-        typer.Option(
-            "--holds",
-            help="Only list the recorded holds with their reasons.",
-            rich_help_panel=_RUN,
-        ),
-    ] = False
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NPZ",
-            help="Record the replay: the same bytes, where it is the same.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None
-    recipe_out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TOML",
-            help="Only write the recipe of the recorded map.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None
-    build: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Only build the recorded map, for which no URDF is needed.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None
-    frames: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NPZ", help="The frames; or FILE.", rich_help_panel=_FRAMES
-        ),
-    ] = None
-    always_replan: Annotated[
-        bool,
-        typer.Option(
-            "--always-replan",
-            help="Search anew in every frame.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = False
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            help="Of samples on capsules, in m; default: 0.03 or the map's rho.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = None
-    paths: Annotated[
-        bool,
-        typer.Option(
-            "--paths",
-            help="Keep each frame's path in the JSON.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = False
+    holds: bool = flag(
+        False, "Only list the recorded holds with their reasons.", "--holds", panel=_RUN
+    )
+    record: Path | None = flag(
+        None,
+        "Record the replay: the same bytes, where it is the same.",
+        metavar="NPZ",
+        panel=_RUN,
+    )
+    recipe_out: Path | None = flag(
+        None, "Only write the recipe of the recorded map.", metavar="TOML", panel=_RUN
+    )
+    build: Path | None = flag(
+        None,
+        "Only build the recorded map, for which no URDF is needed.",
+        metavar="DIR",
+        panel=_RUN,
+    )
+    frames: Path | None = flag(
+        None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
+    )
+    always_replan: bool = flag(
+        False, "Search anew in every frame.", "--always-replan", panel=_FRAMES
+    )
+    spacing: float | None = flag(
+        None,
+        "Of samples on capsules, in m; default: 0.03 or the map's rho.",
+        panel=_FRAMES,
+    )
+    paths: bool = flag(
+        False, "Keep each frame's path in the JSON.", "--paths", panel=_FRAMES
+    )
 
 
 @from_request(ReplayRequest)

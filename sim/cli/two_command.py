@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from sim.terminal.flags import Json, from_request
+from sim.terminal.flags import Json, flag, from_request
 from sim.terminal.output import Bars, show_json
 
 if TYPE_CHECKING:
@@ -25,39 +25,26 @@ APART, ASIDE = 1.36, 0.10  # share, and [m] added
 class TwoRequest:
     """What `odm run-two` is asked for."""
 
-    map_dir: Annotated[
-        Path, typer.Option("--map", metavar="MAP", help="Map of the first robot.")
-    ]
-    other_map: Annotated[
-        Path | None,
-        typer.Option(metavar="MAP", help="Map of the second; default: the same."),
-    ] = None
-    base: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="X Y YAW",
-            help="Base of the second in the first one's base frame: m, m, degrees; "
-            "default: they face each other and share what lies between.",
-        ),
-    ] = None
-    other: Annotated[
-        str,
-        typer.Option(
-            metavar="planned|scripted",
-            help="The second: plans and brakes, too; or goes to and fro heedlessly.",
-        ),
-    ] = "planned"
-    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 120.0
-    rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0
-    picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the closest moment.")
-    ] = None
-    animation: Annotated[
-        Path | None, typer.Option(metavar="GIF", help="Write a short film.")
-    ] = None
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write both and the figures.")
-    ] = None
+    map_dir: Path = flag(..., "Map of the first robot.", "--map", metavar="MAP")
+    other_map: Path | None = flag(
+        None, "Map of the second; default: the same.", metavar="MAP"
+    )
+    base: tuple[float, float, float] | None = flag(
+        None,
+        "Base of the second in the first one's base frame: m, m, degrees; "
+        "default: they face each other and share what lies between.",
+        metavar="X Y YAW",
+    )
+    other: str = flag(
+        "planned",
+        "The second: plans and brakes, too; or goes to and fro heedlessly.",
+        metavar="planned|scripted",
+    )
+    seconds: float = flag(120.0, "Simulated time.")
+    rate: float = flag(100.0, "Frames per second.")
+    picture: Path | None = flag(None, "Draw the closest moment.", metavar="PNG")
+    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
+    out: Path | None = flag(None, "Write both and the figures.", metavar="DIR")
     json: Json = None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.run.folders import REACH_MAPS, check_reach_folder
-from sim.terminal.flags import Json, from_request
+from sim.terminal.flags import Json, argument, flag, from_request
 from sim.terminal.output import Bars, bytes_text, guarded, report
 
 if TYPE_CHECKING:
@@ -33,41 +33,25 @@ Plot = Annotated[
 class ReachRequest:
     """What `odm workspace build` is asked for."""
 
-    source: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT", help="Name of a robot, its URDF, or human."),
-    ]
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="The folder; maps/built/reach/NAME if left."),
-    ] = None
-    tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Link of the tool.")
-    ] = None
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT=VALUE", help="Make a joint rigid; repeatable."),
-    ] = None
-    cell: Annotated[float, typer.Option(help="Side of a position cell, m.")] = 0.05
-    rotations: Annotated[
-        int, typer.Option(help="Cells of rotation: 72 (60 deg), 576 (30 deg)...")
-    ] = 576
-    samples: Annotated[
-        int | None, typer.Option(help="Configurations drawn before settling.")
-    ] = None
-    seconds: Annotated[
-        float | None,
-        typer.Option(help="Stop then; the map depends on the machine."),
-    ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same map.")] = 1
-    threads: Annotated[int, typer.Option(min=0, help="0: one per core.")] = 0
-    self_collision: Annotated[
-        bool,
-        typer.Option(
-            "--self-collision/--no-self-collision",
-            help="Whether configurations in self-collision count out.",
-        ),
-    ] = True
+    source: str = argument(..., "Name of a robot, its URDF, or human.", metavar="ROBOT")
+    out: Path | None = flag(
+        None, "The folder; maps/built/reach/NAME if left.", metavar="DIR"
+    )
+    tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
+    lock: list[str] | None = flag(
+        None, "Make a joint rigid; repeatable.", metavar="JOINT=VALUE"
+    )
+    cell: float = flag(0.05, "Side of a position cell, m.")
+    rotations: int = flag(576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...")
+    samples: int | None = flag(None, "Configurations drawn before settling.")
+    seconds: float | None = flag(None, "Stop then; the map depends on the machine.")
+    seed: int = flag(1, "Same seed, same map.", min=0)
+    threads: int = flag(0, "0: one per core.", min=0)
+    self_collision: bool = flag(
+        True,
+        "Whether configurations in self-collision count out.",
+        "--self-collision/--no-self-collision",
+    )
     recall: Poses = 2000
     plot: Plot = None
     json: Json = None

@@ -3,23 +3,20 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from sim.terminal.flags import Json, MapOption, Seed
+from sim.terminal.flags import Json, MapOption, Seed, flag, flags_of
 
 if TYPE_CHECKING:
     from handover.meet.held_object import HeldObject
 
 OBJECTS = ("wrench", "mallet")  # what a robot can hold for a hand-over
-_MEET_ONLY = {"reach": "reach", "distance": "distance"}
-_MEET_ONLY |= {"held": "object", "hand": "hand"}  # field -> flag
+_MEET_ONLY = ("reach", "distance", "held", "hand")
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What `odm run` is asked for; every annotated field is a flag with this help.
+    """What `odm run` is asked for; its fields are the flags, but for one.
 
     Attributes:
         audit_s: Time from audit to audit of the target pursued [s]; 0: none. No flag.
@@ -29,92 +26,58 @@ class RunRequest:
     """
 
     map_dir: MapOption
-    motion: Annotated[
-        str,
-        typer.Option(
-            metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
-            "|escape|mocap|keyboard",
-            help="The person: scripted, recorded (--file) or moved by your keys; "
-            "hold, backoff and escape are scenes in which the robot has to.",
-        ),
-    ] = "sweep"
-    seconds: Annotated[
-        float | None,
-        typer.Option(help="Simulated time; default: 30, the clip's, or until q."),
-    ] = None
+    motion: str = flag(
+        "sweep",
+        "The person: scripted, recorded (--file) or moved by your keys; "
+        "hold, backoff and escape are scenes in which the robot has to.",
+        metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
+        "|escape|mocap|keyboard",
+    )
+    seconds: float | None = flag(
+        None, "Simulated time; default: 30, the clip's, or until q."
+    )
     seed: Seed = 0
-    rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write all pictures there.")
-    ] = None
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Write the latency plot.")
-    ] = None
-    animation: Annotated[
-        Path | None, typer.Option(metavar="GIF", help="Write a short film.")
-    ] = None
-    file: Annotated[
-        Path | None,
-        typer.Option(metavar="CSV|BVH", help="Recorded motion, for mocap."),
-    ] = None
-    mapping: Annotated[
-        Path | None,
-        typer.Option(metavar="TOML", help="Names of its joints; see docs/mocap.md."),
-    ] = None
-    stand: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="X Y YAW", help="Where the recorded person stands: m, m, degrees."
-        ),
-    ] = None
-    base_height: Annotated[
-        float, typer.Option(help="Robot's base above the recorded floor, in m.")
-    ] = 0.75
-    execution: Annotated[
-        str, typer.Option(metavar="kinematic|timed", help="How the robot moves.")
-    ] = "kinematic"
-    targets: Annotated[
-        str,
-        typer.Option(
-            metavar="places|meet",
-            help="To and fro between work places, or to the best reachable hand-over "
-            "target of the person.",
-        ),
-    ] = "places"
-    reach: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Reach map of the robot (meet); built if left."
-        ),
-    ] = None
-    distance: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="NEAR FAR",
-            help="The scripted person walks between these, m (meet).  [0.6 1.3]",
-        ),
-    ] = None
-    held: Annotated[
-        str | None,
-        typer.Option("--object", metavar="wrench|mallet", help="In its hand (meet)."),
-    ] = None
-    hand: Annotated[
-        str | None,
-        typer.Option(metavar="right|left", help="Hand of the person (meet)."),
-    ] = None
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NPZ",
-            help="Write the whole run, however it ends; `odm replay` repeats it.",
-        ),
-    ] = None
-    carry: Annotated[
-        float | None,
-        typer.Option(
-            metavar="R", help="Radius of a ball in its hand, in m; see docs/layers.md."
-        ),
-    ] = None
+    rate: float = flag(100.0, "Frames per second.")
+    out: Path | None = flag(None, "Write all pictures there.", metavar="DIR")
+    plot: Path | None = flag(None, "Write the latency plot.", metavar="PNG")
+    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
+    file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
+    mapping: Path | None = flag(
+        None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
+    )
+    stand: tuple[float, float, float] | None = flag(
+        None, "Where the recorded person stands: m, m, degrees.", metavar="X Y YAW"
+    )
+    base_height: float = flag(0.75, "Robot's base above the recorded floor, in m.")
+    execution: str = flag(
+        "kinematic", "How the robot moves.", metavar="kinematic|timed"
+    )
+    targets: str = flag(
+        "places",
+        "To and fro between work places, or to the best reachable hand-over "
+        "target of the person.",
+        metavar="places|meet",
+    )
+    reach: Path | None = flag(
+        None, "Reach map of the robot (meet); built if left.", metavar="DIR"
+    )
+    distance: tuple[float, float] | None = flag(
+        None,
+        "The scripted person walks between these, m (meet).  [0.6 1.3]",
+        metavar="NEAR FAR",
+    )
+    held: str | None = flag(
+        None, "In its hand (meet).", "--object", metavar="wrench|mallet"
+    )
+    hand: str | None = flag(None, "Hand of the person (meet).", metavar="right|left")
+    record: Path | None = flag(
+        None,
+        "Write the whole run, however it ends; `odm replay` repeats it.",
+        metavar="NPZ",
+    )
+    carry: float | None = flag(
+        None, "Radius of a ball in its hand, in m; see docs/layers.md.", metavar="R"
+    )
     json: Json = None
     audit_s: float = 1.0
 
@@ -152,10 +115,11 @@ class RunRequest:
         if self.targets not in ("places", "meet"):
             return f"no targets {self.targets!r}; choose places or meet"
         if not self.meets:
-            given = [f for n, f in _MEET_ONLY.items() if getattr(self, n) is not None]
+            given = [n for n in _MEET_ONLY if getattr(self, n) is not None]
             if not given:
                 return ""
-            return f"--{given[0]} goes with --targets meet; add that or leave it out"
+            flag_given = flags_of(RunRequest)[given[0]]
+            return f"{flag_given} goes with --targets meet; add that or leave it out"
         check_object(self.obj)
         if self.hand not in (None, "left", "right"):
             return f"no hand {self.hand!r}; choose left or right"

@@ -6,7 +6,7 @@ Also the flags that several commands share.
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, Field, field, fields
 from pathlib import Path
 from typing import Annotated, get_origin, get_type_hints
 
@@ -30,24 +30,60 @@ Posture = Annotated[
 Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
 
 
-def flags_of(kind: type) -> dict[str, str]:
-    """Return the flag of every field of a request that has one: file -> "--file"."""
-    hints = get_type_hints(kind, include_extras=True)
-    found = {}
-    for name, hint in hints.items():
+def flag(default: object, text: str, *names: str, **options: object) -> Field:
+    """Declare a field of a request that is a flag.
+
+    Args:
+        default: Its value where it is not given; `...`: it must be given.
+        text: The help, with the unit.
+        names: Of the flag, where it is not that of the field.
+        options: Of `typer.Option`; `panel` is the part of the help it stands in.
+    """
+    return _field(default, typer.Option(*names, help=text, **_named(options)))
+
+
+def argument(default: object, text: str, **options: object) -> Field:
+    """Declare a field of a request that is given by its place; see `flag`."""
+    return _field(default, typer.Argument(help=text, **_named(options)))
+
+
+def _named(options: dict) -> dict:
+    panel = {"rich_help_panel": options.pop("panel")} if "panel" in options else {}
+    return options | panel
+
+
+def _field(default: object, option: object) -> Field:
+    given = {} if default is ... else {"default": default}
+    return field(metadata={"option": option}, **given)
+
+
+def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
+    """Return (field, its type for typer, typer's option) of each flag by name."""
+    hints, found = get_type_hints(kind, include_extras=True), {}
+    for one in fields(kind):
+        hint = hints[one.name]
+        if "option" in one.metadata:
+            hint = Annotated[hint, one.metadata["option"]]
         if get_origin(hint) is Annotated:
-            words = hint.__metadata__[0].param_decls
-            found[name] = words[0] if words else "--" + name.replace("_", "-")
+            found[one.name] = one, hint, hint.__metadata__[0]
     return found
 
 
+def flags_of(kind: type) -> dict[str, str]:
+    """Return the flag of every field of a request that has one: file -> "--file"."""
+    return {
+        name: (option.param_decls or ["--" + name.replace("_", "-")])[0]
+        for name, (_, _, option) in _options(kind).items()
+    }
+
+
 def given(request: object, panel: str) -> list[str]:
-    """Return the flags of a panel of the help that were given, by their names."""
-    hints = get_type_hints(type(request), include_extras=True)
+    """Return the flags of a panel of the help that were given."""
+    flags = flags_of(type(request))
     return [
-        flag
-        for name, flag in flags_of(type(request)).items()
-        if hints[name].__metadata__[0].rich_help_panel == panel
+        flags[name]
+        for name, (_, _, option) in _options(type(request)).items()
+        if option.rich_help_panel == panel
         and getattr(request, name) not in (None, False)
     ]
 
@@ -55,23 +91,21 @@ def given(request: object, panel: str) -> list[str]:
 def from_request(kind: type) -> Callable[[Callable], Callable]:
     """Return a decorator that makes a command of one argument a command with flags.
 
-    A field of `kind` is a flag where its type is `Annotated` for typer; fields without
-    are for callers in Python only.
+    Fields of `kind` are flags where they are declared by `flag` or `argument`, or have
+    an `Annotated` type for typer; others are for callers in Python only.
 
     Args:
         kind: A dataclass; what it refuses when it is made, the command refuses.
     """
-    hints = get_type_hints(kind, include_extras=True)
-    annotations = {name: hints[name] for name in flags_of(kind)}
+    empty = inspect.Parameter.empty
     parameters = [
         inspect.Parameter(
-            f.name,
+            name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if f.default is MISSING else f.default,
-            annotation=annotations[f.name],
+            default=empty if one.default is MISSING else one.default,
+            annotation=hint,
         )
-        for f in fields(kind)
-        if f.name in annotations
+        for name, (one, hint, _) in _options(kind).items()
     ]
 
     def decorate(command: Callable) -> Callable:
@@ -80,7 +114,7 @@ def from_request(kind: type) -> Callable[[Callable], Callable]:
             return command(kind(**values))
 
         run.__signature__ = inspect.Signature(parameters)
-        run.__annotations__ = annotations
+        run.__annotations__ = {p.name: p.annotation for p in parameters}
         return run
 
     return decorate
