@@ -52,7 +52,7 @@ def main() -> None:
 
     130: Ctrl-C, see `sim.terminal.interrupt`.
     """
-    with interrupt.heeding():
+    with interrupt.interruptible():
         app(with_targets(sys.argv[1:]), prog_name="odm")
 
 

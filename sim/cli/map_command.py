@@ -1,13 +1,20 @@
 """`odm info` and `odm audit`: what a map holds, and whether what it says is true."""
 
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sim.terminal import interrupt
-from sim.terminal.flags import Json, MapArgument, Seed, Threads
+from sim.terminal.flags import Json, MapArgument, Seed, Threads, flag, from_request
 from sim.terminal.output import Bars, show_json
+
+if TYPE_CHECKING:
+    from odm import CellMap
+    from odm.audit.audit import AuditReport
+    from odm.audit.sequence_audit import SequenceReport
 
 REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
 
@@ -41,85 +48,86 @@ def info(
         describe.show(facts)
 
 
-def audit(
-    map_dir: MapArgument,
-    pairs: Annotated[int, typer.Option(min=1, help="Pairs tested.")] = 100_000,
-    seed: Seed = 0,
-    close: Annotated[
-        bool, typer.Option("--close", help="Ask the close test, not the cells.")
-    ] = False,
-    payload: Annotated[
-        bool, typer.Option("--payload", help="With the payload envelope in the hand.")
-    ] = False,
-    sabotage: Annotated[
-        str | None,
-        typer.Option(
-            metavar="rho|mu|sphere|certificate",
-            help="Take this away: the audit must fail.",
-        ),
-    ] = None,
-    sequences: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Attack what a planner remembers instead: N random frames in which "
-            "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
-        ),
-    ] = None,
-    threads: Threads = 0,
-    json: Json = None,
-) -> None:
+@dataclass(frozen=True)
+class AuditRequest:
+    """What `odm audit` is asked for."""
+
+    map_dir: MapArgument
+    pairs: int = flag(100_000, "Pairs tested.", min=1)
+    seed: Seed = 0
+    close: bool = flag(False, "Ask the close test, not the cells.", "--close")
+    payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
+    sabotage: str | None = flag(
+        None,
+        "Take this away: the audit must fail.",
+        metavar="rho|mu|sphere|certificate",
+    )
+    sequences: int | None = flag(
+        None,
+        "Attack what a planner remembers instead: N random frames in which "
+        "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
+        min=1,
+        metavar="N",
+    )
+    threads: Threads = 0
+    json: Json = None
+
+
+@from_request(AuditRequest)
+def audit(request: AuditRequest) -> None:
     """Try to falsify a map: exact geometry against what the map calls free.
 
     Exit code 0: nothing found; 1: something, with the nearest cases.
     """
     from odm import load_map
+    from sim.cli import describe
+
+    cell_map = load_map(request.map_dir)
+    by_sequences = request.sequences is not None or request.sabotage == "certificate"
+    # an audit by pairs that is interrupted tells what it found so far
+    with nullcontext() if by_sequences else interrupt.patience(REPORT_S):
+        if by_sequences:
+            found, show = _audit_sequences(request), describe.show_sequences
+        else:
+            found, show = _audit_pairs(request, cell_map), describe.show_audit
+        if request.json is not None:
+            show_json(found.as_dict() | {"map_hash": cell_map.hash}, request.json)
+        else:
+            show(found, cell_map.hash)
+    if not found.complete:
+        raise KeyboardInterrupt
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _audit_pairs(request: AuditRequest, cell_map: "CellMap") -> "AuditReport":
+    """Audit pairs of a motion and an obstacle."""
     from odm.audit.audit import audit as run_audit
     from odm.cell_map.payload import loaded_map
-    from sim.cli import describe
 
-    if sequences is not None or sabotage == "certificate":
-        _audit_sequences(map_dir, sequences or pairs, seed, threads, sabotage, json)
-        return
-    cell_map = load_map(map_dir)
-    asked = loaded_map(cell_map) if payload else cell_map
-    options = {"seed": seed, "close": close, "sabotage": sabotage, "threads": threads}
-    with interrupt.patience(REPORT_S):
-        with Bars() as tell:
-            report = run_audit(asked, pairs=pairs, progress=tell, **options)
-        if json is not None:
-            show_json(report.as_dict() | {"map_hash": cell_map.hash}, json)
-        else:
-            describe.show_audit(report, cell_map.hash)
-    if not report.complete:
-        raise KeyboardInterrupt
-    if not report.passed:
-        raise typer.Exit(1)
-
-
-def _audit_sequences(
-    map_dir: Path,
-    steps: int,
-    seed: int,
-    threads: int,
-    sabotage: str | None,
-    json: str | None,
-) -> None:
-    """Run the audit by sequences and show it."""
-    from odm import load_map
-    from odm.audit.sequence_audit import audit_sequences
-    from sim.cli import describe
-
-    map_hash = load_map(map_dir).hash
-    options = {"seed": seed, "processes": threads, "sabotage": sabotage}
+    asked = loaded_map(cell_map) if request.payload else cell_map
     with Bars() as tell:
-        report = audit_sequences(map_dir, steps=steps, progress=tell, **options)
-    if json is not None:
-        show_json(report.as_dict() | {"map_hash": map_hash}, json)
-    else:
-        describe.show_sequences(report, map_hash)
-    if not report.complete:
-        raise KeyboardInterrupt
-    if not report.passed:
-        raise typer.Exit(1)
+        return run_audit(
+            asked,
+            pairs=request.pairs,
+            progress=tell,
+            seed=request.seed,
+            close=request.close,
+            sabotage=request.sabotage,
+            threads=request.threads,
+        )
+
+
+def _audit_sequences(request: AuditRequest) -> "SequenceReport":
+    """Audit what a planner remembers, by random sequences of frames."""
+    from odm.audit.sequence_audit import audit_sequences
+
+    with Bars() as tell:
+        return audit_sequences(
+            request.map_dir,
+            steps=request.sequences or request.pairs,
+            progress=tell,
+            seed=request.seed,
+            processes=request.threads,
+            sabotage=request.sabotage,
+        )

@@ -13,7 +13,7 @@ from sim.terminal.output import Bars, show_json, write_text
 
 if TYPE_CHECKING:
     from odm import CellMap
-    from sim.record import RunRecord
+    from sim.record import Difference, RunRecord
 
 _RUN = "A recorded run"
 _FRAMES = "Recorded obstacle frames"
@@ -104,9 +104,10 @@ def _play(path: Path, request: ReplayRequest) -> None:
     """Play obstacle frames."""
     from odm import load_map
     from sim.loop import replay as player
+    from sim.loop.recording import read_recording
 
     cell_map = load_map(request.map_dir)
-    recording = player.read_recording(path, cell_map, request.spacing)
+    recording = read_recording(path, cell_map, request.spacing)
     with Bars() as tell:
         found = player.play(
             cell_map, recording, request.always_replan, request.paths, tell
@@ -120,7 +121,6 @@ def _play(path: Path, request: ReplayRequest) -> None:
 def _replay(path: Path, request: ReplayRequest) -> None:
     """Repeat a recorded run, or take out of it what was asked for."""
     from sim.record import check_target, read_record
-    from sim.record.show import show_holds
 
     found = read_record(path)
     if request.recipe_out is not None:
@@ -143,7 +143,6 @@ def _repeat(
     found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
 ) -> None:
     from sim.record import first_difference, run_again, write_record
-    from sim.record.show import show_same, what_differs
 
     with Bars() as tell:
         again = run_again(found, cell_map, tell)
@@ -192,3 +191,54 @@ def _build(found: "RunRecord", target: Path) -> None:
     cell_map = load_map(target)
     check_built(found, cell_map, target)
     print(f"map {cell_map.hash[:12]} in {target}")
+
+
+def show_holds(record: "RunRecord") -> None:
+    """Print every hold and every slow stretch of a recording, with its reason."""
+    result, rows = record.result(), _rows(record)
+    told = record.head["map"]
+    print(
+        f"{result.motion}: {result.duration_s:.2f} s on map {told['name']} "
+        f"{told['hash'][:12]}, {len(record.holds)} holds, {len(record.slow)} times "
+        "slowed or braked"
+    )
+    for start, end, what, reason in rows:
+        print(f"{start:9.3f} s to {end:9.3f} s  {what:<10}  {reason}")
+
+
+def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:
+    rows = []
+    for hold in record.holds:
+        what = "retreating" if hold["retreating"] else "holding"
+        rows.append((hold["start_s"], hold["end_s"], what, hold["reason"]))
+        for time, reason in hold["later"]:
+            rows.append((time, hold["end_s"], "  later", reason))
+    for slow in record.slow:
+        rows.append((slow["start_s"], slow["end_s"], slow["pace"], slow["reason"]))
+    return sorted(rows, key=lambda row: row[0])
+
+
+def show_same(record: "RunRecord") -> None:
+    """Print that a replay is the run, and what the run was."""
+    result = record.result()
+    print(
+        f"same: {result.frames:,} frames of {result.motion}, {result.trips} trips, "
+        f"{result.contacts} contacts, {len(result.holds)} holds"
+    )
+    print(f"trajectory_sha256 {result.fingerprint()}")
+
+
+def what_differs(
+    was: "RunRecord", now: "RunRecord", difference: "Difference", path: Path
+) -> str:
+    """Return one sentence: how a replay differs from its recording, and why perhaps."""
+    told = f"the replay of {path} is not the same run: {difference.sentence}"
+    if was.altered:
+        told += f"; the file was altered after the run: {', '.join(was.altered)}"
+    old, new = was.head["versions"], now.head["versions"]
+    other = [
+        f"{name} {old.get(name, 'none')}, not {new.get(name, 'none')}"
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
+    ]
+    return told + (f"; it was recorded with {'; '.join(other)}" if other else "")
