@@ -120,7 +120,7 @@ def _play(path: Path, request: ReplayRequest) -> None:
 
 def _replay(path: Path, request: ReplayRequest) -> None:
     """Repeat a recorded run, or take out of it what was asked for."""
-    from sim.record import check_target, read_record
+    from sim.record import check_recording_path, read_record
 
     found = read_record(path)
     if request.recipe_out is not None:
@@ -135,7 +135,7 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     if request.holds or request.recipe_out or request.build:
         return
     if request.record is not None:
-        check_target(request.record)
+        check_recording_path(request.record)
     _repeat(found, path, _map_of(found, path, request.map_dir), request)
 
 

@@ -230,7 +230,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def check_target(path: Path) -> None:
+def check_recording_path(path: Path) -> None:
     """Refuse a file that could not be written, before any work.
 
     Raises:

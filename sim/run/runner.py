@@ -9,7 +9,7 @@ from odm.cell_map.cell_map import CellMap
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult
 from sim.people.human_motion import HumanMotion
-from sim.record import check_target, recording
+from sim.record import check_recording_path, recording
 from sim.run.meet import MeetTask
 from sim.run.places import DEMO, Live, PlacesTask
 from sim.run.report import setting
@@ -38,7 +38,7 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     person = task.person()
     settings = settings_of(request, person)
     if request.record is not None:
-        check_target(request.record)
+        check_recording_path(request.record)
     if live is not None:
         live.open()
     with Bars() as tell:

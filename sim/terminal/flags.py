@@ -71,10 +71,13 @@ def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
 
 def flags_of(kind: type) -> dict[str, str]:
     """Return the flag of every field of a request that has one: file -> "--file"."""
-    return {
-        name: (option.param_decls or ["--" + name.replace("_", "-")])[0]
-        for name, (_, _, option) in _options(kind).items()
-    }
+    found = {}
+    for name, (_, _, option) in _options(kind).items():
+        # typer keeps the first name where functions have their default
+        words = [option.default, *(option.param_decls or ())]
+        words = [w for w in words if isinstance(w, str) and w.startswith("--")]
+        found[name] = words[0] if words else "--" + name.replace("_", "-")
+    return found
 
 
 def given(request: object, panel: str) -> list[str]:
