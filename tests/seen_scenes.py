@@ -5,7 +5,7 @@ import numpy as np
 import odm
 from odm.cameras import look_at
 from roadmap.transforms import pose_of
-from sim.draw.depth_render import DepthScene
+from sim.bench.depth_render import DepthScene
 
 # a floor and four walls: boxes (pose, size) round the arm and all cameras
 ROOM = [

@@ -1,1 +1,16 @@
 """Set-points beside a person: joined, timed and braked before anyone is touched."""
+
+from odm.execution.execution import ExecutionSettings, Executor
+from odm.execution.robot_threat import intent_of, intent_threat, limits_threat
+from odm.execution.threat import Threat, ThreatSettings, Watcher
+
+__all__ = [
+    "ExecutionSettings",
+    "Executor",
+    "Threat",
+    "ThreatSettings",
+    "Watcher",
+    "intent_of",
+    "intent_threat",
+    "limits_threat",
+]

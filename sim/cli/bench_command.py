@@ -5,8 +5,15 @@ import inspect
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import typer
+
 from sim.terminal.flags import Json, argument, flag, flags_of, from_request
 from sim.terminal.output import Bars, show_json, write_text
+
+NOT_SHIPPED = (
+    "the benches are not installed with the package; run them from a checkout, where "
+    "`pip install -e '.[bench]'` brings them and what they compare with"
+)
 
 
 @dataclass(frozen=True)
@@ -16,8 +23,8 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "human, handover-recording, approach, attach, workspace, targets or "
-        "interrupts.",
+        "human, handover-recording, approach, attach, workspace, targets, "
+        "interrupts or golden.",
         metavar="NAME",
     )
     map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
@@ -41,6 +48,19 @@ class BenchRequest:
         None, "A recording, too; again for more.", "--file", metavar="F"
     )
     plot: Path | None = flag(None, "Draw the figures, if it can.", metavar="PNG")
+    against: Path | None = flag(
+        None, "Another checkout to compare with (golden).", metavar="DIR"
+    )
+    only: list[str] | None = flag(
+        None, "Only these; again for more (golden).", metavar="ITEM"
+    )
+    write: Path | None = flag(
+        None, "Keep what this checkout does (golden).", metavar="FILE"
+    )
+    read: Path | None = flag(
+        None, "Compare with what was kept (golden).", metavar="FILE"
+    )
+    latency: bool = flag(False, "Time frames of both, in turn (golden).", "--latency")
     markdown: str | None = flag(
         None,
         "Put the table between the markers in FILE.md; alone: print it.",
@@ -56,12 +76,13 @@ def bench(request: BenchRequest) -> None:
     options = asdict(request)
     name, json, markdown = (options.pop(k) for k in ("name", "json", "markdown"))
     given = {k: v for k, v in options.items() if v is not False and v != []}
-    run_bench(name, given, json, markdown)
+    if code := run_bench(name, given, json, markdown):
+        raise typer.Exit(code)
 
 
 def run_bench(
     name: str, options: dict, json: str | None = None, markdown: str | None = None
-) -> None:
+) -> int:
     """Run a bench and print its table, or write it where it is wanted.
 
     Args:
@@ -70,8 +91,11 @@ def run_bench(
         json: FILE.json or '-'.
         markdown: '-' or a file with the markers of this bench, see `fill_section`.
 
+    Returns:
+        The exit code: 1 where a bench that compares found a difference.
+
     Raises:
-        BadInput: There is no such bench, or it has no such option or file.
+        BadInput: There are no benches or none of that name, or no such option or file.
     """
     from roadmap.errors import BadInput
 
@@ -98,19 +122,28 @@ def run_bench(
         fill_section(Path(markdown), name, table.markdown(result))
     elif json != "-":
         table.print_bench(result)
+    return result.get("exit_code", 0)
 
 
 def bench_names() -> list[str]:
     """Return the benches that are there: modules under `sim.bench` with a `run`.
 
     `sim/bench/paper/odm_paper.py` is called odm-paper.
+
+    Raises:
+        BadInput: They are not there: an installed wheel leaves `sim.bench` out.
     """
     return sorted(_modules())
 
 
 def _modules() -> dict[str, str]:
     """Return the module of each bench by its name."""
-    import sim.bench
+    from roadmap.errors import BadInput
+
+    try:
+        import sim.bench
+    except ImportError:
+        raise BadInput(NOT_SHIPPED) from None
 
     found = {}
     for folder in map(Path, sim.bench.__path__):

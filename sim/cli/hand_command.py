@@ -64,7 +64,7 @@ def _arm_facts(request: HandRequest, cuts: list["Cut"]) -> dict:
     import numpy as np
 
     from sim.draw.arm_cut import FIELDS
-    from sim.draw.silhouette import AXES
+    from sim.draw.style import AXES
 
     planes = []
     for cut in cuts:

@@ -11,9 +11,8 @@ from handover.reach.reach_recall import (
     measure_recall,
     witness_precision,
 )
-from sim.tables.clock import value_row
 from sim.tables.header import header
-from sim.tables.table import print_bench
+from sim.tables.table import print_bench, value_row
 
 CELL_M, ROTATIONS = 0.05, 576  # the grid that limits are asked of
 SECONDS, SECONDS_LONG = 30.0, 45.0  # up to 7 joints, and above; wall clock, 2 cores

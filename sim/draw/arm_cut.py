@@ -8,20 +8,27 @@ import numpy as np
 from handover import Human
 from handover.meet.places import PlaceQualities, qualities_at
 from handover.meet.quality import QualitySettings
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
-from sim.draw.silhouette import AXES, Silhouette
-from sim.terminal.output import Bars, write_whole
+from sim.draw.silhouette import Silhouette
+from sim.draw.style import (
+    AXES,
+    BODY,
+    BODY_EDGE,
+    INK,
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    draw_floor,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
+from sim.terminal.output import Bars
 
 FIELDS = {
     "dexterity": "dexterity (1: the arm's best)",
     "effort": "ease: quality of the effort",
     "combined": "half of each, of one posture",
-}
-COLOURS = "turbo"
-BODY, EDGE = "#dfe4e9", "#7c8894"
-VIEWS = {  # normal of the cut: axes across and up, from where it is seen
-    1: ((0, 2), "from the side"),
-    2: ((0, 1), "from above"),
 }
 
 
@@ -107,74 +114,42 @@ def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> P
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
     body = Silhouette(human.capsules_of("mean"))
     limits = [_limits(cut, body) for cut in cuts]
     wide = min(x[0] for x, _ in limits), max(x[1] for x, _ in limits)
     tall = [(y[1] - y[0]) / (wide[1] - wide[0]) for _, y in limits]
-    figure = Figure(
-        figsize=(12.0, 1.7 + 3.6 * sum(tall)), layout="constrained", facecolor="white"
+    where = " and ".join(f"{AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
+    figure = new_figure(
+        12.0,
+        1.7 + 3.6 * sum(tall),
+        f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the "
+        f"best over all rotations and elbows in the planes {where}",
     )
     ratios = {"height_ratios": tall}
     axes = figure.subplots(len(cuts), 3, squeeze=False, gridspec_kw=ratios)
     for column, (name, words) in enumerate(FIELDS.items()):
-        top = max(np.nanmax(cut.fields[name]) for cut in cuts)
+        top = max(float(np.nanmax(cut.fields[name])) for cut in cuts)
         for row, (cut, (_, high)) in enumerate(zip(cuts, limits, strict=True)):
             axis = axes[row][column]
-            image = _draw(axis, cut, name, float(top), body)
-            axis.set(xlim=wide, ylim=high, aspect="equal")
+            image = _draw(axis, cut, name, top, body)
+            axis.set(xlim=wide, ylim=high)
             _mark_shoulder(axis, human, side, cut.normal)
             if column:
                 axis.set_ylabel("")
         set_title(axes[0][column], words)
-        colour_bar(figure, image, axes[:, column])
-    where = " and ".join(f"{AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
-    figure.suptitle(
-        f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the "
-        f"best over all rotations and elbows in the planes {where}",
-        color=INK, x=0.01, ha="left",
-    )  # fmt: skip
-    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
-
-
-def draw_field(axis: object, x, y, values, top: float, **style: object):
-    """Draw values (len(y), len(x)) of even places; NaN is left free."""
-    dx, dy = 0.5 * (x[1] - x[0]), 0.5 * (y[1] - y[0])
-    return axis.imshow(
-        np.ma.masked_invalid(values),
-        origin="lower",
-        extent=(x[0] - dx, x[-1] + dx, y[0] - dy, y[-1] + dy),
-        cmap=COLOURS,
-        vmin=0.0,
-        vmax=top,
-        interpolation="nearest",
-        **style,
-    )
-
-
-def colour_bar(
-    figure: object, image: object, axes: object, flat: float = 30.0
-) -> object:
-    """Add a bar of colours, `flat` times as wide as high, below the axes."""
-    shape = {"shrink": 0.8, "aspect": flat, "pad": 0.02}
-    bar = figure.colorbar(image, ax=axes, location="bottom", **shape)
-    bar.outline.set_visible(False)
-    bar.ax.tick_params(colors=FAINT, labelsize=9)
-    return bar
+        colour_bar(figure, image, ax=axes[:, column])
+    return save(figure, path)
 
 
 def _draw(axis: object, cut: Cut, name: str, top: float, body: Silhouette):
-    (across, up), view = VIEWS[cut.normal]
-    image = draw_field(axis, cut.x, cut.y, cut.fields[name], top, zorder=2)
-    fill = {"colors": [BODY], "alpha": 0.75, "zorder": 3}
-    line = {"colors": [EDGE], "linewidths": 1.0, "zorder": 4}
-    body.draw(axis, (across, up), fill, line)
-    if up == 2:
-        axis.axhline(0.0, color=LINE, lw=1.0, zorder=1)
-    axis.set_xlabel(f"{AXES[across]} [m]")
-    axis.set_ylabel(f"{view}: {AXES[up]} [m]")
-    tidy(axis)
+    plane, view = VIEWS[cut.normal]
+    cell = cut.x[1] - cut.x[0]
+    corner = cut.x[0] - 0.5 * cell, cut.y[0] - 0.5 * cell
+    image = draw_cut(axis, corner, cell, cut.fields[name], (0.0, top), zorder=2)
+    body.draw(axis, plane, BODY, BODY_EDGE, alpha=0.75, linewidths=1.0)
+    if plane[1] == 2:
+        draw_floor(axis)
+    space_axes(axis, cut.normal, view=f"{view}: ")
     return image
 
 

@@ -7,8 +7,21 @@ import numpy as np
 
 from odm.cameras.space import CELL_NAMES
 from roadmap.kinematics.forward import sphere_centers
-from sim.draw.coverage import draw_silhouette
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
+from sim.draw.silhouette import balls_silhouette
+from sim.draw.style import (
+    AXES,
+    LINE,
+    RED,
+    TEAL,
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    legend,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 
 if TYPE_CHECKING:
     from odm import SeenSpace
@@ -17,11 +30,10 @@ OCCUPIED = CELL_NAMES.index("occupied")
 COLOURS = {
     "free": "#bfe3cf",
     "shadow": "#b9c0c8",
-    "occupied": "#c43e3e",
+    "occupied": RED,
     "remembered": "#e0a14a",
     "unknown": "#d9cbe6",
 }
-_VIEW = "#00857c"
 
 
 def plot_cells(
@@ -38,19 +50,15 @@ def plot_cells(
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14.5, 4.7), layout="constrained", facecolor="white")
+    figure = new_figure(14.5, 4.9)
+    figure.get_layout_engine().set(h_pad=0.15)
     axes = figure.subplots(1, 3, gridspec_kw={"width_ratios": [1.3, 1, 1]})
     _draw_image(figure, axes[0], space.cameras[0], image)
     cells = space.cells()
     _draw_slice(axes[1], space, cells, q, 1)
     _draw_slice(axes[2], space, cells, q, 2)
-    _legend(axes[1], cells)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    return path
+    _legend(figure, cells)
+    return save(figure, path, dpi=110)
 
 
 def _draw_image(
@@ -62,44 +70,32 @@ def _draw_image(
     shown = axis.imshow(depth, cmap="viridis_r", vmin=low, vmax=high)
     axis.set_xticks([])
     axis.set_yticks([])
-    for spine in axis.spines.values():
-        spine.set_color(LINE)
-    place = axis.inset_axes([0.15, -0.09, 0.7, 0.045])
-    bar = figure.colorbar(shown, cax=place, orientation="horizontal")
-    bar.set_label("depth [m]; no reading where blank", color=FAINT)
-    bar.ax.tick_params(colors=FAINT, labelsize=9)
-    bar.outline.set_visible(False)
+    axis.spines[:].set_color(LINE)
+    label = "depth [m]; no reading where blank"
+    colour_bar(figure, shown, label, ax=axis, shrink=0.7)
     set_title(axis, f"{camera.name}, {camera.width} x {camera.height}")
 
 
 def _draw_slice(
-    axis: object, space: "SeenSpace", cells: np.ndarray, q: np.ndarray, across: int
+    axis: object, space: "SeenSpace", cells: np.ndarray, q: np.ndarray, normal: int
 ) -> None:
     """Draw the layer of cells with the most occupied ones, looking along an axis."""
     from matplotlib.colors import to_rgba
 
-    grid = space.cell_map.grid
-    others = tuple(a for a in range(3) if a != across)
-    layer = int((cells == OCCUPIED).sum(axis=others).argmax())
-    codes = np.take(cells, layer, axis=across)
+    grid, (plane, view) = space.cell_map.grid, VIEWS[normal]
+    layer = int((cells == OCCUPIED).sum(axis=plane).argmax())
+    codes = np.take(cells, layer, axis=normal).T
     colours = np.ones((len(CELL_NAMES), 4))
     for name, colour in COLOURS.items():
         colours[CELL_NAMES.index(name)] = to_rgba(colour)
-    u, v = others
-    extent = (grid.origin[u], grid.upper[u], grid.origin[v], grid.upper[v])
-    axis.imshow(
-        colours[codes].transpose(1, 0, 2), origin="lower", extent=extent, zorder=0
-    )
-    robot = space.robot
-    places = sphere_centers(robot, q)[:, [u, v]]
-    draw_silhouette(axis, places, robot.spheres[:, 3])
-    _draw_camera(axis, space.cameras[0], u, v)
-    tidy(axis)
-    axis.set(xlabel=f"{'xyz'[u]} [m]", ylabel=f"{'xyz'[v]} [m]")
-    _frame(axis, space, codes, extent, u, v)
-    at = grid.origin[across] + grid.h * (layer + 0.5)
-    side = ("from the front", "from the side", "from above")[across]
-    set_title(axis, f"{side}: the cells at {'xyz'[across]} = {at:.2f} m")
+    draw_cut(axis, grid.origin[list(plane)], grid.h, colours[codes], zorder=0)
+    radii = space.robot.spheres[:, 3]
+    balls_silhouette(sphere_centers(space.robot, q), radii).draw(axis, plane)
+    _draw_camera(axis, space.cameras[0], *plane)
+    space_axes(axis, normal)
+    _frame(axis, space, codes, plane)
+    at = grid.origin[normal] + grid.h * (layer + 0.5)
+    set_title(axis, f"{view}: the cells at {AXES[normal]} = {at:.2f} m")
 
 
 def _draw_camera(axis: object, camera: object, u: int, v: int) -> None:
@@ -115,34 +111,33 @@ def _draw_camera(axis: object, camera: object, u: int, v: int) -> None:
     ends = eye + np.column_stack([slopes, np.ones(4)]) @ T[:3, :3].T
     corners = np.vstack([eye, ends])[:, [u, v]]
     outline = corners[ConvexHull(corners).vertices]
-    axis.add_patch(Polygon(outline, fill=False, edgecolor=_VIEW, alpha=0.5, lw=0.7))
-    axis.plot(eye[u], eye[v], "o", color=_VIEW, ms=5)
+    axis.add_patch(Polygon(outline, fill=False, edgecolor=TEAL, alpha=0.5, lw=0.7))
+    axis.plot(eye[u], eye[v], "o", color=TEAL, ms=5)
     axis.annotate(
-        "camera", (eye[u], eye[v]), (-6, 5), textcoords="offset points", color=_VIEW,
+        "camera", (eye[u], eye[v]), (-6, 5), textcoords="offset points", color=TEAL,
         size=9, ha="right",
     )  # fmt: skip
 
 
 def _frame(
-    axis: object, space: "SeenSpace", codes: np.ndarray, extent: tuple, u: int, v: int
+    axis: object, space: "SeenSpace", codes: np.ndarray, plane: tuple[int, int]
 ) -> None:
     """Show what is in reach and the camera, not the empty corners of the grid."""
-    beyond = CELL_NAMES.index("out of reach")
-    h, eye = space.cell_map.grid.h, space.cameras[0].T_base_camera[:3, 3]
-    for k, (line, set_limits) in enumerate(((u, axis.set_xlim), (v, axis.set_ylim))):
-        held = np.flatnonzero((codes != beyond).any(axis=1 - k))
-        low, high = extent[2 * k] + h * held[0], extent[2 * k] + h * (held[-1] + 1)
+    grid, eye = space.cell_map.grid, space.cameras[0].T_base_camera[:3, 3]
+    shown = codes != CELL_NAMES.index("out of reach")
+    for k, (line, set_limits) in enumerate(
+        zip(plane, (axis.set_xlim, axis.set_ylim), strict=True)
+    ):
+        held = np.flatnonzero(shown.any(axis=k))
+        low, high = grid.origin[line] + grid.h * (held[[0, -1]] + [0, 1])
         set_limits(min(low, eye[line] - 0.1), max(high, eye[line] + 0.1))
-    axis.set_aspect("equal")
 
 
-def _legend(axis: object, cells: np.ndarray) -> None:
+def _legend(figure: object, cells: np.ndarray) -> None:
     from matplotlib.patches import Patch
 
     present = [n for n in COLOURS if (cells == CELL_NAMES.index(n)).any()]
     handles = [Patch(color=COLOURS[n], label=n) for n in present]
     handles.append(Patch(facecolor="white", edgecolor=LINE, label="not seen"))
-    axis.figure.legend(
-        handles=handles, loc="outside lower right", ncols=len(handles), frameon=False,
-        labelcolor=INK, fontsize=9,
-    )  # fmt: skip
+    columns = {"loc": "outside lower right", "ncols": len(handles)}
+    legend(figure, handles=handles, **columns)

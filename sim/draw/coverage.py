@@ -6,9 +6,16 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers
-from sim.draw.pictures import FAINT, INK, set_title, tidy
-
-SIDES = (2, 0, 1), (1, 0, 2), (0, 1, 2)  # looked along, to the right, upward
+from sim.draw.silhouette import balls_silhouette
+from sim.draw.style import (
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
@@ -72,57 +79,22 @@ def write_coverage_plot(
     """
     from matplotlib.colors import LogNorm
 
-    figure, axes = _coverage_figure(counts.shape)
-    scale = LogNorm(1, max(2, int(counts.max())))
-    corner = np.asarray(origin, float)
-    end = corner + h * np.array(counts.shape)
-    for axis, (seen, u, v) in zip(axes, SIDES, strict=False):
-        image = np.ma.masked_equal(counts.max(axis=seen).T, 0)
-        extent = (corner[u], end[u], corner[v], end[v])
-        shown = axis.imshow(
-            image, origin="lower", extent=extent, cmap="YlGnBu", norm=scale
-        )
-        draw_silhouette(axis, centers[:, [u, v]], radii)
-        axis.set(xlabel=f"{'xyz'[u]} [m]", ylabel=f"{'xyz'[v]} [m]")
-        axis.locator_params(nbins=5)
-        set_title(axis, ("from the front", "from the side", "from above")[seen])
-    bar = figure.colorbar(shown, cax=axes[3])
-    bar.set_label("nodes a cell takes away, the most along the line of sight")
-    bar.outline.set_visible(False)
-    path = Path(path)
-    figure.savefig(path, dpi=110)
-    return path
-
-
-def _coverage_figure(shape: tuple[int, int, int]) -> tuple:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 4.6), layout="constrained", facecolor="white")
-    widths = [shape[0], shape[0], shape[1], max(shape) / 25]
+    nx, ny, nz = counts.shape
+    widest = max(nx, ny, nz)
+    figure = new_figure(13, 4.6)
+    widths = [nx, nx, max(ny, widest / 4), widest / 25]
     axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
-    for axis in axes[:3]:
-        tidy(axis)
-        axis.set_aspect("equal")
-    axes[3].tick_params(colors=FAINT, labelsize=9)
-    axes[3].yaxis.label.set_color(FAINT)
-    return figure, axes
-
-
-def draw_silhouette(axis: object, places: np.ndarray, radii: np.ndarray) -> None:
-    """Draw balls at `places` (n, 2) as one shape with a rim [m]."""
-    from matplotlib.collections import EllipseCollection
-
-    for size, colour in ((0.012, INK), (0.0, "#eef1f4")):  # a rim, then the inside
-        width = 2 * (radii + size)
-        axis.add_collection(
-            EllipseCollection(
-                width,
-                width,
-                np.zeros(len(radii)),
-                units="xy",
-                offsets=places,
-                offset_transform=axis.transData,
-                facecolors=colour,
-                edgecolors="none",
-            )
-        )
+    norm = LogNorm(1, max(2, int(counts.max())))
+    robot = balls_silhouette(centers, radii)
+    for axis, normal in zip(axes, (2, 1, 0), strict=False):
+        most = counts.max(axis=normal).T.astype(float)
+        most[most == 0] = np.nan
+        (u, v), view = VIEWS[normal]
+        shown = draw_cut(axis, origin[[u, v]], h, most, colours="YlGnBu", norm=norm)
+        robot.draw(axis, (u, v))
+        space_axes(axis, normal)
+        axis.locator_params(nbins=5)
+        set_title(axis, view)
+    label = "nodes a cell takes away, the most along the line of sight"
+    colour_bar(figure, shown, label, cax=axes[3])
+    return save(figure, path, dpi=110)

@@ -7,12 +7,26 @@ from scipy.ndimage import binary_closing, gaussian_filter
 
 from handover import POSTURES, Human, Part
 from handover.human.anthropometry import ARM_JOINTS
-from sim.draw.mocap_picture import LEFT, RIGHT, outline, part_colour
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
+from sim.draw.style import (
+    AMBER,
+    BLUE,
+    FAINT,
+    INK,
+    LINE,
+    TEAL,
+    VIEWS,
+    draw_floor,
+    legend,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+    tidy,
+)
 from sim.people.grips import grip_points
-from sim.terminal.output import write_whole
 
-REACH, BIN = "#00857c", 0.025  # colour; side of a square of the cut [m]
+_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: FAINT}
+BIN = 0.025  # side of a square of the cut [m]
 _SLAB = 0.03  # [m] half the thickness of a cut
 _BEFORE = 0.30  # [m] the cut from the front lies this far before the shoulder
 
@@ -27,36 +41,31 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.0, 6.4), layout="constrained", facecolor="white")
+    figure = new_figure(
+        13.0,
+        6.4,
+        f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
+        "where the right grip can be, in the plane of the shoulder and "
+        f"{100 * _BEFORE:.0f} cm before it",
+    )
     ratios = {"width_ratios": (1.15, 1.0, 0.95)}
     side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)
     shoulder = human.T_world_shoulder("right")
     points = grip_points(human, 600_000) @ shoulder[:3, :3].T + shoulder[:3, 3]
     points = points[points[:, 2] > 0.0]  # nobody reaches into the floor
-    _draw_view(side, human, points, (0, 2), shoulder[1, 3])
+    _draw_view(side, human, points, 1, shoulder[1, 3])
     set_title(side, "from the right")
     before = shoulder[0, 3] + _BEFORE * shoulder[0, 0]
-    _draw_view(front, human, points, (1, 2), before)
+    _draw_view(front, human, points, 0, before)
     set_title(front, "from the front")
     _draw_ranges(ranges, human)
-    figure.suptitle(
-        f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
-        "where the right grip can be, in the plane of the shoulder and "
-        f"{100 * _BEFORE:.0f} cm before it",
-        color=INK,
-        x=0.01,
-        ha="left",
-    )
-    return write_whole(path, lambda stream: figure.savefig(stream, dpi=110))
+    return save(figure, path, dpi=110)
 
 
 def _draw_view(
-    axis: object, human: Human, points: np.ndarray, plane: tuple, cut: float
+    axis: object, human: Human, points: np.ndarray, along: int, cut: float
 ) -> None:
-    i, j = plane
-    along = 3 - i - j
+    i, j = plane = VIEWS[along][0]
     rods = human.capsules()
     near = np.abs(points[:, along] - cut) < _SLAB
     _draw_reach(axis, points[near][:, [i, j]])
@@ -73,17 +82,14 @@ def _draw_view(
         arrow = {"arrowstyle": "->", "color": INK}
         axis.annotate("", ends[1], ends[0], arrowprops=arrow)
     _draw_steps(axis, human, i)
-    axis.axhline(0.0, color=LINE, lw=1.0, zorder=0)
+    draw_floor(axis)
     ends, radii = rods[:, :6].reshape(-1, 3), np.repeat(rods[:, 6:], 2, axis=0)
     all_points = [ends - radii, ends + radii, points[near]]
     low = np.min([p.min(axis=0) for p in all_points], axis=0) - 0.08
     high = np.max([p.max(axis=0) for p in all_points], axis=0) + 0.08
-    wide = (low[i], high[i])
     # from the front, the person's left is on our right
-    axis.set(xlim=wide, ylim=(min(low[j], -0.05), high[j]), aspect="equal")
-    axis.set_xlabel(f"{'xyz'[i]} [m]")
-    axis.set_ylabel("height z [m]")
-    tidy(axis)
+    axis.set(xlim=(low[i], high[i]), ylim=(min(low[j], -0.05), high[j]))
+    space_axes(axis, along, view="height ")
 
 
 def _draw_reach(axis: object, points: np.ndarray) -> None:
@@ -98,8 +104,8 @@ def _draw_reach(axis: object, points: np.ndarray) -> None:
     filled = binary_closing(filled, iterations=3)
     x, y = ((low[k] + 0.5 + np.arange(filled.shape[k])) * BIN for k in (0, 1))
     cut = gaussian_filter(filled.T.astype(float), 0.8)
-    axis.contourf(x, y, cut, levels=[0.5, 1.5], colors=[REACH], alpha=0.16)
-    axis.contour(x, y, cut, levels=[0.5], colors=[REACH], linewidths=0.9)
+    axis.contourf(x, y, cut, levels=[0.5, 1.5], colors=[TEAL], alpha=0.16)
+    axis.contour(x, y, cut, levels=[0.5], colors=[TEAL], linewidths=0.9)
 
 
 def _draw_steps(axis: object, human: Human, i: int) -> None:
@@ -120,7 +126,7 @@ def _draw_ranges(axis: object, human: Human) -> None:
     rows = np.arange(len(ARM_JOINTS))
     axis.barh(rows, upper - lower, left=lower, height=0.5, color=LINE)
     style = {"ls": "", "ms": 9, "mec": "white"}
-    for name, colour, shift in (("left", LEFT, -0.12), ("right", RIGHT, 0.12)):
+    for name, colour, shift in (("left", BLUE, -0.12), ("right", AMBER, 0.12)):
         now = np.degrees(human.arms[name])
         axis.plot(now, rows + shift, "o", color=colour, label=f"{name} now", **style)
     for row, low, high in zip(rows, lower, upper, strict=True):
@@ -131,8 +137,28 @@ def _draw_ranges(axis: object, human: Human) -> None:
     axis.axvline(0, color=FAINT, lw=0.7, zorder=0)
     axis.set(yticks=[], xlim=(-125, 215), ylim=(len(rows) + 0.1, -0.8))
     axis.set_xlabel("joint angle [deg]")
-    legend = {"loc": "lower right", "ncols": 2, "fontsize": 9}
-    axis.legend(frameon=False, labelcolor=INK, **legend)
+    legend(axis, loc="lower right", ncols=2)
     set_title(axis, "ranges of motion of an arm")
     tidy(axis)
     axis.spines["left"].set_visible(False)
+
+
+def part_colour(part: Part) -> str:
+    """Return the colour of a part of the body in our pictures."""
+    return _COLOURS.get(part, BLUE if part.name.startswith("LEFT") else AMBER)
+
+
+def outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
+    """Return a capsule seen along the third axis: two half circles and their sides."""
+    from matplotlib.patches import Polygon
+
+    a, b = capsule[list(plane)], capsule[[3 + k for k in plane]]
+    along = np.arctan2(*(b - a)[::-1])
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
+    caps = [b + capsule[6] * _circle(along + turn)]
+    caps.append(a + capsule[6] * _circle(along + np.pi + turn))
+    return Polygon(np.concatenate(caps), **style)
+
+
+def _circle(angles: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)

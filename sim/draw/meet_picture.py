@@ -11,14 +11,29 @@ import numpy as np
 from handover import Human, InteractionWorkspace
 from handover.meet.quality import PARTS
 from roadmap.robot.robot import Robot
-from sim.draw.arm_cut import BODY, EDGE, VIEWS, colour_bar, draw_field
 from sim.draw.meet_cut import Meeting, fine_workspace, layer_at, quality_by_position
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
-from sim.draw.silhouette import AXES, Silhouette, moved_capsules, robot_silhouette
-from sim.terminal.output import write_whole
+from sim.draw.silhouette import Silhouette, moved_capsules, robot_silhouette
+from sim.draw.style import (
+    AXES,
+    BODY,
+    BODY_EDGE,
+    INK,
+    LINE,
+    PALE,
+    RED,
+    ROBOT,
+    ROBOT_EDGE,
+    TEAL,
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    draw_floor,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 
-ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
-TAKEN = "#c43e3e"
 _ROOM = 0.12  # [m] left around what is shown
 
 
@@ -44,12 +59,10 @@ def write_meet_picture(
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
     scenes = _scenes(meetings, robot, q_rest, tell)
     boxes = np.array([scene.box for scene in scenes])
     box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-    figure = Figure(layout="constrained", facecolor="white")
+    figure = new_figure(12.0, 6.0, _words(meetings))
     if len(scenes) == 1:
         axes, bars = _one(figure, *(box[1] - box[0]))
         _draw_parts(bars, meetings[0])
@@ -60,12 +73,10 @@ def write_meet_picture(
     for axis, (scene, normal) in zip(axes, views, strict=True):
         image = scene.draw(axis, normal, span, box)
         set_title(axis, scene.title(normal, several=len(scenes) > 1))
-    bar = colour_bar(figure, image, axes, flat=60.0)
     text = "best quality over all rotations of the tool there, cells of"
     cell = 100 * scenes[0].fine.grid.cell
-    bar.set_label(f"{text} {cell:g} cm", color=FAINT)
-    figure.suptitle(_words(meetings), color=INK, x=0.01, ha="left")
-    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
+    colour_bar(figure, image, f"{text} {cell:g} cm", ax=axes, aspect=60)
+    return save(figure, path)
 
 
 def _scenes(
@@ -139,34 +150,24 @@ class _Scene:
         """Draw one view and return its image."""
         plane = VIEWS[normal][0]
         grid, T = self.fine.grid, self.fine.settings.T_world_base
-        x, y = (
-            T[k, 3] + grid.origin[k] + grid.cell * (np.arange(grid.shape[k]) + 0.5)
-            for k in plane
-        )
-        image = draw_field(axis, x, y, self.cut(normal), span[1], zorder=2)
-        image.set_clim(*span)
+        corner = [T[k, 3] + grid.origin[k] for k in plane]
+        image = draw_cut(axis, corner, grid.cell, self.cut(normal), span, zorder=2)
         if plane[1] == 2:
-            axis.axhline(0.0, color=LINE, lw=1.0, zorder=1)
+            draw_floor(axis)
             _draw_stand(axis, T)
-        below = [self.robot, self.person]
+        solids = [(self.robot, ROBOT, ROBOT_EDGE), (self.person, BODY, BODY_EDGE)]
         if normal == 1 or self._height(self.person) < self._height(self.robot):
-            below.reverse()  # what is nearer covers
-        for k, solid in enumerate(below):
-            own = solid is self.robot
-            fill = {"colors": [ROBOT if own else BODY], "zorder": 3 + k}
-            line = {"colors": [ROBOT_EDGE if own else EDGE], "zorder": 3 + k}
-            solid.draw(axis, plane, fill | {"alpha": 0.65}, line | {"linewidths": 1.1})
+            solids.reverse()  # what is nearer covers
+        for k, (solid, fill, line) in enumerate(solids):
+            solid.draw(axis, plane, fill, line, (3 + k, 3 + k), alpha=0.65)
         if self.meeting.drawn is not None:
-            style = {"colors": [INK], "zorder": 6}
-            self.held.draw(axis, plane, style, style | {"linewidths": 0.8})
-            ring = {"mfc": "none", "mec": TAKEN, "ms": 11, "mew": 1.6, "zorder": 7}
+            self.held.draw(axis, plane, INK, INK, (6, 6), linewidths=0.8)
+            ring = {"mfc": "none", "mec": RED, "ms": 11, "mew": 1.6, "zorder": 7}
             axis.plot(*self.at[list(plane)], "o", **ring)
         if not self.meeting.best and normal == 1:
             self._say_missing(axis)
-        axis.set(xlim=box[:, plane[0]], ylim=box[:, plane[1]], aspect="equal")
-        axis.set_xlabel(f"{AXES[plane[0]]} [m]")
-        axis.set_ylabel(f"{AXES[plane[1]]} [m]")
-        tidy(axis)
+        space_axes(axis, normal)
+        axis.set(xlim=box[:, plane[0]], ylim=box[:, plane[1]])
         return image
 
     @staticmethod
@@ -224,8 +225,8 @@ def _draw_parts(axis: object, meeting: Meeting) -> None:
     values += [target.parts.online, target.dexterity, target.quality]
     values = np.nan_to_num(values)
     rows = np.arange(len(names)) + np.array([0.0] * 5 + [0.4] * 2 + [0.8])
-    strong = ["#8fb9b5"] * 5 + ["#00857c"] * 2 + [TAKEN]
-    axis.barh(rows, np.ones(len(rows)), height=0.5, color="#eef1f4")
+    strong = ["#8fb9b5"] * 5 + [TEAL] * 2 + [RED]
+    axis.barh(rows, np.ones(len(rows)), height=0.5, color=PALE)
     axis.barh(rows, values, height=0.5, color=strong)
     text = {"color": INK, "size": 9.5, "va": "center"}
     for row, name, value in zip(rows, names, values, strict=True):

@@ -4,15 +4,22 @@ from pathlib import Path
 
 import numpy as np
 
-from handover.human.body import Part
+from handover import Part
 from roadmap.errors import BadInput
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
+from sim.draw.human_picture import outline, part_colour
+from sim.draw.style import (
+    INK,
+    RED,
+    VIEWS,
+    draw_floor,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 from sim.people.mocap.motion import MocapMotion
 
 WORK_PLACE = ((0.3, 0.7), (-0.4, 0.4), (0.1, 0.7))  # x, y, z before an arm [m]
-TRUNK, LEFT, RIGHT, GROWN = "#b9c0c8", "#4a7fb5", "#c97b12", "#c43e3e"
-_COLOURS = {Part.TORSO: TRUNK, Part.HEAD: "#8c96a0"}
-_VIEWS = (("from the side", (0, 2)), ("from above", (0, 1)))
 
 
 def write_strip(
@@ -34,8 +41,6 @@ def write_strip(
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
     if times is None:
         times = list(np.linspace(0.0, motion.duration_s, 8))
     if not len(times):
@@ -44,22 +49,21 @@ def write_strip(
     wide, tall, deep = (high - low for low, high in limits)
     scale = 2.4 / max(wide, 1.0)  # inches per metre
     size = (2.6 * len(times) + 0.6, scale * (tall + deep) + 1.4)
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    figure = new_figure(*size, motion.name)
     ratios = {"height_ratios": (deep, tall)}
     axes = figure.subplots(
         2, len(times), sharex=True, sharey="row", squeeze=False, gridspec_kw=ratios
     )
-    for row, (view, plane) in zip(axes, _VIEWS, strict=True):
+    for row, normal in zip(axes, (1, 2), strict=True):
+        plane, view = VIEWS[normal]
         for axis, t in zip(row, times, strict=True):
             _draw_moment(axis, motion, t, plane, box)
-            axis.set(xlim=limits[0], ylim=limits[plane[1]], aspect="equal")
-        row[0].set_ylabel(f"{view}: {'xyz'[plane[1]]} [m]", color=FAINT)
-    for axis, t in zip(axes[0], times, strict=True):
-        set_title(axis, f"{t:.2f} s")
-    figure.suptitle(motion.name, color=INK, x=0.01, ha="left")
-    path = Path(path)
-    figure.savefig(path, dpi=100)
-    return path
+            space_axes(axis, normal, view=f"{view}: ")
+            axis.set(xlim=limits[0], ylim=limits[plane[1]])
+            axis.label_outer()
+            if normal == 1:
+                set_title(axis, f"{t:.2f} s")
+    return save(figure, path)
 
 
 def _limits(motion: MocapMotion, times: list[float]) -> list[tuple[float, float]]:
@@ -83,30 +87,8 @@ def _draw_moment(
         colour = part_colour(Part(int(motion.labels[k])))
         axis.add_patch(outline(guess[k], plane, fc=colour, ec="white", lw=0.6))
         if known[k, 6] > guess[k, 6] + 1e-6:
-            axis.add_patch(outline(known[k], plane, fc="none", ec=GROWN, lw=0.9))
+            axis.add_patch(outline(known[k], plane, fc="none", ec=RED, lw=0.9))
     corner, sides = (box[i][0], box[j][0]), (np.ptp(box[i]), np.ptp(box[j]))
     axis.add_patch(Rectangle(corner, *sides, fc="none", ec=INK, ls="--", lw=0.9))
     axis.add_patch(Circle((0, 0), 0.08, fc=INK, ec="none"))
-    axis.axhline(0, color=LINE, lw=0.8, zorder=0)
-    tidy(axis)
-
-
-def part_colour(part: Part) -> str:
-    """Return the colour of a part of the body in our pictures."""
-    return _COLOURS.get(part, LEFT if part.name.startswith("LEFT") else RIGHT)
-
-
-def outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
-    """Return a capsule seen along the third axis: two half circles and their sides."""
-    from matplotlib.patches import Polygon
-
-    a, b = capsule[list(plane)], capsule[[3 + k for k in plane]]
-    along = np.arctan2(*(b - a)[::-1])
-    turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
-    caps = [b + capsule[6] * _circle(along + turn)]
-    caps.append(a + capsule[6] * _circle(along + np.pi + turn))
-    return Polygon(np.concatenate(caps), **style)
-
-
-def _circle(angles: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    draw_floor(axis)

@@ -5,9 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from handover import ReachMap
-from sim.draw.pictures import FAINT, INK
-
-_AXES = "xyz"
+from sim.draw.style import (
+    AXES,
+    INK,
+    QUALITY,
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 
 
 def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
@@ -22,32 +31,35 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
-    best, share = by_position(reach)
-    figure = Figure(figsize=(10.5, 9.0), layout="constrained", facecolor="white")
-    axes = figure.subplots(2, 2)
-    for row, normal in enumerate((1, 2)):
-        layer = fullest_layer(share, normal)
-        for column, (values, name) in enumerate(
-            ((best, "best quality over all rotations"), (share, "rotations reached"))
-        ):
-            ax = axes[row][column]
-            cut = np.take(values, layer, axis=normal)
-            image = _draw(ax, reach, cut, normal, "turbo" if column == 0 else "viridis")
-            at = reach.grid.origin[normal] + (layer + 0.5) * reach.grid.cell
-            ax.set_title(
-                f"{name}, cut at {_AXES[normal]} = {at:.2f}", color=INK, fontsize=10
-            )
-            figure.colorbar(image, ax=ax, shrink=0.85)
-    figure.suptitle(
-        f"{reach.chain.name}: {reach.n_marked:,} cells of {reach.grid.cell:g} "
-        f"{reach.chain.unit} and {reach.grid.rotations.n_cells} rotations",
-        color=INK,
+    fields = zip(
+        ("best quality over all rotations", "rotations reached"),
+        by_position(reach), (QUALITY, "viridis"), strict=True,
+    )  # fmt: skip
+    chain, grid = reach.chain, reach.grid
+    figure = new_figure(
+        10.5,
+        9.0,
+        f"{chain.name}: {reach.n_marked:,} cells of {grid.cell:g} {chain.unit} and "
+        f"{grid.rotations.n_cells} rotations",
     )
-    path = Path(path)
-    figure.savefig(path, dpi=110)
-    return path
+    axes = figure.subplots(2, 2)
+    share = by_position(reach)[1]
+    for column, (name, values, colours) in enumerate(fields):
+        for axis, normal in zip(axes[:, column], (1, 2), strict=True):
+            plane, layer = VIEWS[normal][0], fullest_layer(share, normal)
+            cut = np.take(values, layer, axis=normal).T
+            span = 0.0, max(float(cut.max()), 1e-9)
+            cut = np.where(cut > 0.0, cut, np.nan)
+            corner = grid.origin[list(plane)]
+            image = draw_cut(axis, corner, grid.cell, cut, span, colours)
+            axis.plot(0.0, 0.0, "+", color=INK, markersize=9)
+            frame = {"textcoords": "offset points", "color": INK, "size": 8}
+            axis.annotate(chain.frame, (0.0, 0.0), (4, 4), **frame)
+            space_axes(axis, normal, chain.unit)
+            at = grid.origin[normal] + (layer + 0.5) * grid.cell
+            set_title(axis, f"{name}, cut at {AXES[normal]} = {at:.2f}")
+            colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
+    return save(figure, path, dpi=110)
 
 
 def by_position(reach: ReachMap) -> tuple[np.ndarray, np.ndarray]:
@@ -64,26 +76,3 @@ def fullest_layer(share: np.ndarray, normal: int) -> int:
     """Return the layer across an axis in which most cells are reached."""
     others = tuple(k for k in range(3) if k != normal)
     return int(share.sum(axis=others).argmax())
-
-
-def _draw(ax, reach: ReachMap, cut: np.ndarray, normal: int, colours: str):
-    across, up = [k for k in range(3) if k != normal]
-    low, high = reach.grid.box
-    image = ax.imshow(
-        np.ma.masked_less_equal(cut.T, 0.0),
-        origin="lower",
-        extent=(low[across], high[across], low[up], high[up]),
-        cmap=colours,
-        vmin=0.0,
-        vmax=max(float(cut.max()), 1e-9),
-        interpolation="nearest",
-    )
-    ax.set_facecolor("#f4f6f8")
-    ax.plot(0.0, 0.0, "+", color=INK, markersize=9)
-    ax.annotate(
-        reach.chain.frame, (0.0, 0.0), (4, 4), textcoords="offset points",
-        color=INK, fontsize=8,
-    )  # fmt: skip
-    ax.set_xlabel(f"{_AXES[across]} [{reach.chain.unit}]", color=FAINT)
-    ax.set_ylabel(f"{_AXES[up]} [{reach.chain.unit}]", color=FAINT)
-    return image

@@ -5,8 +5,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import Robot
+from sim.draw.style import INK, PALE
 
-AXES = "xyz"
 _STEP = 0.006  # [m] between the places that an outline is drawn from
 
 
@@ -52,15 +52,35 @@ class Silhouette:
             np.minimum(nearest, _outside(solid[:, list(plane)], at), out=nearest)
         return nearest
 
-    def draw(self, axis: object, plane: tuple[int, int], fill: dict, line: dict):
-        """Fill the outline and draw it, each with its own style and layer."""
+    def draw(
+        self,
+        axis: object,
+        plane: tuple[int, int],
+        fill: str = PALE,
+        line: str = INK,
+        layers: tuple[int, int] = (3, 4),
+        **style: object,
+    ) -> None:
+        """Fill the outline with a colour and draw it as a line.
+
+        Args:
+            axis: Of matplotlib.
+            plane: The two axes seen, across and up.
+            fill: Colour of the filling.
+            line: Colour of the line.
+            layers: Of the filling and of the line.
+            style: Of the filling, such as `alpha`; `linewidths` is the line's.
+        """
+        width = {"linewidths": style.pop("linewidths", 1.1)}
         seen = self.points()[:, list(plane)]
         low, high = seen.min(axis=0) - 0.03, seen.max(axis=0) + 0.03
         sides = [np.arange(a, b + _STEP, _STEP) for a, b in zip(low, high)]
         x, y = np.meshgrid(*sides)
         field = self.distance(plane, x, y)
-        axis.contourf(x, y, field, levels=[-10.0, 0.0], **fill)
-        axis.contour(x, y, field, levels=[0.0], linestyles="solid", **line)
+        style |= {"levels": [-10.0, 0.0], "colors": [fill], "zorder": layers[0]}
+        axis.contourf(x, y, field, **style)
+        width |= {"levels": [0.0], "colors": [line], "zorder": layers[1]}
+        axis.contour(x, y, field, linestyles="solid", **width)
 
 
 def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
@@ -71,6 +91,11 @@ def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
         T = T_world_base @ frames[robot.link_body[link]]
         solids.append(robot.shell_points[own] @ T[:3, :3].T + T[:3, 3])
     return Silhouette(polytopes=solids)
+
+
+def balls_silhouette(centers: np.ndarray, radii: np.ndarray) -> Silhouette:
+    """Return the Silhouette of balls: centres (n, 3) and radii (n,) [m]."""
+    return Silhouette(np.column_stack([centers, centers, radii]))
 
 
 def moved_capsules(T: np.ndarray, capsules: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from roadmap.errors import BadRobot
 from roadmap.loading.held_link import with_payload
 from sim.draw.animation import FilmSettings, write_animation
 from sim.draw.cover_world import CoverWorld
-from sim.draw.pictures import write_latency_plot
+from sim.draw.latency_plot import write_latency_plot
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import RunResult

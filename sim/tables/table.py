@@ -1,9 +1,8 @@
 """Tables of a bench: for the terminal (rich) and for the README (markdown)."""
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
-
-from sim.tables.clock import TRUTH
 
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
 _VALUES = (0, 1, 2, 6)  # columns of a table without times
@@ -19,7 +18,8 @@ def print_bench(result: dict, console: Console | None = None) -> None:
         table.add_column(name, justify="left" if k < 2 else "right")
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    if rows:
+        console.print(table)
     for more in result.get("tables", ()):
         _print_more(more, console)
     for line in setting_lines(result):
@@ -37,7 +37,7 @@ def _print_more(more: dict, console: Console) -> None:
 
 def markdown(result: dict) -> str:
     """Return the table of a bench and its setting as markdown."""
-    lines = _markdown_table(_lines(result))
+    lines = _markdown_table(_lines(result)) if result["rows"] else []
     for more in result.get("tables", ()):
         head, *rows = _markdown_table([more["head"], *more["rows"]])
         lines += ["", f"**{more['title']}**", "", head, *rows]
@@ -123,3 +123,26 @@ def _time(us: float) -> str:
 
 def _yes(met: bool | None) -> str:
     return "" if met is None else "yes" if met else "no"
+
+
+TRUTH = "true"  # unit of a value that is 1 where something holds
+
+
+def value_row(
+    name: str,
+    value: float,
+    unit: str,
+    note: str = "",
+    most: float | None = None,
+    least: float | None = None,
+) -> dict:
+    """Return a row of one value with its bound, if it has one; NaN is no value."""
+    value = None if np.isnan(value) else float(value)
+    met = None
+    if most is not None and value is not None:
+        met = value <= most
+    if least is not None and value is not None:
+        met = value >= least
+    asked = {k: v for k, v in (("most", most), ("least", least)) if v is not None}
+    row = {"name": name, "note": note, "unit": unit, "value": value, "asked": asked}
+    return row | {"met": met}

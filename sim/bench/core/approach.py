@@ -18,8 +18,9 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.obstacles.face_samples import box_faces
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
-from sim.tables.clock import Clock, value_row
+from sim.bench.clock import Clock
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 WAY = 0.15  # [m]
 DEPTH = 0.10  # [m] of the bin, above the tool

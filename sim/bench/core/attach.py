@@ -17,10 +17,11 @@ from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import required
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
+from sim.bench.clock import Clock
 from sim.bench.core.frame_rows import advance
 from sim.bench.frames import RATE_HZ, ROUND, Pair, make_pairs
-from sim.tables.clock import Clock, value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 ATTACH_MS, RATIO = 5.0, 1.5
 _FINE_BALLS = 8  # of an object of many spheres

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from odm import build_map, load_map
 from odm.cell_map.cell_map import CellMap
-from sim.tables.clock import TRUTH, value_row
 from sim.tables.header import header
+from sim.tables.table import TRUTH, value_row
 
 # seconds on two cores, by recipe
 ASKED_S = {"panda": 90.0, "demo": 20.0}

@@ -16,10 +16,11 @@ from odm import (
 )
 from odm.cameras import look_at
 from roadmap.kinematics.forward import sphere_centers
+from sim.bench.clock import Clock
 from sim.bench.core.camera_scene import HandBeside, far_box, person_at
-from sim.draw.depth_render import DepthScene
-from sim.tables.clock import TRUTH, Clock, value_row
+from sim.bench.depth_render import DepthScene
 from sim.tables.header import header
+from sim.tables.table import TRUTH, value_row
 
 SIZE, FOCAL = (640, 480), 476.0
 ASKED_US = 3000.0

@@ -5,8 +5,9 @@ import numpy as np
 from odm import ReactivePlanner
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
+from sim.bench.clock import Clock
 from sim.bench.frames import RATE_HZ, ROUND, Pair
-from sim.tables.clock import Clock, value_row
+from sim.tables.table import value_row
 
 REPLAN = {"p50": 20.0, "p99": 150.0}
 FOLLOW = {"p50": 40.0, "p99": 300.0}

@@ -23,8 +23,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.tables.clock import value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 from sim.terminal.interrupt import EXIT_CODE
 
 MOMENTS = 40

@@ -10,8 +10,9 @@ import numpy as np
 
 from odm import ReactivePlanner, load_map, sample_capsules
 from odm.cell_map.cell_map import CellMap
+from sim.bench.clock import Clock, time_row
 from sim.bench.frames import Pair
-from sim.tables.clock import TRUTH, Clock, time_row, value_row
+from sim.tables.table import TRUTH, value_row
 
 CLOUD = 20_000
 ON_ARM = 2_000  # points of the cloud that lie on the arm

@@ -16,12 +16,13 @@ import numpy as np
 
 from odm import ReactivePlanner, load_map
 from roadmap.errors import BadInput
+from sim.bench.clock import time_row
 from sim.loop.loop import Loop
 from sim.people.person_place import before_work_places
 from sim.run.places import DEMO, find_places, person_of, warm_up
 from sim.run.request import RunRequest
-from sim.tables.clock import time_row, value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 GROWTH_MB = 1.0  # asked of an hour
 P50_US, P99_US = 300.0, 2000.0  # asked of a step with timing and braking test

@@ -22,8 +22,8 @@ from sim.people.person_place import before_work_places
 from sim.people.scenes import SCENES
 from sim.run.places import DEMO, find_places, person_of
 from sim.run.request import RunRequest
-from sim.tables.clock import value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 TRIPS = 60.0  # asked of the trips made without a person [%]
 FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from odm import load_map
 from odm.audit.clearance import ClearanceTax, clearance_tax
-from sim.tables.clock import value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 BY_CELLS, BY_CLOSE_TEST = 9.0, 5.0  # asked of the means [cm]
 NOTES = {

@@ -6,8 +6,9 @@ from odm import ReactivePlanner, sample_capsules
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers
+from sim.bench.clock import Clock
 from sim.bench.frames import LENGTHS, RADII, ROUND, SPACING, Pair
-from sim.tables.clock import Clock, value_row
+from sim.tables.table import value_row
 
 _ARMS = 24  # more arms than this do not wall anything in
 _TRIES = 40  # placements looked at for each arm

@@ -5,11 +5,24 @@ from pathlib import Path
 import numpy as np
 
 from sim.bench.handover.recorded_handover import HandoverRecording
-from sim.draw.arm_cut import BODY, EDGE, VIEWS, colour_bar, draw_field
-from sim.draw.meet_picture import ROBOT, ROBOT_EDGE, TAKEN
-from sim.draw.pictures import FAINT, INK, LINE, set_title, tidy
-from sim.draw.silhouette import AXES, Silhouette
-from sim.terminal.output import write_whole
+from sim.draw.silhouette import Silhouette
+from sim.draw.style import (
+    BODY,
+    BODY_EDGE,
+    INK,
+    RED,
+    ROBOT,
+    ROBOT_EDGE,
+    VIEWS,
+    colour_bar,
+    draw_cut,
+    draw_floor,
+    legend,
+    new_figure,
+    save,
+    set_title,
+    space_axes,
+)
 
 SHOWN = {"online": "comfort, q_online", "total": "with dexterity, q_total"}
 
@@ -27,8 +40,6 @@ def write_handover_picture(
     Returns:
         The path written.
     """
-    from matplotlib.figure import Figure
-
     people = {
         who: Silhouette(recording.person(who, recording.taken).capsules_of("mean"))
         for who in ("giver", "taker")
@@ -37,10 +48,12 @@ def write_handover_picture(
     low, high = points.min(axis=0) - 0.08, points.max(axis=0) + 0.08
     low[2] = min(low[2], -0.05)
     wide, deep, tall = high - low
-    figure = Figure(
-        figsize=(12.0, 1.9 + 5.2 * (deep + tall) / wide),
-        layout="constrained",
-        facecolor="white",
+    places = f"{len(found.places):,} places that both reach"
+    figure = new_figure(
+        12.0,
+        1.9 + 5.2 * (deep + tall) / wide,
+        f"{recording.name}: where the object was taken (x), and where the model would "
+        f"hand it over (o); {places}",
     )
     ratios = {"height_ratios": (tall, deep)}
     axes = figure.subplots(2, 2, gridspec_kw=ratios)
@@ -53,7 +66,6 @@ def write_handover_picture(
             axis.set(
                 xlim=(low[plane[0]], high[plane[0]]),
                 ylim=(low[plane[1]], high[plane[1]]),
-                aspect="equal",
             )
             _mark(axis, found, name, plane)
         share, off = found.percentile(name), found.off_cm(name)
@@ -61,15 +73,10 @@ def write_handover_picture(
         told = told if np.isfinite(share) else "out of the taker's reach"
         set_title(axes[0][column], f"{words}: {told}")
         set_title(axes[1][column], "from above")
-        bar = colour_bar(figure, image, axes[:, column])
-        bar.set_label("best over all rotations of the taker's hand", color=FAINT)
-    axes[0][0].legend(frameon=False, labelcolor=INK, fontsize=9, loc="lower center")
-    figure.suptitle(
-        f"{recording.name}: where the object was taken (x), and where the model would "
-        f"hand it over (o); {len(values):,} places that both reach",
-        color=INK, x=0.01, ha="left",
-    )  # fmt: skip
-    return write_whole(path, lambda stream: figure.savefig(stream, dpi=100))
+        label = "best over all rotations of the taker's hand"
+        colour_bar(figure, image, label, ax=axes[:, column])
+    legend(axes[0][0], loc="lower center")
+    return save(figure, path)
 
 
 def _draw(axis: object, found: object, values: np.ndarray, normal: int, people: dict):
@@ -84,21 +91,19 @@ def _draw(axis: object, found: object, values: np.ndarray, normal: int, people: 
     i = np.abs(own[:, plane[0], None] - x).argmin(axis=1)
     j = np.abs(own[:, plane[1], None] - y).argmin(axis=1)
     field[j, i] = values[inside]
-    image = draw_field(axis, x, y, field, float(values.max()), zorder=4)
-    image.set_clim(float(values.min()), float(values.max()))
-    colours = {"giver": (ROBOT, ROBOT_EDGE), "taker": (BODY, EDGE)}
+    cell = x[1] - x[0]
+    span = float(values.min()), float(values.max())
+    corner = x[0] - 0.5 * cell, y[0] - 0.5 * cell
+    image = draw_cut(axis, corner, cell, field, span, zorder=4)
+    colours = {"giver": (ROBOT, ROBOT_EDGE), "taker": (BODY, BODY_EDGE)}
     for k, (who, solid) in enumerate(people.items()):
-        fill, edge = colours[who]
-        line = {"colors": [edge], "linewidths": 1.1, "zorder": 5}
-        solid.draw(axis, plane, {"colors": [fill], "zorder": 2 + k}, line)
+        solid.draw(axis, plane, *colours[who], (2 + k, 5))
     if plane[1] == 2:
-        axis.axhline(0.0, color=LINE, lw=1.0, zorder=1)
+        draw_floor(axis)
         for who, solid in people.items():
             middle = float(solid.points()[:, plane[0]].mean())
             axis.text(middle, 0.25, who, ha="center", color=INK, zorder=6)
-    axis.set_xlabel(f"{AXES[plane[0]]} [m]")
-    axis.set_ylabel(f"{AXES[plane[1]]} [m]")
-    tidy(axis)
+    space_axes(axis, normal)
     return image
 
 
@@ -110,7 +115,7 @@ def _mark(axis: object, found: object, name: str, plane: tuple[int, int]) -> Non
     axis.plot(*real, "x", label="taken here", **cross)
     ring = {"mfc": "none", "mec": "white", "ms": 12, "mew": 3.6, "zorder": 7}
     axis.plot(*best, "o", **ring)
-    ring |= {"mec": TAKEN, "mew": 1.8, "zorder": 8}
+    ring |= {"mec": RED, "mew": 1.8, "zorder": 8}
     axis.plot(*best, "o", label="our best", **ring)
 
 

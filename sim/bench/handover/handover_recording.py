@@ -25,8 +25,8 @@ import numpy as np
 from handover import Human, QualitySettings
 from handover.meet.places import NAMES, PlaceQualities, qualities_at
 from sim.bench.handover.recorded_handover import HandoverRecording, read_handover
-from sim.tables.clock import value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 TOP, NEAR_CM = 90.0, 15.0  # aimed at
 SPACING = 0.03  # [m] between the places of the object

@@ -10,8 +10,9 @@ from handover.human._arm_solve import solvable_poses, solve_poses
 from handover.human._human_arm import arm_poses
 from handover.human.human_arm import STEP
 from handover.meet._quality import qualities_of
-from sim.tables.clock import Clock, value_row
+from sim.bench.clock import Clock
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 A_SOLUTION, A_POSE, RESIDUAL = 0.5, 2.5, 1e-10  # asked [us], [us], [m and rad]
 CHUNK = 5000  # poses between two looks at the clock

@@ -13,8 +13,8 @@ from sim.loop.loop import run_frames
 from sim.run.meet import GRASPS, MeetTask, reach_map_of
 from sim.run.request import RunRequest
 from sim.run.runner import settings_of
-from sim.tables.clock import value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 # of the person from the axis of the robot's base [m]; each has a seed of its own
 DISTANCES = (0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.3)

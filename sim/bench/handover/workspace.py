@@ -19,9 +19,10 @@ from handover import (
     wrench,
 )
 from roadmap.errors import BadInput
+from sim.bench.clock import Clock
 from sim.bench.handover.workspace_cases import equal_cases
-from sim.tables.clock import Clock, value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 # [Vahrenkamp2016, Table I]: distance [m] -> potential targets
 TABLE_I = {0.7: 3576, 0.9: 2290, 1.1: 1110, 1.3: 373, 1.5: 78}

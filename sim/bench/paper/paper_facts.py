@@ -3,8 +3,9 @@
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from sim.bench.clock import Clock
 from sim.bench.paper.paper_rows import Audit, PaperFcl, Race
-from sim.tables.clock import Clock, value_row
+from sim.tables.table import value_row
 
 FRAME_US, FASTER = 10.0, 300.0  # asked of the map of the figures
 

@@ -2,17 +2,18 @@
 
 from pathlib import Path
 
-from sim.draw.pictures import (
+from sim.draw.style import (
+    AMBER,
     FAINT,
-    HELD,
-    INK,
-    LATENCY,
-    LIMIT,
-    SEPARATION,
+    RED,
+    SLATE,
+    TEAL,
+    legend,
+    new_figure,
+    save,
     set_title,
     tidy,
 )
-from sim.terminal.output import write_whole
 
 SHADES = ("#9ed8d2", "#4fb0a8", "#00857c", "#004f4a")  # small to large cells
 LINKS_CM = (5.0, 34.0)  # thinnest and longest side of the moving links
@@ -26,9 +27,7 @@ def write_plot(result: dict, path: str | Path) -> Path:
         result: What `sim.bench.paper.odm_paper.run` returns.
         path: File to write, whole or not at all.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.5, 7.6), layout="constrained", facecolor="white")
+    figure = new_figure(11.5, 7.6)
     axes = figure.subplots(2, 2)
     for axis in axes.flat:
         tidy(axis)
@@ -36,23 +35,21 @@ def write_plot(result: dict, path: str | Path) -> Path:
     _times(axes[0][1], result["sweep"])
     _missed(axes[1][0], result["uninflated"])
     _rule(axes[1][1], result["edge_rule"])
-    return write_whole(
-        path, lambda stream: figure.savefig(stream, dpi=110, format="png")
-    )
+    return save(figure, path, dpi=110)
 
 
 def _cells(axis: object, sweep: list[dict]) -> None:
     sizes = sorted({row["cell_cm"] for row in sweep})
     ways = (
-        ("cells_whole", "the whole arm, by region expansion", HELD),
-        ("cells_dense", "its surface, points a cell apart", SEPARATION),
-        ("cells_surface", "its surface, within rho = 3 cm of a point", LATENCY),
+        ("cells_whole", "the whole arm, by region expansion", RED),
+        ("cells_dense", "its surface, points a cell apart", AMBER),
+        ("cells_surface", "its surface, within rho = 3 cm of a point", TEAL),
     )
     for key, label, colour in ways:
         means = [_mean(sweep, key, cell_cm=h) for h in sizes]
         axis.plot(sizes, means, color=colour, label=label, **_MARK)
     axis.set(xlabel="cells [cm]", xticks=sizes, ylim=(0, None))
-    _legend(axis)
+    legend(axis)
     set_title(axis, "cells that the arm occupies")
 
 
@@ -61,14 +58,14 @@ def _times(axis: object, sweep: list[dict]) -> None:
     rows = [r for r in sweep if r["cell_cm"] == h and r["sampling"] == "random"]
     nodes = [r["nodes"] for r in rows]
     ways = (
-        ("A* with online python-fcl", LIMIT, [r["fcl_cpu_us"]["p50"] for r in rows]),
+        ("A* with online python-fcl", SLATE, [r["fcl_cpu_us"]["p50"] for r in rows]),
         (
-            "the whole arm's cells, then invalid nodes and edges", HELD,
+            "the whole arm's cells, then invalid nodes and edges", RED,
             [r["expand_us"] + r["whole_us"] for r in rows],
         ),
-        ("the surface's invalid nodes and edges", SEPARATION,
+        ("the surface's invalid nodes and edges", AMBER,
          [r["surface_us"] for r in rows]),
-        ("a frame, points to path", LATENCY, [r["frame_us"]["p50"] for r in rows]),
+        ("a frame, points to path", TEAL, [r["frame_us"]["p50"] for r in rows]),
     )  # fmt: skip
     for label, colour, values in ways:
         axis.plot(nodes, values, color=colour, label=label, **_MARK)
@@ -77,7 +74,7 @@ def _times(axis: object, sweep: list[dict]) -> None:
     axis.set_xticks(nodes, [f"{n:,}" for n in nodes])
     axis.minorticks_off()
     axis.set_ylabel("median time [\N{MICRO SIGN}s]")
-    _legend(axis)
+    legend(axis)
     set_title(axis, f"update and search, cells of {h} cm")
 
 
@@ -96,7 +93,7 @@ def _missed(axis: object, by_cell: list[dict]) -> None:
     axis.minorticks_off()
     axis.set(xlabel="distance of neighbouring points [cm]; grey: sizes of the links")
     axis.set_ylabel("% of contacts")
-    _legend(axis)
+    legend(axis)
     set_title(axis, "contacts missed where nothing is inflated")
 
 
@@ -112,14 +109,10 @@ def _rule(axis: object, rules: list[dict]) -> None:
     axis.set_xticks(nodes, [f"{n:,}" for n in nodes])
     axis.minorticks_off()
     axis.set_ylabel("% of edges")
-    _legend(axis)
+    legend(axis)
     set_title(axis, "edges that lack a swept cell by 'until no more are added'")
 
 
 def _mean(sweep: list[dict], key: str, **only: object) -> float:
     values = [r[key] for r in sweep if all(r[k] == v for k, v in only.items())]
     return sum(values) / len(values)
-
-
-def _legend(axis: object) -> None:
-    axis.legend(frameon=False, fontsize=9, labelcolor=INK)

@@ -9,6 +9,7 @@ from odm import ReactivePlanner
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import difference
+from sim.bench.clock import Clock
 from sim.bench.paper.paper_arm import (
     Contacts,
     CylinderPair,
@@ -20,7 +21,6 @@ from sim.bench.paper.paper_arm import (
 )
 from sim.bench.rivals.fcl_search import FclPair, FclSearch
 from sim.bench.rivals.query import query_of
-from sim.tables.clock import Clock
 
 ALONG = 5  # configurations on an edge that are asked for contact
 WARM = 5  # frames before those that are timed

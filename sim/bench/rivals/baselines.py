@@ -9,11 +9,12 @@ import numpy as np
 
 from odm import ReactivePlanner
 from odm.cell_map.cell_map import CellMap
+from sim.bench.clock import Clock
 from sim.bench.frames import ROUND, Pair
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
 from sim.bench.rivals.query import Query, query_of
-from sim.tables.clock import Clock, value_row
+from sim.tables.table import value_row
 
 FASTER_THAN_FCL, FASTER_THAN_COMPILED = 300.0, 10.0
 WARM = 10  # frames before those that are timed

@@ -16,10 +16,11 @@ from odm import CellMap, ReactivePlanner, load_map
 from odm.answer import HOLDING
 from odm.close_test.static import StaticTest
 from roadmap.errors import PlanningError
+from sim.bench.clock import Clock, time_row
 from sim.bench.frames import CONDITIONS, ROUND, Pair, make_pairs
 from sim.bench.rivals.fcl_search import FclPair
-from sim.tables.clock import Clock, time_row, value_row
 from sim.tables.header import header
+from sim.tables.table import value_row
 
 LIMIT_S = 1.0
 ANSWERED, LENGTH = 95.0, 1.6  # [%], ratio

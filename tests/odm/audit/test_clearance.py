@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from robot_audit import audit_robot, volume_points
 from small import draw_arm, draw_valid
 
 import odm
-from odm.audit.audit_robot import audit_robot, volume_points
 from odm.audit.clearance import TERMS, clearance_tax
 from odm.audit.exact import ExactRobot
 from roadmap.kinematics.forward import difference

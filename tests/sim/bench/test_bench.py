@@ -9,13 +9,13 @@ from small import DATA, small_recipe
 
 import odm
 from sim.bench import frames
+from sim.bench.clock import Clock, time_row
 from sim.bench.core import build, frame_rows, latency, map_rows, walled
 from sim.bench.rivals import baselines, ompl
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
 from sim.bench.rivals.query import query_of
-from sim.tables.clock import Clock, time_row, value_row
-from sim.tables.table import markdown, print_bench
+from sim.tables.table import markdown, print_bench, value_row
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """The tables of docs/robots.md, from the JSON that the `odm` commands there write.
 
-python -m sim.cli.robots_table FOLDER docs/robots.md
+python -m sim.bench.robots_table FOLDER docs/robots.md
 
 FOLDER holds NAME.build.json, NAME.info.json, NAME.audit.json and NAME.run.json for each
 robot, from `odm build`, `odm info`, `odm audit` and `odm run` with --json.
@@ -99,7 +99,7 @@ def _table(heads: tuple, rows: list[tuple]) -> str:
 def main() -> None:
     """Fill the section of a Markdown file; see the module."""
     if len(sys.argv) != 3:
-        sys.exit("usage: python -m sim.cli.robots_table FOLDER FILE.md")
+        sys.exit("usage: python -m sim.bench.robots_table FOLDER FILE.md")
     folder, file = map(Path, sys.argv[1:])
     try:
         fill_section(file, "robots", markdown(read_results(folder)))

@@ -8,7 +8,7 @@ import pytest
 
 from odm.cell_map.recipe import recipe_names
 from roadmap.errors import BadInput
-from sim.cli import robots_table
+from sim.bench import robots_table
 
 DOCS = Path(__file__).parents[3] / "docs/robots.md"
 

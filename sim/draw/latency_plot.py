@@ -4,10 +4,19 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.draw.style import (
+    AMBER,
+    INK,
+    RED,
+    SLATE,
+    TEAL,
+    new_figure,
+    save,
+    set_title,
+    tidy,
+)
 from sim.loop.run_result import STATUS, RunResult, percentiles
 
-INK, FAINT, LINE = "#2c343e", "#8c96a0", "#d9dfe5"
-LATENCY, SEPARATION, HELD, LIMIT = "#00857c", "#c97b12", "#c43e3e", "#5b6b7a"
 WIDTH_PX = 1600  # more frames than this are drawn as the worst of each column
 
 
@@ -21,49 +30,26 @@ def write_latency_plot(result: RunResult, path: str | Path) -> Path:
     Returns:
         The path written.
     """
-    figure, axes = _figure()
+    figure = new_figure(11.5, 6.2)
+    options = {"width_ratios": [4.2, 1], "height_ratios": [1.1, 1]}
+    axes = figure.subplots(2, 2, gridspec_kw=options)
+    for axis in axes.flat:
+        tidy(axis)
     latency_us = 1e6 * result.wall_s
     shown = percentiles(latency_us)
     _draw_latency(axes[0][0], result, latency_us, shown)
     _draw_distribution(axes[0][1], latency_us, shown)
     _draw_separation(axes[1][0], result)
     _draw_shares(axes[1][1], result)
-    path = Path(path)
-    figure.savefig(path, dpi=110)
-    return path
-
-
-def _figure() -> tuple:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.5, 6.2), layout="constrained", facecolor="white")
-    options = {"width_ratios": [4.2, 1], "height_ratios": [1.1, 1]}
-    axes = figure.subplots(2, 2, gridspec_kw=options)
-    for axis in axes.flat:
-        tidy(axis)
-    return figure, axes
-
-
-def tidy(axis: object) -> None:
-    """Give a matplotlib axis the quiet look of our plots."""
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.spines[["left", "bottom"]].set_color(LINE)
-    axis.tick_params(which="both", colors=FAINT, labelsize=9)
-    axis.xaxis.label.set_color(FAINT)
-    axis.yaxis.label.set_color(FAINT)
-
-
-def set_title(axis: object, text: str) -> None:
-    """Write a title over the left end of an axis."""
-    axis.set_title(text, loc="left", color=INK, size=11)
+    return save(figure, path, dpi=110)
 
 
 def _draw_latency(axis: object, result: RunResult, latency_us, shown: dict) -> None:
     time, worst = _columns(latency_us, result.rate_hz)
-    axis.plot(time, worst, color=LATENCY, lw=0.7)
-    axis.fill_between(time, worst, 0.5, color=LATENCY, alpha=0.10, lw=0)
+    axis.plot(time, worst, color=TEAL, lw=0.7)
+    axis.fill_between(time, worst, 0.5, color=TEAL, alpha=0.10, lw=0)
     for name, style in (("p50", "-"), ("p99", "--")):
-        axis.axhline(shown[name], color=LIMIT, lw=0.9, ls=style)
+        axis.axhline(shown[name], color=SLATE, lw=0.9, ls=style)
     axis.set(yscale="log", ylabel="latency [\N{MICRO SIGN}s]")
     axis.set(xlim=(0, result.duration_s), ylim=_log_limits(latency_us))
     set_title(axis, "points in, path out: every frame")
@@ -73,9 +59,9 @@ def _draw_latency(axis: object, result: RunResult, latency_us, shown: dict) -> N
 def _draw_distribution(axis: object, latency_us: np.ndarray, shown: dict) -> None:
     low, high = _log_limits(latency_us)
     bins = np.geomspace(low, high, 60)
-    axis.hist(latency_us, bins, orientation="horizontal", color=LATENCY, alpha=0.75)
+    axis.hist(latency_us, bins, orientation="horizontal", color=TEAL, alpha=0.75)
     for name, style in (("p50", "-"), ("p99", "--")):
-        axis.axhline(shown[name], color=LIMIT, lw=0.9, ls=style)
+        axis.axhline(shown[name], color=SLATE, lw=0.9, ls=style)
         text = f"{name} {shown[name]:.0f} \N{MICRO SIGN}s"
         across = axis.get_yaxis_transform()
         axis.text(1.03, shown[name], text, color=INK, size=9, transform=across)
@@ -86,19 +72,18 @@ def _draw_distribution(axis: object, latency_us: np.ndarray, shown: dict) -> Non
 def _draw_separation(axis: object, result: RunResult) -> None:
     cm = 100 * np.where(np.isfinite(result.separation), result.separation, np.nan)
     time, least = _columns(-cm, result.rate_hz)
-    axis.plot(time, -least, color=SEPARATION, lw=1.3)
-    axis.axhline(0, color=HELD, lw=0.9)
+    axis.plot(time, -least, color=AMBER, lw=1.3)
+    axis.axhline(0, color=RED, lw=0.9)
     closest = result.closest()
     if closest is not None:
         _mark_closest(axis, closest / result.rate_hz, cm[closest])
     axis.set(xlabel="time [s]", ylabel="separation [cm]", xlim=(0, result.duration_s))
-    title = "exact distance of robot and person; holds shaded"
-    set_title(axis, title)
+    set_title(axis, "exact distance of robot and person; holds shaded")
     _shade_holds(axis, result)
 
 
 def _mark_closest(axis: object, time: float, cm: float) -> None:
-    axis.plot([time], [cm], "o", color=SEPARATION, ms=5)
+    axis.plot([time], [cm], "o", color=AMBER, ms=5)
     axis.annotate(
         f"{cm:.1f} cm",
         (time, cm),
@@ -112,7 +97,7 @@ def _mark_closest(axis: object, time: float, cm: float) -> None:
 def _draw_shares(axis: object, result: RunResult) -> None:
     """Draw which share of the frames was following, replanned or holding."""
     shares = [np.mean(result.status == k) * 100 for k in range(len(STATUS))]
-    bars = axis.barh(STATUS, shares, color=(LATENCY, SEPARATION, HELD), alpha=0.75)
+    bars = axis.barh(STATUS, shares, color=(TEAL, AMBER, RED), alpha=0.75)
     labels = [f"{share:.1f} %" for share in shares]
     axis.bar_label(bars, labels, padding=3, size=9, color=INK)
     axis.set(xlim=(0, 135), xticks=[])
@@ -123,7 +108,7 @@ def _draw_shares(axis: object, result: RunResult) -> None:
 
 def _shade_holds(axis: object, result: RunResult) -> None:
     for hold in result.holds:
-        axis.axvspan(hold.start_s, hold.end_s, color=HELD, alpha=0.10, lw=0, zorder=0)
+        axis.axvspan(hold.start_s, hold.end_s, color=RED, alpha=0.10, lw=0, zorder=0)
 
 
 def _columns(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Rows of a bench: times by wall clock and by the thread's own CPU time."""
+"""Times of a bench: by wall clock and by the thread's own CPU time."""
 
 import time
 from collections.abc import Callable
@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-TRUTH = "true"  # unit of a value that is 1 where something holds
 SHARES = {"p50": 50, "p90": 90, "p99": 99, "max": 100}
 
 
@@ -63,26 +62,6 @@ def time_row(
     row["met"] = _met(row["wall"], asked)
     row["met_cpu"] = None if cpu is None else _met(row["cpu"], asked)
     return row
-
-
-def value_row(
-    name: str,
-    value: float,
-    unit: str,
-    note: str = "",
-    most: float | None = None,
-    least: float | None = None,
-) -> dict:
-    """Return a row of one value with its bound, if it has one; NaN is no value."""
-    value = None if np.isnan(value) else float(value)
-    met = None
-    if most is not None and value is not None:
-        met = value <= most
-    if least is not None and value is not None:
-        met = value >= least
-    asked = {k: v for k, v in (("most", most), ("least", least)) if v is not None}
-    row = {"name": name, "note": note, "unit": unit, "value": value, "asked": asked}
-    return row | {"met": met}
 
 
 def _shares(times: np.ndarray) -> dict[str, float] | None:
