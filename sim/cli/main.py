@@ -4,21 +4,22 @@ Commands import what they need when they run, so that `odm --help` answers at on
 """
 
 import sys
-from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from sim.cli import build_command as cli_build
 from sim.cli import (
+    bench_command,
+    build_command,
     camera_command,
     human_command,
+    map_command,
     meet_command,
     replay_command,
+    run_command,
     two_command,
 )
 from sim.terminal import interrupt
-from sim.terminal.output import JSON_HELP, Bars, guarded, show_json
+from sim.terminal.output import guarded
 
 app = typer.Typer(
     name="odm",
@@ -28,18 +29,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("build")(guarded(cli_build.build))
+COMMANDS = {
+    "build": build_command.build,
+    "info": map_command.info,
+    "audit": map_command.audit,
+    "run": run_command.run,
+    "demo": run_command.demo,
+    "replay": replay_command.replay,
+    "run-two": two_command.run_two,
+    "camera": camera_command.camera,
+    "bench": bench_command.bench,
+    "warmup": build_command.warmup,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(guarded(command))
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
-
-REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
-MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
-MapOption = Annotated[
-    Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
-]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
-Threads = Annotated[int, typer.Option(min=0, help="Threads; 0: one per core.")]
-Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
 
 
 def main() -> None:
@@ -47,7 +52,7 @@ def main() -> None:
 
     130: Ctrl-C, see `sim.terminal.interrupt`.
     """
-    with interrupt.heeding():
+    with interrupt.interruptible():
         app(with_targets(sys.argv[1:]), prog_name="odm")
 
 
@@ -70,6 +75,7 @@ def with_targets(arguments: list[str]) -> list[str]:
     return result
 
 
+<<<<<<< HEAD
 @app.command()
 @guarded
 def info(
@@ -472,5 +478,7 @@ def warmup(
     print(f"{what}, {seconds:.1f} s")
 
 
+=======
+>>>>>>> 76832575cc3a2c57505140ee34cc53b16f959c06
 if __name__ == "__main__":
     main()

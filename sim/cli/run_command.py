@@ -1,61 +1,47 @@
-"""`odm run` and `odm demo`: the loop with its tables and pictures."""
+"""`odm run` and `odm demo`: a robot at work beside a person."""
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
+import typer
 
-from roadmap.errors import BadInput
-from sim.cli.build_command import MAPS, build_to, check_target
-from sim.terminal.output import Bars, stdout_to_stderr, write_text
+from sim.run.folders import MAPS, check_map_folder
+from sim.run.request import RunRequest
+from sim.terminal.flags import Threads, from_request
+from sim.terminal.output import show_json
 
 if TYPE_CHECKING:
-    from odm import CellMap, Recipe
-    from sim.cli.targets_command import MeetOptions
-    from sim.loop.run_result import RunResult
-    from sim.people.human_motion import HumanMotion
+    from odm import Recipe
 
-WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 DEMO = "demo"  # its recipe and the folder of its map
 
 
-@dataclass(frozen=True)
-class RunFiles:
-    """Which files a run writes; None: not this one.
+@from_request(RunRequest)
+def run(request: RunRequest) -> None:
+    """Move the robot between two work places while a person moves; audit each frame.
 
-    Attributes:
-        plot, animation: Pictures.
-        figures: What came of it, as JSON.
-        record: The whole run, to be replayed.
+    With `--execution timed` it keeps its limits of acceleration and jerk, and slows
+    down and stops for the person. With `--targets meet` it goes where the person can
+    best take what it holds; see docs/handover.md.
+
+    The keys of `--motion keyboard` stand on its screen; q ends it.
     """
+    from sim.run import runner
 
-    plot: Path | None = None
-    animation: Path | None = None
-    figures: Path | None = None
-    record: Path | None = None
+    live = None
+    if request.live:
+        from sim.keyboard import KeyboardPerson
 
-    @classmethod
-    def chosen(
-        cls,
-        out: Path | None,
-        motion: str,
-        plot: Path | None,
-        animation: Path | None,
-        record: Path | None = None,
-    ) -> "RunFiles":
-        """Return the files for a folder `out`, or those named one by one."""
-        if out is None:
-            return cls(plot, animation, record=record)
-        return cls(
-            plot or out / f"{motion}_latency.png",
-            animation or out / f"{motion}.gif",
-            out / f"{motion}.json",
-            record,
-        )
+        live = KeyboardPerson(request.seconds)
+    figures = runner.run(request, live)
+    if request.json is not None:
+        show_json(figures, request.json)
+    if live is not None and live.exit_code:
+        raise typer.Exit(live.exit_code)
 
 
+<<<<<<< HEAD
 def check_options(motion: str, file: Path | None, pictures: dict) -> None:
     """Refuse options that do not go together, before any work."""
     if motion == "mocap" and file is None:
@@ -239,19 +225,30 @@ def write_files(
 
 def run_demo_command(out: Path, seconds: float, threads: int) -> None:
     """Build the demo map unless it is there, then run the demo."""
+=======
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="For pictures.")] = Path(
+        "out"
+    ),
+    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
+    threads: Threads = 0,
+) -> None:
+    """Build the demo map unless it is there, then a robot works beside an arm."""
+>>>>>>> 76832575cc3a2c57505140ee34cc53b16f959c06
     from odm import load_map
     from roadmap.errors import BadMap
-    from sim.run.demo import DEMO as SETTINGS
+    from sim.cli.build_command import build_to
     from sim.run.demo import run_demo
+    from sim.run.places import DEMO as SETTINGS
 
     recipe = demo_recipe()
     folder = MAPS / recipe.name
     try:
-        fresh = load_map(folder).recipe.as_dict() == recipe.as_dict()
+        there = load_map(folder).recipe.as_dict() == recipe.as_dict()
     except BadMap:
-        fresh = False
-    if not fresh:
-        check_target(folder, recipe, force=True)
+        there = False
+    if not there:
+        check_map_folder(folder, recipe, force=True)
         cell_map, took = build_to(folder, recipe, threads)
         counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
         print(f"demo map: {counts} edges in {took:.0f} s, {folder}")

@@ -21,6 +21,9 @@ from sim.cli.run_command import person_of
 from sim.loop.loop import Loop
 from sim.people.person_place import before_work_places
 from sim.run.demo import DEMO, find_places, warm_up
+from sim.run.places import DEMO, find_places, person_of, warm_up
+from sim.run.request import RunRequest
+from sim.tables.clock import time_row, value_row
 from sim.tables.header import header
 from sim.tables.table import value_row
 
@@ -71,7 +74,7 @@ def run(
             f"{seconds:g} s are {n} frames; memory is looked at {LOOKS} times, so give "
             f"at least {LOOKS / settings.rate_hz:g} s"
         )
-    people = [person_of(name, seed) for name in motions]
+    people = [person_of(RunRequest(Path(map_dir), name, seed=seed)) for name in motions]
     cell_map = load_map(map_dir, verify=False)
     rows, memory, late = [], {}, {}
     for person in people:
