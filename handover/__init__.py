@@ -1,5 +1,6 @@
 """Where robot and person meet: reach of both, the person's body and comfort."""
 
+from handover.chain import Chain, chain_of
 from handover.human.body import Part
 from handover.human.fit import human_from_joints
 from handover.human.human import Human
@@ -9,17 +10,10 @@ from handover.human.skeleton import Skeleton
 from handover.meet.constraints import Above, Constraint, Inside, Upright
 from handover.meet.find import Handover, find_handover
 from handover.meet.held_object import HeldObject, mallet, wrench
-from handover.meet.meet_settings import MeetSettings
-from handover.meet.quality import (
-    ArmState,
-    Quality,
-    QualitySettings,
-    posture_quality,
-    total_quality,
-)
+from handover.meet.quality import ArmState, Quality, posture_quality, total_quality
+from handover.meet.settings import MeetSettings, QualitySettings
 from handover.meet.validity import PlannerValidity
 from handover.meet.workspace import InteractionWorkspace, Target
-from handover.reach.chain import Chain, chain_of
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap, load_reach_map
 from handover.reach.rotations import RotationGrid, rotation_grid

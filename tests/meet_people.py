@@ -4,7 +4,7 @@ import numpy as np
 
 from handover import Human
 from handover.meet.held_object import wrench
-from handover.meet.meet_settings import MeetSettings
+from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 
 FLOOR_M = -0.75  # of the person, in the frame of the robot's base

@@ -17,11 +17,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from handover.chain import Chain
 from handover.human._arm_ik import MAX_SPANS, SPANS, WORK_ROWS
 from handover.human._arm_solve import solvable_poses, solve_arm
 from handover.human._human_arm import arm_axes, arm_jacobian, arm_pose
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
-from handover.reach.chain import Chain
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.chain import chain_of
 from handover.meet.validity import Validity, validity_of
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
@@ -164,8 +165,6 @@ def check_same_robot(reach: ReachMap, robot: Robot) -> None:
     Raises:
         BadInput: Other joints, other limits or another tool.
     """
-    from handover.reach.chain import chain_of
-
     chain, own = reach.chain, chain_of(robot, self_collisions=False)
     q = np.clip(np.full(chain.dof, 0.3), *chain.limits.T)
     same = (

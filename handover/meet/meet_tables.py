@@ -12,8 +12,8 @@ from handover.meet import _meet as kernels
 from handover.meet._meet_bounds import Bounds, fill_places
 from handover.meet._meet_search import Top
 from handover.meet._quality import DOWN, GAZE, HAS_GAZE
-from handover.meet.meet_settings import MeetSettings
 from handover.meet.quality import ArmState
+from handover.meet.settings import MeetSettings
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap
 from roadmap.arrays import frozen

@@ -15,8 +15,9 @@ from handover.human.human import Human
 from handover.human.human_arm import MIRROR, Arm
 from handover.meet._places import COLUMNS, best_at_places
 from handover.meet._quality import HAS_GAZE
-from handover.meet.quality import PARTS, ArmState, QualitySettings
-from handover.reach.reach_work import best_dexterity, work_of
+from handover.meet.quality import ArmState
+from handover.meet.settings import PARTS, QualitySettings
+from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput

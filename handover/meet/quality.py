@@ -5,7 +5,6 @@ eq. (3) and one, q_online, by eq. (4). The kernel `handover.meet._quality.qualit
 does the work for single candidates; here are its settings and its door.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,109 +16,9 @@ from handover.human.body import Part
 from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_joints
 from handover.meet import _quality as kernel
+from handover.meet.settings import PARTS, QualitySettings
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-
-PARTS = ("joint", "spatial", "visibility", "safety", "effort")
-_HALF = math.atanh(0.5)  # 1 - tanh of it is one half
-
-
-@dataclass(frozen=True)
-class QualitySettings:
-    """What counts as comfortable, and how much.
-
-    The paper gives the form of the costs and equal weights, not its betas. Ours are
-    chosen so that each quality is one half at a cost that is easy to picture:
-    beta = 0.549 / that cost. None is fitted to a recording.
-
-    Attributes:
-        joint_weights: alpha of eq. (1), one for each joint. All 1: we know no source
-            that rates one joint's travel above another's.
-        beta_joint: [1/rad^2] Half at 2.2 rad^2: a hanging arm that lifts shoulder and
-            elbow by 60 degrees each.
-        beta_spatial: [1/m] Half at 0.5 m: a reach from the side to the front.
-        beta_visibility: [1/rad] Half at 45 degrees off the gaze, about where the eyes
-            no longer turn alone and the head must.
-        beta_safety: Half at a cost of 1, which is half of `safety_distance`.
-        beta_effort: Half at 1, the shoulder torque of an arm held straight out.
-        weights: omega of eq. (4), in the order of `PARTS`; not negative, sum 1. The
-            paper's: 1/5 each.
-        safety_distance: Distance between grip and obstacle or own body beyond which
-            the cost is zero [m]. 0.2: two breadths of a hand, so that a grip before
-            the chest is not ideal and one at arm's length is.
-        forearm_counts: Whether the forearm's and hand's axis inside an obstacle or the
-            own body makes the cost infinite, too. True: a posture through one's own
-            chest is none. The paper's text speaks of the grip alone.
-        absent_gaze: "torso": a person whose gaze is not known looks to the front of
-            the chest; "omit": visibility is left out and the other weights are raised
-            to sum to 1. The paper allows both; "torso" keeps people with and without
-            a known gaze comparable.
-        online_weight: Share of q_online in q_total, the rest is the arm's local
-            dexterity (paper: "a weighted sum"). 1/2: no reason to favour one.
-    """
-
-    joint_weights: tuple[float, ...] = (1.0,) * 7
-    beta_joint: float = _HALF / 2.2
-    beta_spatial: float = _HALF / 0.5
-    beta_visibility: float = _HALF / math.radians(45.0)
-    beta_safety: float = _HALF
-    beta_effort: float = _HALF
-    weights: tuple[float, ...] = (0.2,) * 5
-    safety_distance: float = 0.2
-    forearm_counts: bool = True
-    absent_gaze: str = "torso"
-    online_weight: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Refuse what is no setting."""
-        alpha, betas = np.asarray(self.joint_weights, float), np.array(self.betas)
-        if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
-            raise BadInput(
-                f"joint_weights are {self.joint_weights}; give seven that are not "
-                "negative"
-            )
-        if not (np.isfinite(betas) & (betas > 0)).all():
-            raise BadInput(f"betas are {self.betas}; give positive numbers")
-        weights = np.asarray(self.weights, float)
-        if weights.shape != (5,) or not (weights >= 0).all():
-            raise BadInput(
-                f"weights are {self.weights}; give five that are not negative, for "
-                f"{', '.join(PARTS)}"
-            )
-        if abs(weights.sum() - 1.0) > 1e-9:
-            raise BadInput(
-                f"weights {self.weights} sum to {weights.sum():.6g}; they must sum to "
-                "1: divide each by their sum"
-            )
-        if not 0 < self.safety_distance < 10:
-            raise BadInput(
-                f"a safety distance of {self.safety_distance} m is none; give metres "
-                "above 0"
-            )
-        if self.absent_gaze not in ("torso", "omit"):
-            raise BadInput(
-                f"no way {self.absent_gaze!r} to do without a gaze; choose torso or "
-                "omit"
-            )
-        if self.absent_gaze == "omit" and weights[kernel.VISIBILITY] > 1.0 - 1e-9:
-            raise BadInput(
-                "all weight is on visibility, which is omitted without a gaze; choose "
-                "absent_gaze torso or other weights"
-            )
-        if not 0 <= self.online_weight <= 1:
-            raise BadInput(
-                f"online_weight is {self.online_weight}; give a share from 0 to 1"
-            )
-
-    @property
-    def betas(self) -> tuple[float, ...]:
-        """The five betas in the order of `PARTS`."""
-        return tuple(getattr(self, f"beta_{part}") for part in PARTS)
-
-    def packed(self) -> np.ndarray:
-        """Return the settings as the kernel wants them, (19,)."""
-        tail = [self.safety_distance, float(self.forearm_counts)]
-        return np.array([*self.joint_weights, *self.betas, *self.weights, *tail], float)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,12 @@
 """Whether a robot may stand at a configuration: one form for all who can tell."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 Validity = Callable[[np.ndarray], tuple[bool, str]]
 _JOINED = 8  # near nodes that a configuration may be joined with
@@ -24,7 +21,7 @@ class PlannerValidity:
             the configuration, as the attachment of a goal needs it; 0: not asked for.
     """
 
-    def __init__(self, planner: "ReactivePlanner", joined: int = _JOINED) -> None:
+    def __init__(self, planner: ReactivePlanner, joined: int = _JOINED) -> None:
         """Keep the planner."""
         self.planner, self.joined = planner, joined
 

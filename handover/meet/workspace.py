@@ -10,11 +10,10 @@ import numpy as np
 
 from handover.human.human import Human
 from handover.meet import _meet as kernels
-from handover.meet._meet_rated import best_grasps
+from handover.meet._meet import best_grasps
 from handover.meet._meet_search import Entries, search
 from handover.meet.constraints import allowed
 from handover.meet.held_object import HeldObject, checked_grasps
-from handover.meet.meet_settings import MeetSettings
 from handover.meet.meet_tables import (
     PersonTables,
     bounds_of,
@@ -25,7 +24,8 @@ from handover.meet.meet_tables import (
     state_of,
     top_of,
 )
-from handover.meet.quality import PARTS, ArmState, Quality
+from handover.meet.quality import ArmState, Quality
+from handover.meet.settings import PARTS, MeetSettings
 from handover.reach.reach_grid import ReachGrid
 from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells

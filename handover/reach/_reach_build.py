@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE, FULL, WITHIN
-from handover.reach._chain import (
+from handover._chain import (
     dexterity,
     draw_code,
     forward,
@@ -22,6 +21,7 @@ from handover.reach._chain import (
     pose_error,
     to_lattice,
 )
+from handover.jit_options import BARE, FULL, WITHIN
 from handover.reach._reach_touch import touches_itself
 from handover.reach._rotations import rotation_cell
 

@@ -5,8 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE, FULL, WITHIN
-from handover.reach._chain import (
+from handover._chain import (
     draw_code,
     forward,
     from_lattice,
@@ -14,6 +13,7 @@ from handover.reach._chain import (
     limited_step,
     pose_error,
 )
+from handover.jit_options import BARE, FULL, WITHIN
 from handover.reach._reach_touch import touches_itself
 
 _STEPS = 60

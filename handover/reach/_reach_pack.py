@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover._chain import dexterity, draw_code, jacobian
 from handover.jit_options import BARE, WITHIN
-from handover.reach._chain import dexterity, draw_code, jacobian
 from handover.reach._reach_build import (
     MAX_DEPTH,
     ROOT,

@@ -4,16 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.chain import Chain
 from handover.reach import _reach_build as kernels
-from handover.reach._chain import draw_code, from_lattice
-from handover.reach._reach_ik import stretch
-from handover.reach.chain import Chain
-from handover.reach.reach_work import work_of
+from handover.reach.extremes import reachable_box
 from handover.reach.rotations import RotationGrid, rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-
-_STARTS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,23 +127,3 @@ def reach_grid(chain: Chain, cell: float, n_rotations: int) -> ReachGrid:
     low, high = np.floor(box[0] / cell), np.ceil(box[1] / cell)
     shape = tuple(int(n) for n in np.maximum(high - low, 1))
     return ReachGrid(low * cell, float(cell), shape, rotation_grid(n_rotations))
-
-
-def reachable_box(chain: Chain) -> np.ndarray:
-    """Return the (2, 3) lower and upper corner of the tool's places.
-
-    Joint by joint to the best value in each direction, from several starts.
-    """
-    box = np.empty((2, 3))
-    work = work_of(chain)
-    for axis in range(3):
-        for side, sign in enumerate((-1.0, 1.0)):
-            direction = np.zeros(3)
-            direction[axis] = sign
-            far = -np.inf
-            for k in range(_STARTS):
-                draw_code(7, k, work.code)
-                from_lattice(chain.arrays, work.code, work.q)
-                far = max(far, stretch(chain.arrays, direction, work))
-            box[side, axis] = sign * (far + 1e-6)
-    return box

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from handover._chain import from_lattice
+from handover.chain import Chain, chain_of
 from handover.reach import _reach_build as kernels
 from handover.reach import _reach_lookup as lookup
-from handover.reach._chain import from_lattice
-from handover.reach.chain import Chain, chain_of
+from handover.reach.extremes import work_of
 from handover.reach.reach_grid import ReachGrid
-from handover.reach.reach_work import work_of
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadMap

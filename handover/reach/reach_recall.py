@@ -5,14 +5,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from handover.chain import Chain
 from handover.reach import _reach_build as kernels
 from handover.reach import _reach_lookup as lookup
 from handover.reach._reach_ik import solve_poses
-from handover.reach.chain import Chain
-from handover.reach.reach_grid import reachable_box
+from handover.reach.extremes import reachable_box, work_of
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
-from handover.reach.reach_work import work_of
 from roadmap.errors import BadInput, BadMap
 from roadmap.geometry.self_collision import configuration_free
 

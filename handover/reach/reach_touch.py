@@ -4,9 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from handover.reach._chain import forward
+from handover._chain import forward
+from handover.chain import Chain
 from handover.reach._reach_touch import LANES, MARGIN, TABLE, Touch, fill_tables
-from handover.reach.chain import Chain
 from roadmap.arrays import frozen
 from roadmap.geometry._self_collision import pair_clearance
 from roadmap.geometry.self_collision import self_collision

@@ -6,7 +6,6 @@ interaction workspace, while the person moves.
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +15,11 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.target_choice import ChoiceSettings, TargetChoice
 from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
+from odm.answer import Answer
+from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_settings
-
-if TYPE_CHECKING:
-    from odm.answer import Answer
-    from odm.planner.planner import ReactivePlanner
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 _DEEPEST = 8  # times as many targets are looked at while the best ones are blocked
@@ -116,7 +113,7 @@ class LiveTargets:
 
     def __init__(
         self,
-        planner: "ReactivePlanner",
+        planner: ReactivePlanner,
         meet: InteractionWorkspace,
         rest: np.ndarray | None = None,
         index: NodeIndex | None = None,
@@ -139,7 +136,7 @@ class LiveTargets:
 
     def step(
         self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
-    ) -> "Answer":
+    ) -> Answer:
         """Answer one frame: rank the targets, set the goals, plan.
 
         Args:
@@ -217,7 +214,7 @@ class LiveTargets:
         planner = self.planner
         return planner.static.why(q, np.zeros_like(q)) is None
 
-    def heed(self, answer: "Answer", q: np.ndarray) -> None:
+    def heed(self, answer: Answer, q: np.ndarray) -> None:
         """Note what the planner made of the goals."""
         at = answer.goal if self.goals and answer.goal is not None else None
         goal = self._pursued = None if at is None or at < 0 else self.goals[at]

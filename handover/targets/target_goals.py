@@ -1,7 +1,6 @@
 """From targets to configurations: a roadmap node near it, or inverse kinematics."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,11 +8,9 @@ from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_sam
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
 from odm.planner.goal_checks import check_valid
+from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 NODE, EXACT = "node", "exact"
 _BEFORE, _AFTER = 3, 4  # near nodes to start from, before and after the witness
@@ -64,7 +61,7 @@ class TargetGoals:
 
     def __init__(
         self,
-        planner: "ReactivePlanner",
+        planner: ReactivePlanner,
         meet: InteractionWorkspace,
         index: NodeIndex | None = None,
         near_m: float = 0.075,

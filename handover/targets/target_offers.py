@@ -7,14 +7,11 @@ one frame each, before the frame that sets the goals.
 """
 
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from handover.meet.workspace import Target
 from handover.targets.target_goals import EXACT, Goal, TargetGoals
+from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 _TESTS = 16  # configurations tested in a frame, some 13 us each
 _TRUSTED = 8  # frames a test that found none is trusted
@@ -44,7 +41,7 @@ class TargetOffers:
     """
 
     def __init__(
-        self, planner: "ReactivePlanner", finder: TargetGoals, attach_every: int
+        self, planner: ReactivePlanner, finder: TargetGoals, attach_every: int
     ) -> None:
         """Offer nothing."""
         self.planner, self.finder, self.attach_every = planner, finder, attach_every

@@ -31,7 +31,7 @@ import numpy as np
 
 import roadmap
 from roadmap.errors import BadInput
-from sim.bench.header import header
+from sim.tables.header import header
 
 WORK = Path(__file__).with_name("golden_work.py")
 HERE = Path(roadmap.__file__).resolve().parents[1]

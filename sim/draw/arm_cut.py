@@ -7,7 +7,7 @@ import numpy as np
 
 from handover import Human
 from handover.meet.places import PlaceQualities, qualities_at
-from handover.meet.quality import QualitySettings
+from handover.meet.settings import QualitySettings
 from sim.draw.silhouette import Silhouette
 from sim.draw.style import (
     AXES,

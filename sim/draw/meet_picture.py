@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import Human, InteractionWorkspace
-from handover.meet.quality import PARTS
+from handover.meet.settings import PARTS
 from roadmap.robot.robot import Robot
 from sim.draw.meet_cut import Meeting, fine_workspace, layer_at, quality_by_position
 from sim.draw.silhouette import Silhouette, moved_capsules, robot_silhouette

@@ -11,7 +11,7 @@ from numba.core.errors import NumbaError
 import handover.jit_options as kernels
 from handover.reach._reach_pack import settle_positions
 
-FILES = sorted(Path(kernels.__file__).parent.glob("*/_[!_]*.py"))
+FILES = sorted(Path(kernels.__file__).parent.rglob("_[!_]*.py"))
 
 
 def test_every_kernel_says_all_of_its_options():

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from handover import ArmState, Human, QualitySettings, posture_quality, rotation_grid
+from handover.chain import Chain
 from handover.meet.places import NAMES, STEP, qualities_at
-from handover.meet.quality import PARTS, total_quality
-from handover.reach.chain import Chain
-from handover.reach.reach_work import _dexterity, best_dexterity, work_of
+from handover.meet.quality import total_quality
+from handover.meet.settings import PARTS
+from handover.reach.extremes import _dexterity, best_dexterity, work_of
 from roadmap.errors import BadInput
 
 ROTATIONS = 72

@@ -12,7 +12,8 @@ from handover import ArmState, Human, QualitySettings, posture_quality, total_qu
 from handover.human._human_arm import arm_axes
 from handover.human.anthropometry import ARM_RANGES
 from handover.meet import _quality as kernel
-from handover.meet.quality import PARTS, gravity_torque_unit
+from handover.meet.quality import gravity_torque_unit
+from handover.meet.settings import PARTS
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from reach_chains import person_pose, slow_dexterity
 
+from handover import _chain as kernels
 from handover import chain_of
-from handover.reach import _chain as kernels
 from handover.reach._reach_touch import touches_itself
-from handover.reach.reach_grid import reachable_box
+from handover.reach.extremes import reachable_box, work_of
 from handover.reach.reach_touch import touch_of
-from handover.reach.reach_work import work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import configuration_free

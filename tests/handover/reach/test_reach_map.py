@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import handover
 from handover import ReachSettings, build_reach_map, chain_of
+from handover._chain import dexterity, forward, from_lattice, jacobian
 from handover.reach import _reach_build as kernels
-from handover.reach._chain import dexterity, forward, from_lattice, jacobian
+from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.reach_build import MAX_BYTES
 from handover.reach.reach_grid import reach_grid
 from handover.reach.reach_map import ReachMap
@@ -22,7 +23,6 @@ from handover.reach.reach_recall import (
     witness_precision,
 )
 from handover.reach.reach_touch import touch_of
-from handover.reach.reach_work import best_dexterity, work_of
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.geometry.self_collision import configuration_free
@@ -158,7 +158,7 @@ def test_the_recall_is_that_of_poses_solved_elsewhere(robot, robot_map, rng):
     assert found.solvable > 60 and found.recall > 0.88
     assert found.margin < 0.1
     # the same poses, solved by the robot's own inverse kinematics
-    from handover.reach.reach_grid import reachable_box
+    from handover.reach.extremes import reachable_box
 
     flat = random_poses(reachable_box(chain), 400, np.random.default_rng(4))
     solvable = marked = 0

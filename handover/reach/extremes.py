@@ -1,12 +1,14 @@
-"""Working memory of the reach kernels, and the yardstick of the dexterity."""
+"""The extremes of a chain: the box that its tool reaches and its best dexterity."""
 
 import numpy as np
 
-from handover.reach._chain import dexterity, draw_code, forward, from_lattice, jacobian
+from handover._chain import dexterity, draw_code, forward, from_lattice, jacobian
+from handover.chain import Chain
 from handover.reach._reach_build import Work
-from handover.reach.chain import Chain
+from handover.reach._reach_ik import stretch
 
-_YARDSTICK = 20_000  # configurations drawn
+_STARTS = 12  # for each side of the box
+_YARDSTICK = 20_000  # configurations drawn for the best dexterity
 _CLIMB = 6_000  # steps up from the best of them
 
 
@@ -54,3 +56,23 @@ def _dexterity(chain: Chain, work: Work) -> float:
     forward(chain.arrays, work.q, work.frames)
     jacobian(chain.arrays, work.frames, work.jac)
     return dexterity(chain.arrays, work.q, work.jac, work.weighted, work.gram)
+
+
+def reachable_box(chain: Chain) -> np.ndarray:
+    """Return the (2, 3) lower and upper corner of the tool's places.
+
+    Joint by joint to the best value in each direction, from several starts.
+    """
+    box = np.empty((2, 3))
+    work = work_of(chain)
+    for axis in range(3):
+        for side, sign in enumerate((-1.0, 1.0)):
+            direction = np.zeros(3)
+            direction[axis] = sign
+            far = -np.inf
+            for k in range(_STARTS):
+                draw_code(7, k, work.code)
+                from_lattice(chain.arrays, work.code, work.q)
+                far = max(far, stretch(chain.arrays, direction, work))
+            box[side, axis] = sign * (far + 1e-6)
+    return box

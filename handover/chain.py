@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handover.reach import _chain as kernels
-from handover.reach._chain import ChainArrays
+from handover import _chain as kernels
+from handover._chain import ChainArrays
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import self_collision
