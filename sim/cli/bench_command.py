@@ -2,52 +2,92 @@
 
 import importlib
 import inspect
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from roadmap.errors import BadInput
+import typer
+
+from sim.terminal.flags import Json, argument, flag, flags_of, from_request
 from sim.terminal.output import Bars, show_json, write_text
 
-_FLAGS = {"map_dir": "--map", "motions": "--motion", "files": "--file"}
-_FLAGS |= {"distances": "--distance"}
 NOT_SHIPPED = (
     "the benches are not installed with the package; run them from a checkout, where "
     "`pip install -e '.[bench]'` brings them and what they compare with"
 )
 
 
-def bench_names() -> list[str]:
-    """Return the benches that are there: modules under `sim.bench` with a `run`.
+@dataclass(frozen=True)
+class BenchRequest:
+    """What `odm bench` is asked for; None: left to the bench."""
 
-    `sim/bench/paper/odm_paper.py` is called odm-paper.
+    name: str = argument(
+        ...,
+        "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
+        "human, handover-recording, approach, attach, workspace, targets, "
+        "interrupts or golden.",
+        metavar="NAME",
+    )
+    map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
+    seed: int | None = flag(None, "Same seed, same frames.")
+    short: bool = flag(False, "To see that it runs, not to measure.", "--short")
+    execution: str | None = flag(
+        None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
+    )
+    pushed: bool = flag(False, "Push the robot meanwhile (motions).", "--pushed")
+    seconds: float | None = flag(None, "Simulated time of each run (motions, targets).")
+    seeds: int | None = flag(None, "Runs of each motion (motions).")
+    processes: int | None = flag(None, "Runs at a time (motions).", min=1)
+    motions: list[str] | None = flag(
+        None, "Only these; again for more (motions).", "--motion", metavar="NAME"
+    )
+    reach: Path | None = flag(None, "Reach map (targets).", metavar="DIR")
+    distances: list[float] | None = flag(
+        None, "Of the person, in m; again for more (targets).", "--distance"
+    )
+    files: list[Path] | None = flag(
+        None, "A recording, too; again for more.", "--file", metavar="F"
+    )
+    plot: Path | None = flag(None, "Draw the figures, if it can.", metavar="PNG")
+    against: Path | None = flag(
+        None, "Another checkout to compare with (golden).", metavar="DIR"
+    )
+    only: list[str] | None = flag(
+        None, "Only these; again for more (golden).", metavar="ITEM"
+    )
+    write: Path | None = flag(
+        None, "Keep what this checkout does (golden).", metavar="FILE"
+    )
+    read: Path | None = flag(
+        None, "Compare with what was kept (golden).", metavar="FILE"
+    )
+    latency: bool = flag(False, "Time frames of both, in turn (golden).", "--latency")
+    markdown: str | None = flag(
+        None,
+        "Put the table between the markers in FILE.md; alone: print it.",
+        "--markdown",
+        metavar="FILE",
+    )
+    json: Json = None
 
-    Raises:
-        BadInput: They are not there: an installed wheel leaves `sim.bench` out.
-    """
-    return sorted(_modules())
+
+@from_request(BenchRequest)
+def bench(request: BenchRequest) -> None:
+    """Measure: figures as tables or JSON, with processor, versions and map hash."""
+    options = asdict(request)
+    name, json, markdown = (options.pop(k) for k in ("name", "json", "markdown"))
+    given = {k: v for k, v in options.items() if v is not False and v != []}
+    if code := run_bench(name, given, json, markdown):
+        raise typer.Exit(code)
 
 
-def _modules() -> dict[str, str]:
-    """Return the module of each bench by its name."""
-    try:
-        import sim.bench
-    except ImportError:
-        raise BadInput(NOT_SHIPPED) from None
-
-    found = {}
-    for folder in map(Path, sim.bench.__path__):
-        for file in folder.rglob("*.py"):
-            if "\ndef run(" in file.read_text(encoding="utf-8"):
-                inner = file.relative_to(folder).with_suffix("").parts
-                found[file.stem.replace("_", "-")] = ".".join(("sim.bench", *inner))
-    return found
-
-
-def run_bench(name: str, options: dict, json: str | None, markdown: str | None) -> int:
+def run_bench(
+    name: str, options: dict, json: str | None = None, markdown: str | None = None
+) -> int:
     """Run a bench and print its table, or write it where it is wanted.
 
     Args:
         name: Of a module under `sim.bench` with `run(...)`, which returns plain data.
-        options: What the user chose, by parameter of `run`; None: left to the bench.
+        options: What the user chose, by parameter of `run`.
         json: FILE.json or '-'.
         markdown: '-' or a file with the markers of this bench, see `fill_section`.
 
@@ -57,6 +97,8 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
     Raises:
         BadInput: There are no benches or none of that name, or no such option or file.
     """
+    from roadmap.errors import BadInput
+
     modules = _modules()
     if name not in modules:
         known = ", ".join(sorted(modules))
@@ -83,15 +125,46 @@ def run_bench(name: str, options: dict, json: str | None, markdown: str | None) 
     return result.get("exit_code", 0)
 
 
+def bench_names() -> list[str]:
+    """Return the benches that are there: modules under `sim.bench` with a `run`.
+
+    `sim/bench/paper/odm_paper.py` is called odm-paper.
+
+    Raises:
+        BadInput: They are not there: an installed wheel leaves `sim.bench` out.
+    """
+    return sorted(_modules())
+
+
+def _modules() -> dict[str, str]:
+    """Return the module of each bench by its name."""
+    from roadmap.errors import BadInput
+
+    try:
+        import sim.bench
+    except ImportError:
+        raise BadInput(NOT_SHIPPED) from None
+
+    found = {}
+    for folder in map(Path, sim.bench.__path__):
+        for file in folder.rglob("*.py"):
+            if "\ndef run(" in file.read_text(encoding="utf-8"):
+                inner = file.relative_to(folder).with_suffix("").parts
+                found[file.stem.replace("_", "-")] = ".".join(("sim.bench", *inner))
+    return found
+
+
 def _check_options(name: str, run: object, given: dict) -> None:
-    known = inspect.signature(run).parameters
+    from roadmap.errors import BadInput
+
+    known, flags = inspect.signature(run).parameters, flags_of(BenchRequest)
     for option in given:
         if option not in known:
-            flag = _FLAGS.get(option, f"--{option}")
+            flag = flags[option]
             raise BadInput(f"the bench {name!r} has no option {flag}; leave it out")
     for option, parameter in known.items():
         if parameter.default is parameter.empty and option not in given:
-            flag = _FLAGS.get(option, f"--{option}")
+            flag = flags.get(option, f"--{option}")
             raise BadInput(f"the bench {name!r} needs {flag}; give it")
 
 
@@ -107,6 +180,8 @@ def fill_section(path: Path, name: str, text: str | None) -> None:
         BadInput: The file or its markers are missing.
     """
     begin, end = (f"<!-- odm bench {name}: {side} -->" for side in ("begin", "end"))
+    from roadmap.errors import BadInput
+
     whole = path.read_text(encoding="utf-8")
     before, _, rest = whole.partition(begin)
     _, found, after = rest.partition(end)

@@ -1,104 +1,75 @@
-"""`odm build`: from a recipe or a URDF to a map, or what it would cost."""
+"""`odm build`: from a recipe or a URDF to a map, or its cost; and `odm warmup`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.terminal.output import JSON_HELP, Bars, bytes_text, show_json
+from sim.run.folders import MAPS, check_map_folder
+from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.output import Bars, bytes_text, report
 
 if TYPE_CHECKING:
     from odm import CellMap, Recipe
     from roadmap.robot.robot import Robot
 
-MAPS = Path("maps/built")
 _OWN = "With your own robot"
 _COST = "Size and safety"
+# sections of a recipe, and the options that go there under their own name
+_SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
 
 
-def build(
-    recipe: Annotated[
-        str | None,
-        typer.Argument(help="Name or .toml path of a recipe; or give --robot."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="The map's folder; maps/built/NAME if left."),
-    ] = None,
-    threads: Annotated[int, typer.Option(min=0, help="0: one per core.")] = 0,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a map of another recipe.")
-    ] = False,
-    suggest: Annotated[
-        bool, typer.Option("--suggest", help="Table of sizes; nothing is built.")
-    ] = False,
-    robot: Annotated[
-        str | None,
-        typer.Option(metavar="URDF", help="Its file.", rich_help_panel=_OWN),
-    ] = None,
-    tip: Annotated[
-        str | None,
-        typer.Option(metavar="LINK", help="Link of the tool.", rich_help_panel=_OWN),
-    ] = None,
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="JOINT=VALUE",
-            help="Make a joint rigid, at a value in rad or m; may be repeated.",
-            rich_help_panel=_OWN,
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Name of the map.", rich_help_panel=_OWN)
-    ] = None,
-    srdf: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SRDF", help="Link pairs not to test.", rich_help_panel=_OWN
-        ),
-    ] = None,
-    nodes: Annotated[
-        int | None, typer.Option(help="Nodes.", rich_help_panel=_COST)
-    ] = None,
-    neighbors: Annotated[
-        int | None, typer.Option(help="Edges tried per node.", rich_help_panel=_COST)
-    ] = None,
-    h: Annotated[
-        float | None, typer.Option(help="Cell size in m.", rich_help_panel=_COST)
-    ] = None,
-    rho: Annotated[
-        float | None,
-        typer.Option(help="Covering radius of samples in m.", rich_help_panel=_COST),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Of the samples.", rich_help_panel=_COST)
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class BuildRequest:
+    """What `odm build` is asked for; None: as in the recipe."""
+
+    recipe: str | None = argument(
+        None, "Name or .toml path of a recipe; or give --robot."
+    )
+    out: Path | None = flag(
+        None, "The map's folder; maps/built/NAME if left.", metavar="DIR"
+    )
+    threads: int = flag(0, "0: one per core.", min=0)
+    force: bool = flag(False, "Replace a map of another recipe.", "--force")
+    suggest: bool = flag(False, "Table of sizes; nothing is built.", "--suggest")
+    robot: str | None = flag(None, "Its file.", metavar="URDF", panel=_OWN)
+    tip: str | None = flag(None, "Link of the tool.", metavar="LINK", panel=_OWN)
+    lock: list[str] | None = flag(
+        None,
+        "Make a joint rigid, at a value in rad or m; may be repeated.",
+        metavar="JOINT=VALUE",
+        panel=_OWN,
+    )
+    name: str | None = flag(None, "Name of the map.", panel=_OWN)
+    srdf: str | None = flag(None, "Link pairs not to test.", metavar="SRDF", panel=_OWN)
+    nodes: int | None = flag(None, "Nodes.", panel=_COST)
+    neighbors: int | None = flag(None, "Edges tried per node.", panel=_COST)
+    h: float | None = flag(None, "Cell size in m.", panel=_COST)
+    rho: float | None = flag(None, "Covering radius of samples in m.", panel=_COST)
+    seed: int | None = flag(None, "Of the samples.", panel=_COST)
+    json: Json = None
+
+
+@from_request(BuildRequest)
+def build(request: BuildRequest) -> None:
     """Build a map from a recipe (`odm build panda`) or from your robot's URDF.
 
     odm build --robot my.urdf --tip tool0 --nodes 10000 --out DIR
     """
-    if (recipe is None) == (robot is None):
+    if (request.recipe is None) == (request.robot is None):
         raise typer.BadParameter("give either a RECIPE or --robot URDF")
-    own = {"source": robot, "tip": tip, "locked": parse_locked(lock), "srdf": srdf}
-    roadmap = {"nodes": nodes, "neighbors": neighbors, "seed": seed}
-    chosen = _chosen(recipe, name, own, roadmap, {"h": h, "rho": rho})
-    if suggest:
+    recipe, threads, json = recipe_of(request), request.threads, request.json
+    if request.suggest:
         from sim.cli.suggest import suggest_sizes
 
-        suggest_sizes(chosen, threads, json)
+        suggest_sizes(recipe, threads, json)
         return
-    target = out or MAPS / chosen.name
-    check_target(target, chosen, force)
-    cell_map, seconds = build_to(target, chosen, threads, quiet=json == "-")
+    target = request.out or MAPS / recipe.name
+    check_map_folder(target, recipe, request.force)
+    cell_map, seconds = build_to(target, recipe, threads, quiet=json == "-")
     facts = built_facts(cell_map, target, seconds)
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show(facts)
+    report(facts, json, _show)
 
 
 def parse_locked(pairs: list[str] | None) -> dict[str, float]:
@@ -115,59 +86,30 @@ def parse_locked(pairs: list[str] | None) -> dict[str, float]:
     return locked
 
 
-def _chosen(
-    recipe: str | None, name: str | None, own: dict, roadmap: dict, safety: dict
-) -> "Recipe":
+def recipe_of(request: BuildRequest) -> "Recipe":
     """Return the recipe that the options ask for, checked like one from a file."""
     from odm import load_recipe
     from odm.cell_map.recipe import parse_recipe
 
-    folder = None
-    if recipe is not None:
-        written = load_recipe(recipe)
+    locked, srdf, folder = parse_locked(request.lock), request.srdf, None
+    if request.recipe is not None:
+        written = load_recipe(request.recipe)
         table, folder = written.as_dict(), written.folder
-        if own["srdf"] is not None:  # typed here, so it starts at the current folder
-            own = own | {"srdf": str(Path(own["srdf"]).absolute())}
+        if srdf is not None:  # typed here, so it starts at the current folder
+            srdf = str(Path(srdf).absolute())
     else:
-        table = {"name": Path(own["source"]).stem}
-    for section, asked in (("robot", own), ("roadmap", roadmap), ("safety", safety)):
-        given = {k: v for k, v in asked.items() if v not in (None, {})}
+        table = {"name": Path(request.robot).stem}
+    own = {"source": request.robot, "tip": request.tip, "locked": locked, "srdf": srdf}
+    asked = {"robot": own}
+    for section, names in _SECTIONS.items():
+        asked[section] = {name: getattr(request, name) for name in names}
+    for section, values in asked.items():
+        given = {k: v for k, v in values.items() if v not in (None, {})}
         table[section] = table.get(section, {}) | given
-    if name is not None:
-        table["name"] = name
+    if request.name is not None:
+        table["name"] = request.name
     table["scenery"] = list(table.get("scenery", ()))
     return parse_recipe(table, table["name"], folder)
-
-
-def check_target(target: Path, recipe: "Recipe", force: bool) -> None:
-    """Refuse to replace what would be lost, before any work.
-
-    Raises:
-        BuildRefused: The folder holds something else, or the map of another recipe.
-    """
-    from odm.cell_map.recipe import recipe_of_map
-    from roadmap.errors import BuildRefused, PlanningError
-    from roadmap.store import read_folder
-
-    if not target.exists():
-        return
-    if not (target / "manifest.json").is_file():
-        raise BuildRefused(
-            f"{target} exists and is not a map folder, so it is left alone; choose "
-            "another --out or remove it yourself"
-        )
-    if force:
-        return
-    try:
-        found = read_folder(target, verify=False)[0]["recipe"]
-        same = recipe_of_map(found).as_dict() == recipe.as_dict()
-    except (PlanningError, KeyError, TypeError):
-        return  # a damaged map, or one of another version: nothing is lost
-    if not same:
-        raise BuildRefused(
-            f"{target} holds the map of another recipe; choose another --out, or "
-            "replace it with --force"
-        )
 
 
 def build_to(
@@ -248,3 +190,18 @@ def _show(facts: dict) -> None:
     if len(parts) > 1:
         print(f"{len(parts)} components of {sum(parts):,} nodes; the largest was kept")
     print(f"map {facts['hash'][:12]} in {facts['map']}")
+
+
+def warmup(
+    fine: Annotated[
+        bool,
+        typer.Option("--fine", help="Also for grids of more than 65535 blocks."),
+    ] = False,
+) -> None:
+    """Compile all kernels ahead, so that no frame ever pays for it."""
+    from sim.loop.warmup import run_warmup
+
+    with Bars("loading the compiler") as tell:
+        seconds, compiled = run_warmup(tell, fine)
+    what = f"{compiled} kernels compiled" if compiled else "everything was compiled"
+    print(f"{what}, {seconds:.1f} s")

@@ -1,12 +1,12 @@
 """`odm camera`: one depth image against a map, as cells, counts and a picture."""
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from sim.terminal.output import JSON_HELP, show_json
+from sim.terminal.flags import Json, MapOption, argument, flag, from_request
+from sim.terminal.output import report
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,90 +23,56 @@ Six = tuple[float, float, float, float, float, float]
 _FX, _FY, _CX, _CY, _SCALE = 476.007, 476.007, 313.683, 242.755, 0.000125
 
 
-def camera(
-    file: Annotated[
-        Path, typer.Argument(metavar="PNG", help="A 16-bit depth image, one channel.")
-    ],
-    map_dir: Annotated[
-        Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
-    ],
-    eye: Annotated[
-        Three,
-        typer.Option(
-            metavar="X Y Z", help="Where it is, base frame, m.", rich_help_panel=_CAMERA
-        ),
-    ] = (0.0, -0.45, 0.75),
-    at: Annotated[
-        Three,
-        typer.Option(
-            metavar="X Y Z", help="What it looks at, m.", rich_help_panel=_CAMERA
-        ),
-    ] = (0.65, 0.0, 0.5),
-    pose: Annotated[
-        Six | None,
-        typer.Option(
-            metavar="X Y Z ROLL PITCH YAW",
-            help="Instead: pose of its axes (x right, y down, z forward), m, degrees.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = None,
-    fx: Annotated[
-        float, typer.Option(help="Focal length, pixels.", rich_help_panel=_CAMERA)
-    ] = _FX,
-    fy: Annotated[
-        float | None,
-        typer.Option(help="The same along v; default: fx.", rich_help_panel=_CAMERA),
-    ] = None,
-    cx: Annotated[
-        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
-    ] = _CX,
-    cy: Annotated[
-        float, typer.Option(help="Principal point, pixels.", rich_help_panel=_CAMERA)
-    ] = _CY,
-    scale: Annotated[
-        float, typer.Option(help="Metres per pixel unit.", rich_help_panel=_CAMERA)
-    ] = _SCALE,
-    q: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q1,Q2,...",
-            help="The robot's joints, rad or m; default: mid-range.",
-        ),
-    ] = None,
-    d_self: Annotated[
-        float | None,
-        typer.Option(
-            help="Take the robot's own points away, within so many m of its cover.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = None,
-    flying: Annotated[
-        float | None,
-        typer.Option(
-            help="Take flying pixels away, so many m from both neighbours.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = None,
-    shadow: Annotated[
-        bool,
-        typer.Option(help="What is behind a surface blocks.", rich_help_panel=_CELLS),
-    ] = True,
-    policy: Annotated[
-        str,
-        typer.Option(
-            metavar="free|occupied|keep",
-            help="What cells that are not seen are.",
-            rich_help_panel=_CELLS,
-        ),
-    ] = "free",
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Draw the cells beside the image."),
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class CameraRequest:
+    """What `odm camera` is asked for."""
+
+    file: Path = argument(..., "A 16-bit depth image, one channel.", metavar="PNG")
+    map_dir: MapOption
+    eye: Three = flag(
+        (0.0, -0.45, 0.75),
+        "Where it is, base frame, m.",
+        metavar="X Y Z",
+        panel=_CAMERA,
+    )
+    at: Three = flag(
+        (0.65, 0.0, 0.5), "What it looks at, m.", metavar="X Y Z", panel=_CAMERA
+    )
+    pose: Six | None = flag(
+        None,
+        "Instead: pose of its axes (x right, y down, z forward), m, degrees.",
+        metavar="X Y Z ROLL PITCH YAW",
+        panel=_CAMERA,
+    )
+    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA)
+    fy: float | None = flag(None, "The same along v; default: fx.", panel=_CAMERA)
+    cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA)
+    cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA)
+    scale: float = flag(_SCALE, "Metres per pixel unit.", panel=_CAMERA)
+    q: str | None = flag(
+        None, "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
+    )
+    d_self: float | None = flag(
+        None,
+        "Take the robot's own points away, within so many m of its cover.",
+        panel=_CELLS,
+    )
+    flying: float | None = flag(
+        None, "Take flying pixels away, so many m from both neighbours.", panel=_CELLS
+    )
+    shadow: bool = flag(True, "What is behind a surface blocks.", panel=_CELLS)
+    policy: str = flag(
+        "free",
+        "What cells that are not seen are.",
+        metavar="free|occupied|keep",
+        panel=_CELLS,
+    )
+    plot: Path | None = flag(None, "Draw the cells beside the image.", metavar="PNG")
+    json: Json = None
+
+
+@from_request(CameraRequest)
+def camera(request: CameraRequest) -> None:
     """Tell which cells of a map a depth image shows occupied, free or not at all.
 
     Without options the intrinsics are those of an Intel RealSense SR305 with
@@ -117,29 +83,37 @@ def camera(
     from odm import DepthCamera, SeenSettings, SeenSpace, load_map
     from roadmap.errors import BadInput
 
-    cell_map = load_map(map_dir)
-    image = read_depth_png(file)
+    cell_map = load_map(request.map_dir)
+    image = read_depth_png(request.file)
     height, width = image.shape
-    lens = (fx, fx if fy is None else fy, cx, cy)
-    where = _pose(eye, at, pose)
-    seen_by = DepthCamera(width, height, *lens, where, scale, file.name)
-    settings = SeenSettings(
-        d_self=d_self, flying_m=flying, shadow=shadow, policy=policy
+    camera = DepthCamera(
+        width,
+        height,
+        request.fx,
+        request.fx if request.fy is None else request.fy,
+        request.cx,
+        request.cy,
+        _pose(request.eye, request.at, request.pose),
+        request.scale,
+        request.file.name,
     )
-    joints = _configuration(cell_map, q)
-    space = SeenSpace(cell_map, seen_by, settings)
+    settings = SeenSettings(
+        d_self=request.d_self,
+        flying_m=request.flying,
+        shadow=request.shadow,
+        policy=request.policy,
+    )
+    joints = _configuration(cell_map, request.q)
+    space = SeenSpace(cell_map, camera, settings)
     found = space.update(image, joints, 0.0)
     if found.trouble is not None:
         raise BadInput(found.trouble)
     facts = describe_frame(space, found, image, joints)
-    if plot is not None:
+    if request.plot is not None:
         from sim.draw.camera_picture import plot_cells
 
-        facts["plot"] = str(plot_cells(space, image, joints, plot))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show(file, facts)
+        facts["plot"] = str(plot_cells(space, image, joints, request.plot))
+    report(facts, request.json, lambda facts: _show(request.file, facts))
 
 
 def read_depth_png(path: Path) -> "np.ndarray":

@@ -1,41 +1,36 @@
 """`odm workspace human`: how dextrous and how easy the places of a hand are."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from sim.cli.workspace_command import app
-from sim.terminal.output import JSON_HELP, Bars, guarded, show_json
+from sim.terminal.flags import Json, Posture, Side, flag, from_request
+from sim.terminal.output import Bars, guarded, report
 
 if TYPE_CHECKING:
-    from handover import Human
     from sim.draw.arm_cut import Cut
 
-_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
 BELOW_SHOULDER = 0.25  # [m] the level cut lies this far below it
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
-Posture = Annotated[str, typer.Option(metavar=_POSTURES, help="What the person does.")]
-Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
+
+
+@dataclass(frozen=True)
+class HandRequest:
+    """What `odm workspace human` is asked for."""
+
+    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.")
+    posture: Posture = "standing"
+    side: Side = "right"
+    spacing: float = flag(0.02, "Between the places, m.", min=0.005, max=0.2)
+    rotations: int = flag(1944, "Of the hand, tried at each place: 72, 576, 1944...")
+    plot: Path | None = flag(None, "Draw the cuts.", metavar="PNG")
+    json: Json = None
 
 
 @app.command("human")
 @guarded
-def human_reach(
-    height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
-    posture: Posture = "standing",
-    side: Side = "right",
-    spacing: Annotated[
-        float, typer.Option(min=0.005, max=0.2, help="Between the places, m.")
-    ] = 0.02,
-    rotations: Annotated[
-        int, typer.Option(help="Of the hand, tried at each place: 72, 576, 1944...")
-    ] = 1944,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the cuts.")
-    ] = None,
-    json: Json = None,
-) -> None:
+@from_request(HandRequest)
+def human_reach(request: HandRequest) -> None:
     """Tell how dextrous and how easy a hand's places are, in two planes.
 
     An upright plane through the shoulder and a level one 25 cm below it (above it for
@@ -46,7 +41,8 @@ def human_reach(
     from handover import Human
     from sim.draw.arm_cut import arm_cut
 
-    human = Human(height, posture)
+    human, side = Human(request.height, request.posture), request.side
+    spacing, rotations = request.spacing, request.rotations
     shoulder = human.T_world_shoulder(side)[:3, 3]
     low = shoulder[2] - BELOW_SHOULDER
     level = low if low > 0.1 else shoulder[2] + BELOW_SHOULDER
@@ -55,20 +51,15 @@ def human_reach(
             arm_cut(human, side, normal, at, spacing, rotations=rotations, tell=tell)
             for normal, at in ((1, shoulder[1]), (2, level))
         ]
-    facts = _arm_facts(human, side, cuts, spacing, rotations)
-    if plot is not None:
+    facts = _arm_facts(request, cuts)
+    if request.plot is not None:
         from sim.draw.arm_cut import write_arm_picture
 
-        facts["plot"] = str(write_arm_picture(human, side, cuts, plot))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show_arm(facts)
+        facts["plot"] = str(write_arm_picture(human, side, cuts, request.plot))
+    report(facts, request.json, _show_arm)
 
 
-def _arm_facts(
-    human: "Human", side: str, cuts: list["Cut"], spacing: float, rotations: int
-) -> dict:
+def _arm_facts(request: HandRequest, cuts: list["Cut"]) -> dict:
     """Return what `odm workspace human` says, as plain JSON data."""
     import numpy as np
 
@@ -82,18 +73,18 @@ def _arm_facts(
             "plane": AXES[cut.normal],
             "at_m": round(cut.at, 4),
             "places": int(reached.sum()),
-            "area_m2": round(float(reached.sum()) * spacing**2, 4),
+            "area_m2": round(float(reached.sum()) * request.spacing**2, 4),
         }
         for name in FIELDS:
             value, place = cut.best(name)
             row[name] = {"best": round(value, 4), "place_m": place.round(4).tolist()}
         planes.append(row)
     return {
-        "height_m": human.height,
-        "posture": human.posture,
-        "side": side,
-        "spacing_m": spacing,
-        "rotations": rotations,
+        "height_m": request.height,
+        "posture": request.posture,
+        "side": request.side,
+        "spacing_m": request.spacing,
+        "rotations": request.rotations,
         "planes": planes,
     }
 

@@ -1,12 +1,14 @@
 """`odm human info`: proportions, joint ranges and reach of a person, a picture."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.people.grips import grip_points
-from sim.terminal.output import JSON_HELP, guarded, show_json
+from sim.terminal.flags import Json, Posture, flag, from_request
+from sim.terminal.output import guarded, show_json
 
 if TYPE_CHECKING:
     from handover import Human
@@ -16,52 +18,49 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
-_POSTURES = "standing|bending|sitting|kneeling|lying|ladder"
-
 
 @app.callback()
 def _group() -> None:
     """Commands of `odm human`."""
 
 
+@dataclass(frozen=True)
+class HumanRequest:
+    """What `odm human info` is asked for."""
+
+    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.")
+    posture: Posture = "standing"
+    mass: float | None = flag(
+        None, "Body mass in kg; default: a body mass index of 24."
+    )
+    thickness: str = flag(
+        "conservative",
+        "Of the body: thick and clothed, or mean.",
+        metavar="conservative|mean",
+    )
+    plot: Path | None = flag(
+        None, "Draw the person, the reach and the joint ranges.", metavar="PNG"
+    )
+    json: Json = None
+
+
 @app.command()
 @guarded
-def info(
-    height: Annotated[float, typer.Option(help="Body height in m, 1.2 to 2.2.")] = 1.75,
-    posture: Annotated[
-        str, typer.Option(metavar=_POSTURES, help="What the person does.")
-    ] = "standing",
-    mass: Annotated[
-        float | None,
-        typer.Option(help="Body mass in kg; default: a body mass index of 24."),
-    ] = None,
-    thickness: Annotated[
-        str,
-        typer.Option(
-            metavar="conservative|mean", help="Of the body: thick and clothed, or mean."
-        ),
-    ] = "conservative",
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PNG", help="Draw the person, the reach and the joint ranges."
-        ),
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
-) -> None:
+@from_request(HumanRequest)
+def info(request: HumanRequest) -> None:
     """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
     from handover import Human
 
-    human = Human(height, posture, mass=mass, thickness=thickness)
+    human = Human(
+        request.height, request.posture, mass=request.mass, thickness=request.thickness
+    )
     facts = human_facts(human)
-    if plot is not None:
+    if request.plot is not None:
         from sim.draw.human_picture import write_human_picture
 
-        facts["plot"] = str(write_human_picture(human, plot))
-    if json is not None:
-        show_json(facts, json)
+        facts["plot"] = str(write_human_picture(human, request.plot))
+    if request.json is not None:
+        show_json(facts, request.json)
     else:
         _show(facts)
 
@@ -100,13 +99,13 @@ def human_facts(human: "Human") -> dict:
             ),
             "shoulder_height_m": round(float(shoulder[2]), 4),
             "eye_height_m": round(float(human.p_world_eyes[2]), 4),
-            **{f"grip_{k}_m": round(v, 3) for k, v in reach_of(human).items()},
+            **{f"grip_{k}_m": round(v, 3) for k, v in grip_reach(human).items()},
         },
         "capsules": len(human.labels),
     }
 
 
-def reach_of(human: "Human", samples: int = 200_000) -> dict[str, float]:
+def grip_reach(human: "Human", samples: int = 200_000) -> dict[str, float]:
     """Return how far the right grip gets from the shoulder along six directions [m].
 
     By samples, half of whose joints are at the ends of their ranges: up to a few

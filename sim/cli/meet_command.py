@@ -1,77 +1,67 @@
 """`odm workspace meet`: where a robot can hand something to a person."""
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from sim.cli.hand_command import Json, Posture, Side, app, place_text
-from sim.cli.workspace_command import REACH_MAPS
-from sim.terminal.output import Bars, guarded, show_json
+from sim.cli.hand_command import app, place_text
+from sim.run.folders import REACH_MAPS
+from sim.run.request import held_object
+from sim.terminal.flags import Json, Posture, Side, flag, from_request
+from sim.terminal.output import Bars, guarded, report
 
 if TYPE_CHECKING:
-    from handover import Human, MeetSettings, ReachMap, Target
-    from handover.meet.held_object import HeldObject
+    from handover import MeetSettings, ReachMap, Target
+    from roadmap import Robot
     from sim.draw.meet_cut import Meeting
 
-OBJECTS = ("wrench", "mallet")
+
+@dataclass(frozen=True)
+class MeetRequest:
+    """What `odm workspace meet` is asked for."""
+
+    robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
+    human: float = flag(1.75, "The person's, in m.", "--human", metavar="HEIGHT")
+    distance: list[float] | None = flag(
+        None,
+        "From the robot's base to the person's pelvis along the base's x, m; "
+        "0.9 if left; again for more.",
+    )
+    aside: float = flag(0.0, "Of the pelvis along the base's y, m.")
+    turn: float = flag(0.0, "0: the person faces the robot; to the left, deg.")
+    posture: Posture = "standing"
+    side: Side = "right"
+    object_name: str = flag(
+        "wrench", "What is handed.", "--object", metavar="wrench|mallet"
+    )
+    k: int = flag(10, "Targets told.", "--k", min=1)
+    cell: float = flag(0.15, "Side of a position cell, m.")
+    rotations: int = flag(72, "Cells of rotation.")
+    base_height: float | None = flag(
+        None,
+        "Of the robot's base above the floor, m; left: 0 for a robot whose "
+        "own base is taller than 0.5 m, else 0.75.",
+    )
+    map_dir: Path | None = flag(
+        None, "Reach map; maps/built/reach/NAME if left.", "--map", metavar="DIR"
+    )
+    human_map: Path | None = flag(
+        None,
+        "Reach map of a person's arm, for the dexterity; left: "
+        "maps/built/reach/human where it is, else a coarse one made on the spot.",
+        metavar="DIR",
+    )
+    plot: Path | None = flag(
+        None, "Draw cuts, robot, person and target.", metavar="PNG"
+    )
+    json: Json = None
 
 
 @app.command("meet")
 @guarded
-def meet_command(
-    robot: Annotated[str, typer.Option(metavar="NAME", help="Its name, or its URDF.")],
-    human: Annotated[
-        float, typer.Option("--human", metavar="HEIGHT", help="The person's, in m.")
-    ] = 1.75,
-    distance: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="From the robot's base to the person's pelvis along the base's x, m; "
-            "0.9 if left; again for more."
-        ),
-    ] = None,
-    aside: Annotated[
-        float, typer.Option(help="Of the pelvis along the base's y, m.")
-    ] = 0.0,
-    turn: Annotated[
-        float, typer.Option(help="0: the person faces the robot; to the left, deg.")
-    ] = 0.0,
-    posture: Posture = "standing",
-    side: Side = "right",
-    object_name: Annotated[
-        str, typer.Option("--object", metavar="wrench|mallet", help="What is handed.")
-    ] = "wrench",
-    k: Annotated[int, typer.Option("--k", min=1, help="Targets told.")] = 10,
-    cell: Annotated[float, typer.Option(help="Side of a position cell, m.")] = 0.15,
-    rotations: Annotated[int, typer.Option(help="Cells of rotation.")] = 72,
-    base_height: Annotated[
-        float | None,
-        typer.Option(
-            help="Of the robot's base above the floor, m; left: 0 for a robot whose "
-            "own base is taller than 0.5 m, else 0.75."
-        ),
-    ] = None,
-    map_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--map", metavar="DIR", help="Reach map; maps/built/reach/NAME if left."
-        ),
-    ] = None,
-    human_map: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Reach map of a person's arm, for the dexterity; left: "
-            "maps/built/reach/human where it is, else a coarse one made on the spot.",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Draw cuts, robot, person and target."),
-    ] = None,
-    json: Json = None,
-) -> None:
+@from_request(MeetRequest)
+def meet_command(request: MeetRequest) -> None:
     """Tell where a robot can hand an object to a person, best targets first.
 
     Exit code 0, also where nothing is shared: then no target is listed, and how much
@@ -79,44 +69,30 @@ def meet_command(
 
     odm workspace meet --robot panda --human 1.75 --distance 0.9 --plot cut.png
     """
-    from handover import Human
+    from handover import Human, InteractionWorkspace
+    from sim.draw.meet_cut import find_meeting
 
-    distances = distance or [0.9]
-    obj = held_object(object_name)
-    person = Human(human, posture)
-    people = [_placed(person, d, aside, turn) for d in distances]
+    distances = request.distance or [0.9]
+    obj = held_object(request.object_name)
+    person, turned = Human(request.human, request.posture), math.radians(request.turn)
+    people = [person.placed(d, request.aside, math.pi + turned) for d in distances]
     with Bars() as tell:
-        machine, reach, arm_map = _loaded(robot, map_dir, human_map, tell)
-        settings = _settings(machine, side, cell, rotations, base_height)
-        meetings = []
-        for d, who in zip(distances, people, strict=True):
+        robot, reach, arm_map = _loaded(request, tell)
+        settings, meetings = _settings(robot, request), []
+        for distance, who in zip(distances, people, strict=True):
             tell("meeting", len(meetings), len(people))
-            meetings.append(_meeting(reach, who, obj, settings, arm_map, machine, d, k))
+            meet = InteractionWorkspace(reach, who, obj, None, settings, arm_map)
+            found = find_meeting(meet, robot, distance, request.k, arm_map)
+            meetings.append(found)
         tell("meeting", len(people), len(people))
-        facts = meet_facts(meetings, k)
-        if plot is not None:
+        facts = meet_facts(meetings, request.k)
+        if request.plot is not None:
             from sim.draw.meet_picture import write_meet_picture
 
-            rest = 0.5 * (machine.lower + machine.upper)
-            facts["plot"] = str(write_meet_picture(meetings, machine, rest, plot, tell))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show_meet(facts)
-
-
-def held_object(name: str) -> "HeldObject":
-    """Return the object of a name.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
-    import handover
-    from roadmap.errors import BadInput
-
-    if name not in OBJECTS:
-        raise BadInput(f"no object {name!r}; choose one of {', '.join(OBJECTS)}")
-    return getattr(handover, name)()
+            rest = 0.5 * (robot.lower + robot.upper)
+            picture = write_meet_picture(meetings, robot, rest, request.plot, tell)
+            facts["plot"] = str(picture)
+    report(facts, request.json, _show_meet)
 
 
 def meet_facts(meetings: list["Meeting"], k: int) -> dict:
@@ -172,55 +148,34 @@ def _target_facts(rank: int, target: "Target", robot_q: object) -> dict:
     }
 
 
-def _loaded(name: str, map_dir: Path | None, human_map: Path | None, tell: Bars):
+def _loaded(
+    request: MeetRequest, tell: Bars
+) -> tuple["Robot", "ReachMap", "ReachMap | None"]:
     """Return the robot, its reach map, and that of a person's arm or None."""
     from handover import load_reach_map
     from roadmap import load_robot
 
+    name, human_map = request.robot, request.human_map
     tell("robot", 0, 1)
     robot = load_robot(name, cover_excess=0.1)  # the cover is not used here
     tell("robot", 1, 1)
-    folder = map_dir or REACH_MAPS / Path(name).stem
+    folder = request.map_dir or REACH_MAPS / Path(name).stem
     reach = load_reach_map(folder, robot=robot)
     if human_map is None and (REACH_MAPS / "human" / "manifest.json").is_file():
         human_map = REACH_MAPS / "human"
     return robot, reach, human_map and load_reach_map(human_map)
 
 
-def _settings(
-    robot: object, side: str, cell: float, rotations: int, height: float | None
-) -> "MeetSettings":
+def _settings(robot: "Robot", request: MeetRequest) -> "MeetSettings":
     import numpy as np
 
     from handover import MeetSettings
     from sim.draw.meet_cut import base_height
 
-    T = np.eye(4)
+    T, height = np.eye(4), request.base_height
     T[2, 3] = base_height(robot) if height is None else height
-    return MeetSettings(side=side, T_world_base=T, cell=cell, rotations=rotations)
-
-
-def _placed(person: "Human", distance: float, aside: float, turn: float) -> "Human":
-    import math
-
-    return person.placed(distance, aside, math.pi + math.radians(turn))
-
-
-def _meeting(
-    reach: "ReachMap",
-    person: "Human",
-    obj: "HeldObject",
-    settings: "MeetSettings",
-    arm_map: "ReachMap | None",
-    robot: object,
-    distance: float,
-    k: int,
-) -> "Meeting":
-    from handover import InteractionWorkspace
-    from sim.draw.meet_cut import find_meeting
-
-    meet = InteractionWorkspace(reach, person, obj, None, settings, arm_map)
-    return find_meeting(meet, robot, distance, k, arm_map)
+    cells = {"cell": request.cell, "rotations": request.rotations}
+    return MeetSettings(side=request.side, T_world_base=T, **cells)
 
 
 def _show_meet(facts: dict) -> None:

@@ -1,98 +1,71 @@
 """`odm replay`: a recorded run again, or recorded obstacle frames."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from sim.cli.build_command import MAPS
-from sim.terminal.output import JSON_HELP, Bars, show_json, write_text
+from sim.run.folders import MAPS, check_map_folder
+from sim.terminal.flags import Json, argument, flag, from_request, given
+from sim.terminal.output import Bars, show_json, write_text
 
 if TYPE_CHECKING:
     from odm import CellMap
-    from sim.record import RunRecord
+    from sim.record import Difference, RunRecord
 
 _RUN = "A recorded run"
 _FRAMES = "Recorded obstacle frames"
 
 
-def replay(
-    file: Annotated[
-        Path | None,
-        typer.Argument(metavar="FILE", help="A recording of `odm run --record`."),
-    ] = None,
-    map_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--map", metavar="MAP", help="A map's folder; default: maps/built/NAME."
-        ),
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
-    holds: Annotated[
-        bool,
-        typer.Option(
-            "--holds",
-            help="Only list the recorded holds with their reasons.",
-            rich_help_panel=_RUN,
-        ),
-    ] = False,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NPZ",
-            help="Record the replay: the same bytes, where it is the same.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None,
-    recipe_out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TOML",
-            help="Only write the recipe of the recorded map.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None,
-    build: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Only build the recorded map, for which no URDF is needed.",
-            rich_help_panel=_RUN,
-        ),
-    ] = None,
-    frames: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="NPZ", help="The frames; or FILE.", rich_help_panel=_FRAMES
-        ),
-    ] = None,
-    always_replan: Annotated[
-        bool,
-        typer.Option(
-            "--always-replan",
-            help="Search anew in every frame.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = False,
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            help="Of samples on capsules, in m; default: 0.03 or the map's rho.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = None,
-    paths: Annotated[
-        bool,
-        typer.Option(
-            "--paths",
-            help="Keep each frame's path in the JSON.",
-            rich_help_panel=_FRAMES,
-        ),
-    ] = False,
-) -> None:
+@dataclass(frozen=True)
+class ReplayRequest:
+    """What `odm replay` is asked for."""
+
+    file: Path | None = argument(
+        None, "A recording of `odm run --record`.", metavar="FILE"
+    )
+    map_dir: Path | None = flag(
+        None, "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
+    )
+    json: Json = None
+    holds: bool = flag(
+        False, "Only list the recorded holds with their reasons.", "--holds", panel=_RUN
+    )
+    record: Path | None = flag(
+        None,
+        "Record the replay: the same bytes, where it is the same.",
+        metavar="NPZ",
+        panel=_RUN,
+    )
+    recipe_out: Path | None = flag(
+        None, "Only write the recipe of the recorded map.", metavar="TOML", panel=_RUN
+    )
+    build: Path | None = flag(
+        None,
+        "Only build the recorded map, for which no URDF is needed.",
+        metavar="DIR",
+        panel=_RUN,
+    )
+    frames: Path | None = flag(
+        None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
+    )
+    always_replan: bool = flag(
+        False, "Search anew in every frame.", "--always-replan", panel=_FRAMES
+    )
+    spacing: float | None = flag(
+        None,
+        "Of samples on capsules, in m; default: 0.03 or the map's rho.",
+        panel=_FRAMES,
+    )
+    paths: bool = flag(
+        False, "Keep each frame's path in the JSON.", "--paths", panel=_FRAMES
+    )
+
+
+@from_request(ReplayRequest)
+def replay(request: ReplayRequest) -> None:
     """Repeat a recorded run and tell whether every byte of it is the same.
 
     Exit code 0: the same; 1: not, with the first frame that differs. The figures of
@@ -104,103 +77,89 @@ def replay(
     path at its joints' speed limits; while the planner holds, it stands still and
     does not retreat.
     """
-    if (file is None) == (frames is None):
+    if (request.file is None) == (request.frames is None):
         raise typer.BadParameter("give one FILE to replay")
-    path = frames if file is None else file
     from sim.record import is_record
 
-    asked = {"--holds": holds, "--record": record, "--recipe-out": recipe_out}
-    asked |= {"--build": build}
-    if not is_record(path):
-        _refuse(asked, f"a recorded run, which {path} is not")
-        if map_dir is None:
-            raise typer.BadParameter("recorded obstacle frames need --map MAP")
-        _play(path, map_dir, json, (always_replan, spacing, paths))
+    path = request.frames or request.file
+    if is_record(path):
+        what = f"recorded obstacle frames, but {path} is a recorded run"
+        _refuse(given(request, _FRAMES), what)
+        _replay(path, request)
         return
-    asked = {"--always-replan": always_replan, "--spacing": spacing, "--paths": paths}
-    _refuse(asked, f"recorded obstacle frames, but {path} is a recorded run")
-    _replay(path, map_dir, json, holds, record, recipe_out, build)
+    _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
+    if request.map_dir is None:
+        raise typer.BadParameter("recorded obstacle frames need --map MAP")
+    _play(path, request)
 
 
-def _refuse(options: dict[str, object], what: str) -> None:
+def _refuse(flags: list[str], what: str) -> None:
     from roadmap.errors import BadInput
 
-    for name, value in options.items():
-        if value not in (None, False):
-            raise BadInput(f"{name} goes with {what}; leave it out")
+    if flags:
+        raise BadInput(f"{flags[0]} goes with {what}; leave it out")
 
 
-def _play(path: Path, map_dir: Path, json: str | None, options: tuple) -> None:
-    """Play obstacle frames; options: always replan, spacing, keep paths."""
+def _play(path: Path, request: ReplayRequest) -> None:
+    """Play obstacle frames."""
     from odm import load_map
     from sim.loop import replay as player
+    from sim.loop.recording import read_recording
 
-    always_replan, spacing, paths = options
-    cell_map = load_map(map_dir)
-    recording = player.read_recording(path, cell_map, spacing)
+    cell_map = load_map(request.map_dir)
+    recording = read_recording(path, cell_map, request.spacing)
     with Bars() as tell:
-        found = player.play(cell_map, recording, always_replan, paths, tell)
-    if json is not None:
-        show_json(found, json)
-    if json != "-":
+        found = player.play(
+            cell_map, recording, request.always_replan, request.paths, tell
+        )
+    if request.json is not None:
+        show_json(found, request.json)
+    if request.json != "-":
         player.show(found)
 
 
-def _replay(
-    path: Path,
-    map_dir: Path | None,
-    json: str | None,
-    holds: bool,
-    record: Path | None,
-    recipe_out: Path | None,
-    build: Path | None,
-) -> None:
-    from sim.record import check_target, read_record
-    from sim.record.show import show_holds
+def _replay(path: Path, request: ReplayRequest) -> None:
+    """Repeat a recorded run, or take out of it what was asked for."""
+    from sim.record import check_recording_path, read_record
 
     found = read_record(path)
-    if recipe_out is not None:
+    if request.recipe_out is not None:
         from sim.record.again import recipe_of
         from sim.record.recipe_toml import recipe_text
 
-        print(write_text(recipe_out, recipe_text(recipe_of(found))))
-    if build is not None:
-        _build(found, build)
-    if holds:
+        print(write_text(request.recipe_out, recipe_text(recipe_of(found))))
+    if request.build is not None:
+        _build(found, request.build)
+    if request.holds:
         show_holds(found)
-    if holds or recipe_out or build:
+    if request.holds or request.recipe_out or request.build:
         return
-    if record is not None:
-        check_target(record)
-    cell_map = _map_of(found, path, map_dir)
-    _repeat(found, path, cell_map, json, record)
+    if request.record is not None:
+        check_recording_path(request.record)
+    _repeat(found, path, _map_of(found, path, request.map_dir), request)
 
 
 def _repeat(
-    found: "RunRecord",
-    path: Path,
-    cell_map: "CellMap",
-    json: str | None,
-    record: Path | None,
+    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
 ) -> None:
     from sim.record import first_difference, run_again, write_record
-    from sim.record.show import show_same, what_differs
 
     with Bars() as tell:
         again = run_again(found, cell_map, tell)
-    if record is not None:
-        write_record(again, record)
-    if json is not None:
+    if request.record is not None:
+        write_record(again, request.record)
+    quiet = request.json == "-"
+    if request.json is not None:
         text = again.result().to_json(timing=False) + "\n"
-        write_text(json, text) if json != "-" else sys.stdout.write(text)
+        sys.stdout.write(text) if quiet else write_text(request.json, text)
     difference = first_difference(found, again)
     if difference is not None:
         print(f"odm: {what_differs(found, again, difference, path)}", file=sys.stderr)
         raise typer.Exit(1)
-    if json != "-":
+    if not quiet:
         show_same(again)
-        if record is not None:
-            print(record)
+        if request.record is not None:
+            print(request.record)
 
 
 def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
@@ -224,12 +183,62 @@ def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
 def _build(found: "RunRecord", target: Path) -> None:
     """Build the recorded map into a folder, and see that it is the one."""
     from odm import load_map
-    from sim.cli.build_command import check_target as check_folder
     from sim.record.again import build_again, check_built, recipe_of
 
-    check_folder(target, recipe_of(found), force=False)
+    check_map_folder(target, recipe_of(found), force=False)
     with Bars() as tell:
         build_again(found, progress=tell).save(target)
     cell_map = load_map(target)
     check_built(found, cell_map, target)
     print(f"map {cell_map.hash[:12]} in {target}")
+
+
+def show_holds(record: "RunRecord") -> None:
+    """Print every hold and every slow stretch of a recording, with its reason."""
+    result, rows = record.result(), _rows(record)
+    told = record.head["map"]
+    print(
+        f"{result.motion}: {result.duration_s:.2f} s on map {told['name']} "
+        f"{told['hash'][:12]}, {len(record.holds)} holds, {len(record.slow)} times "
+        "slowed or braked"
+    )
+    for start, end, what, reason in rows:
+        print(f"{start:9.3f} s to {end:9.3f} s  {what:<10}  {reason}")
+
+
+def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:
+    rows = []
+    for hold in record.holds:
+        what = "retreating" if hold["retreating"] else "holding"
+        rows.append((hold["start_s"], hold["end_s"], what, hold["reason"]))
+        for time, reason in hold["later"]:
+            rows.append((time, hold["end_s"], "  later", reason))
+    for slow in record.slow:
+        rows.append((slow["start_s"], slow["end_s"], slow["pace"], slow["reason"]))
+    return sorted(rows, key=lambda row: row[0])
+
+
+def show_same(record: "RunRecord") -> None:
+    """Print that a replay is the run, and what the run was."""
+    result = record.result()
+    print(
+        f"same: {result.frames:,} frames of {result.motion}, {result.trips} trips, "
+        f"{result.contacts} contacts, {len(result.holds)} holds"
+    )
+    print(f"trajectory_sha256 {result.fingerprint()}")
+
+
+def what_differs(
+    was: "RunRecord", now: "RunRecord", difference: "Difference", path: Path
+) -> str:
+    """Return one sentence: how a replay differs from its recording, and why perhaps."""
+    told = f"the replay of {path} is not the same run: {difference.sentence}"
+    if was.altered:
+        told += f"; the file was altered after the run: {', '.join(was.altered)}"
+    old, new = was.head["versions"], now.head["versions"]
+    other = [
+        f"{name} {old.get(name, 'none')}, not {new.get(name, 'none')}"
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
+    ]
+    return told + (f"; it was recorded with {'; '.join(other)}" if other else "")

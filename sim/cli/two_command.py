@@ -1,12 +1,14 @@
 """`odm run-two`: two robots in one space, each in the way of the other."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from sim.terminal.output import JSON_HELP, Bars, show_json
+from sim.terminal.flags import Json, flag, from_request
+from sim.terminal.output import Bars, show_json
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -19,44 +21,35 @@ FAR = 15.0  # no robot of ours reaches so far, and points may be there [m]
 APART, ASIDE = 1.36, 0.10  # share, and [m] added
 
 
-def run_two(
-    map_dir: Annotated[
-        Path, typer.Option("--map", metavar="MAP", help="Map of the first robot.")
-    ],
-    other_map: Annotated[
-        Path | None,
-        typer.Option(metavar="MAP", help="Map of the second; default: the same."),
-    ] = None,
-    base: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            metavar="X Y YAW",
-            help="Base of the second in the first one's base frame: m, m, degrees; "
-            "default: they face each other and share what lies between.",
-        ),
-    ] = None,
-    other: Annotated[
-        str,
-        typer.Option(
-            metavar="planned|scripted",
-            help="The second: plans and brakes, too; or goes to and fro heedlessly.",
-        ),
-    ] = "planned",
-    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 120.0,
-    rate: Annotated[float, typer.Option(help="Frames per second.")] = 100.0,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw the closest moment.")
-    ] = None,
-    animation: Annotated[
-        Path | None, typer.Option(metavar="GIF", help="Write a short film.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write both and the figures.")
-    ] = None,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class TwoRequest:
+    """What `odm run-two` is asked for."""
+
+    map_dir: Path = flag(..., "Map of the first robot.", "--map", metavar="MAP")
+    other_map: Path | None = flag(
+        None, "Map of the second; default: the same.", metavar="MAP"
+    )
+    base: tuple[float, float, float] | None = flag(
+        None,
+        "Base of the second in the first one's base frame: m, m, degrees; "
+        "default: they face each other and share what lies between.",
+        metavar="X Y YAW",
+    )
+    other: str = flag(
+        "planned",
+        "The second: plans and brakes, too; or goes to and fro heedlessly.",
+        metavar="planned|scripted",
+    )
+    seconds: float = flag(120.0, "Simulated time.")
+    rate: float = flag(100.0, "Frames per second.")
+    picture: Path | None = flag(None, "Draw the closest moment.", metavar="PNG")
+    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
+    out: Path | None = flag(None, "Write both and the figures.", metavar="DIR")
+    json: Json = None
+
+
+@from_request(TwoRequest)
+def run_two(request: TwoRequest) -> None:
     """Run two robots in one space, each the moving obstacle of the other.
 
     Exit code 1: the exact audit of every frame found a contact of a robot that plans.
@@ -65,10 +58,12 @@ def run_two(
     from sim.two.two_members import TwoSettings
     from sim.two.two_robots import run_two as run
 
-    settings = TwoSettings(rate_hz=rate, duration_s=seconds, other=other)
-    first = load_map(map_dir)
-    maps = (first, first if other_map is None else load_map(other_map))
-    T_world_base = base_pose(first, base)
+    settings = TwoSettings(
+        rate_hz=request.rate, duration_s=request.seconds, other=request.other
+    )
+    first = load_map(request.map_dir)
+    maps = (first, first if request.other_map is None else load_map(request.other_map))
+    T_world_base = base_pose(first, request.base)
     with Bars() as tell:
         result = run(
             maps, T_world_base, settings,
@@ -78,11 +73,10 @@ def run_two(
         tell("frames", result.frames, result.frames)
     figures = result.summary() | {"alone_trips_per_minute": alone}
     figures |= {"map_hashes": [m.hash for m in maps]}
-    files = _files(out, picture, animation)
-    written = _write(result, maps, figures, files, out)
-    if json is not None:
-        show_json(figures, json)
-    if json != "-":
+    written = _write(result, maps, figures, request)
+    if request.json is not None:
+        show_json(figures, request.json)
+    if request.json != "-":
         show(figures, maps)
         for path in written:
             print(path)
@@ -125,17 +119,15 @@ def _alone(maps: tuple, settings: object) -> list[float]:
     return result.summary()["trips_per_minute"]
 
 
-def _files(out: Path | None, picture: Path | None, animation: Path | None) -> tuple:
-    if out is None:
-        return picture, animation
-    return picture or out / "two_robots.png", animation or out / "two_robots.gif"
-
-
 def _write(
-    result: "TwoResult", maps: tuple, figures: dict, files: tuple, out: Path | None
+    result: "TwoResult", maps: tuple, figures: dict, request: TwoRequest
 ) -> list[Path]:
+    """Write what was asked for; return the paths."""
+    picture, animation, out = request.picture, request.animation, request.out
     written = []
-    picture, animation = files
+    if out is not None:
+        picture = picture or out / "two_robots.png"
+        animation = animation or out / "two_robots.gif"
     if picture is not None:
         from sim.two.two_picture import write_two_picture
 

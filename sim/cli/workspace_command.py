@@ -1,11 +1,14 @@
 """`odm workspace`: what a robot reaches, stored as a map, told and drawn."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.terminal.output import JSON_HELP, Bars, bytes_text, guarded, show_json
+from sim.run.folders import REACH_MAPS, check_reach_folder
+from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.output import Bars, bytes_text, guarded, report
 
 if TYPE_CHECKING:
     from handover import Chain, ReachMap
@@ -15,8 +18,6 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-REACH_MAPS = Path("maps/built/reach")
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
 Poses = Annotated[
     int,
     typer.Option(
@@ -28,67 +29,57 @@ Plot = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class ReachRequest:
+    """What `odm workspace build` is asked for."""
+
+    source: str = argument(..., "Name of a robot, its URDF, or human.", metavar="ROBOT")
+    out: Path | None = flag(
+        None, "The folder; maps/built/reach/NAME if left.", metavar="DIR"
+    )
+    tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
+    lock: list[str] | None = flag(
+        None, "Make a joint rigid; repeatable.", metavar="JOINT=VALUE"
+    )
+    cell: float = flag(0.05, "Side of a position cell, m.")
+    rotations: int = flag(576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...")
+    samples: int | None = flag(None, "Configurations drawn before settling.")
+    seconds: float | None = flag(None, "Stop then; the map depends on the machine.")
+    seed: int = flag(1, "Same seed, same map.", min=0)
+    threads: int = flag(0, "0: one per core.", min=0)
+    self_collision: bool = flag(
+        True,
+        "Whether configurations in self-collision count out.",
+        "--self-collision/--no-self-collision",
+    )
+    recall: Poses = 2000
+    plot: Plot = None
+    json: Json = None
+
+
 @app.command("build")
 @guarded
-def build(
-    source: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT", help="Name of a robot, its URDF, or human."),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="The folder; maps/built/reach/NAME if left."),
-    ] = None,
-    tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Link of the tool.")
-    ] = None,
-    lock: Annotated[
-        list[str] | None,
-        typer.Option(metavar="JOINT=VALUE", help="Make a joint rigid; repeatable."),
-    ] = None,
-    cell: Annotated[float, typer.Option(help="Side of a position cell, m.")] = 0.05,
-    rotations: Annotated[
-        int, typer.Option(help="Cells of rotation: 72 (60 deg), 576 (30 deg)...")
-    ] = 576,
-    samples: Annotated[
-        int | None, typer.Option(help="Configurations drawn before settling.")
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(help="Stop then; the map depends on the machine."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same map.")] = 1,
-    threads: Annotated[int, typer.Option(min=0, help="0: one per core.")] = 0,
-    self_collision: Annotated[
-        bool,
-        typer.Option(
-            "--self-collision/--no-self-collision",
-            help="Whether configurations in self-collision count out.",
-        ),
-    ] = True,
-    recall: Poses = 2000,
-    plot: Plot = None,
-    json: Json = None,
-) -> None:
+@from_request(ReachRequest)
+def build(request: ReachRequest) -> None:
     """Mark all 6-D cells a robot reaches, each with its dexterity and a witness.
 
     odm workspace build panda --plot reach.png
     """
     from handover import ReachSettings, build_reach_map, load_reach_map
 
-    target = out or REACH_MAPS / Path(source).stem
-    check_target(target)
-    chosen = {"cell": cell, "rotations": rotations, "samples": samples}
-    chosen |= {"seconds": seconds, "seed": seed}
+    target = request.out or REACH_MAPS / Path(request.source).stem
+    check_reach_folder(target)
+    names = ("cell", "rotations", "samples", "seconds", "seed")
+    chosen = {name: getattr(request, name) for name in names}
     settings = ReachSettings(**{k: v for k, v in chosen.items() if v is not None})
     with Bars() as tell:
         tell("robot", 0, 1)
-        chain = chain_named(source, tip, lock, self_collision)
+        chain = chain_of_request(request)
         tell("robot", 1, 1)
-        build_reach_map(chain, settings, threads, tell).save(target)
+        build_reach_map(chain, settings, request.threads, tell).save(target)
         reach = load_reach_map(target)
-        facts = reach_facts(reach, target, chain, recall, tell)
-    _report(reach, facts, plot, json)
+        facts = reach_facts(reach, target, chain, request.recall, tell)
+    _report(reach, facts, request.plot, request.json)
 
 
 @app.command("info")
@@ -113,9 +104,7 @@ def info(
     _report(reach, facts, plot, json)
 
 
-def chain_named(
-    source: str, tip: str | None, lock: list[str] | None, self_collision: bool
-) -> "Chain":
+def chain_of_request(request: ReachRequest) -> "Chain":
     """Return the chain of a robot by name or URDF, or of a person's arm: "human".
 
     Raises:
@@ -125,39 +114,17 @@ def chain_named(
     from roadmap import load_robot
     from sim.cli.build_command import parse_locked
 
-    if source == "human":
+    if request.source == "human":
         from roadmap.errors import BadInput
 
-        if tip or lock:
+        if request.tip or request.lock:
             raise BadInput("a person's arm has no --tip and no --lock; leave them out")
         return Human().arm("right").chain()
 
     # the sphere cover is not used here, so it may be coarse
-    robot = load_robot(source, tip=tip, locked=parse_locked(lock), cover_excess=0.1)
-    return chain_of(robot, self_collision)
-
-
-def check_target(target: Path) -> None:
-    """Refuse to replace what is no reach map, before any work.
-
-    Raises:
-        BuildRefused: The folder holds something else.
-    """
-    import json
-
-    from roadmap.errors import BuildRefused
-
-    if not target.exists():
-        return
-    try:
-        kind = json.loads((target / "manifest.json").read_text())["kind"]
-    except (OSError, ValueError, KeyError, TypeError):
-        kind = None
-    if kind != "reach map":
-        raise BuildRefused(
-            f"{target} exists and holds no reach map, so it is left alone; choose "
-            "another --out or remove it yourself"
-        )
+    locked = parse_locked(request.lock)
+    robot = load_robot(request.source, tip=request.tip, locked=locked, cover_excess=0.1)
+    return chain_of(robot, request.self_collision)
 
 
 def reach_facts(
@@ -198,10 +165,7 @@ def _report(
 
         plot.parent.mkdir(parents=True, exist_ok=True)
         facts["plot"] = str(write_reach_plot(reach, plot))
-    if json is not None:
-        show_json(facts, json)
-    if json != "-":
-        _show(facts)
+    report(facts, json, _show)
 
 
 def _show(facts: dict) -> None:

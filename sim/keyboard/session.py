@@ -7,7 +7,6 @@ from typing import Protocol
 
 from sim.keyboard.bindings import ARM_KEYS, END, HELP, PAUSE, plain
 from sim.keyboard.motion import KeyboardArm
-from sim.keyboard.pacing import NAP, Pacer
 from sim.keyboard.picture import key_lines, painted, picture
 from sim.keyboard.signals import Signals
 from sim.keyboard.tally import Tally
@@ -17,6 +16,51 @@ from sim.loop.loop import Frame
 
 REDRAW = 0.1  # from picture to picture [s]
 RELINE = 1.0  # from line to line where there is no picture [s]
+NAP = 0.05  # longest sleep, so that a signal is soon heeded at low rates too [s]
+
+
+class Pacer:
+    """Lets each turn of a loop begin one period after the one before.
+
+    A turn that takes longer than the period makes the next one late. The lost time
+    is not made up for: the schedule slips, and the delay is counted.
+
+    Args:
+        period: From turn to turn [s].
+        clock: Returns the time [s].
+        sleep: Waits for some seconds.
+
+    Attributes:
+        late: Turns that began late.
+        slipped_s: By how much the simulation is behind the clock [s].
+    """
+
+    def __init__(
+        self,
+        period: float,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Begin the first turn now."""
+        self.period, self.late, self.slipped_s = period, 0, 0.0
+        self._clock, self._sleep = clock, sleep
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a turn now, after a pause that is no delay."""
+        self._next = self._clock() + self.period
+
+    def wait(self, stop: Callable[[], bool] = lambda: False) -> None:
+        """Sleep until the next turn is due, or until `stop()`."""
+        now = self._clock()
+        if now > self._next:
+            self.late += 1
+            self.slipped_s += now - self._next
+            self._next = now
+        while now < self._next and not stop():
+            self._sleep(min(self._next - now, NAP))
+            now = self._clock()
+        self._next += self.period
 
 
 class FrameSource(Protocol):
@@ -93,13 +137,13 @@ class Session:
                 screen.draw([(f"{key:<5}{does}", False) for key, does in key_lines()])
             self.pacer.restart()
             while not signals.suspended:
-                self._heed(keys, signals)
+                self._obey(keys, signals)
                 if self.ended:
                     return False
                 self._turn(screen, signals)
             return True
 
-    def _heed(self, keys: Keys, signals: Signals) -> None:
+    def _obey(self, keys: Keys, signals: Signals) -> None:
         """Take keys and signals, and see whether the time is over."""
         for key in map(plain, keys.read()):
             if key in ARM_KEYS:

@@ -5,23 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm.cell_map.payload import required
-from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
 
 if TYPE_CHECKING:
     from odm import ReactivePlanner
-
-
-def check_carry(radius: float | None, motion: str) -> None:
-    """Refuse what does not go with a ball in the hand, before any work."""
-    if radius is None:
-        return
-    if motion == "keyboard":
-        raise BadInput("--carry does not go with --motion keyboard; leave one out")
-    if not 0.0 < radius < np.inf:
-        raise BadInput(f"--carry {radius} is no radius; give metres above 0")
 
 
 def take_ball(planner: "ReactivePlanner", radius: float | None) -> Robot:

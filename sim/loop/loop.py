@@ -19,7 +19,8 @@ from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
-FRESH, MORE = 6, 3  # frames of a new path, in which so many times more is tested
+# a new path is polished more: for so many frames, so many times as many motions
+NEW_PATH_FRAMES, NEW_PATH_POLISH = 6, 3
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
 
@@ -170,7 +171,7 @@ class Loop:
         self._watcher = Watcher(covering=s.spacing, robot_speed=most)
         self._widest = float(robot.spheres[self._moving, 3].max(initial=0.0))
         self._retreats = self._escape = False
-        self._fresh = 0  # frames in which the path in use counts as new
+        self._new_path_for = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
         self.body = self._pushed_body(pushed) if pushed else None
         if self.body is not None:
@@ -190,8 +191,9 @@ class Loop:
         point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
         commit = self.executor.commit()
+        surface = _surface_facts(capsules)
         answer = self.planner.step(
-            points, q=commit.q, dq=point.dq, stamp=now, now=now, **_told(capsules)
+            points, q=commit.q, dq=point.dq, stamp=now, now=now, **surface
         )
         threat = None
         if len(capsules) and self.executor.brakes:
@@ -203,7 +205,8 @@ class Loop:
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
         escape = self._escapes(answer.status == "holding")
-        self._fresh = FRESH if answer.status == "replanned" else self._fresh - 1
+        new = answer.status == "replanned"
+        self._new_path_for = NEW_PATH_FRAMES if new else self._new_path_for - 1
         polish_s, polish_cpu_s = self._polish()
         frame = Frame(
             index=self.index,
@@ -285,9 +288,10 @@ class Loop:
     def _polish(self) -> tuple[float, float]:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
-        if self.settings.polish and self._fresh < FRESH:
+        if self.settings.polish and self._new_path_for < NEW_PATH_FRAMES:
             ahead = self.executor.ahead()
-            most = self.settings.polish * (MORE if self._fresh > 0 else 1)
+            times = NEW_PATH_POLISH if self._new_path_for > 0 else 1
+            most = times * self.settings.polish
             _optional(self.planner, "polish", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy
 
@@ -421,7 +425,7 @@ def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
     return places
 
 
-def _told(capsules: np.ndarray) -> dict[str, object]:
+def _surface_facts(capsules: np.ndarray) -> dict[str, object]:
     """Return what the planner may know of the shapes: closed, their least radius."""
     rounding = float(capsules[:, 6].min()) if len(capsules) else None
     return {"closed": True, "rounding": rounding}

@@ -129,8 +129,8 @@ class Pushes:
         """Draw the encoders' error and the first push."""
         self.settings, self.period = settings, period
         self._rng = np.random.default_rng(seed)
-        self._sway = joint_motion_bounds(robot)
-        self.error = self._drawn(settings.encoder, len(self._sway))
+        self._motion_bound = joint_motion_bounds(robot)
+        self.error = self._drawn(settings.encoder, len(self._motion_bound))
         self.now = self._next(0.0)
 
     def at(self, t: float) -> Push:
@@ -154,11 +154,11 @@ class Pushes:
 
     def _drawn(self, size: float, joints: int) -> np.ndarray:
         """Return (dof,) a movement of some joints, of any point by `size` at most."""
-        rng, sway = self._rng, self._sway
-        chosen = rng.permutation(np.flatnonzero(sway > _LEVER))[:joints]
-        dq = np.zeros(len(sway))
+        rng, bound = self._rng, self._motion_bound
+        chosen = rng.permutation(np.flatnonzero(bound > _LEVER))[:joints]
+        dq = np.zeros(len(bound))
         shares = rng.dirichlet(np.ones(len(chosen))) * rng.choice((-1, 1), len(chosen))
-        dq[chosen] = size * shares / sway[chosen]
+        dq[chosen] = size * shares / bound[chosen]
         return dq
 
 
@@ -216,17 +216,17 @@ class PushedRobot:
         if np.abs(difference(self.robot, self._point, before)).max() > _JUMPED:
             self.seats += 1
             self._over = push if push.kind == SLIP and t > push.begin else self._over
-        beside = difference(self.robot, before, self.q)
-        left = beside - self._pulled(push, t)  # fades; most of the time it is none
+        offset = difference(self.robot, before, self.q)
+        left = offset - self._pulled(push, t)  # fades; most of the time it is none
         fades = math.exp(-self.pushes.period / _SETTLES)
         target = self._pulled(push, self._t) + fades * left
-        away = (np.abs(target) > np.abs(beside) + _ROUNDING).any()
+        away = (np.abs(target) > np.abs(offset) + _ROUNDING).any()
         self._note(push)
         self._point = np.array(after, float)
-        beside = self._stopped(after, beside, target, gap if away else None)
-        self.q = self._wrapped(after + beside)
-        strays = sphere_centers(self.robot, after) - sphere_centers(self.robot, self.q)
-        most = np.linalg.norm(strays, axis=1).max(initial=0.0)
+        offset = self._stopped(after, offset, target, gap if away else None)
+        self.q = self._wrapped(after + offset)
+        off = sphere_centers(self.robot, after) - sphere_centers(self.robot, self.q)
+        most = np.linalg.norm(off, axis=1).max(initial=0.0)
         self.farthest = max(self.farthest, float(most))
 
     def figures(self) -> dict:
@@ -247,23 +247,23 @@ class PushedRobot:
     def _stopped(
         self,
         point: np.ndarray,
-        beside: np.ndarray,
+        offset: np.ndarray,
         target: np.ndarray,
         gap: Callable[[np.ndarray], float] | None,
     ) -> np.ndarray:
-        """Return how far from `beside` to `target` it gets; back if it cannot be."""
+        """Return how far from `offset` to `target` it gets; back if it cannot be."""
         least = 0.0
         if gap is not None:
-            least = min(self.pushes.settings.keep_off, gap(point + beside))
+            least = min(self.pushes.settings.keep_off, gap(point + offset))
         for part in _PARTS:
-            there = beside + part * (target - beside)
+            there = offset + part * (target - offset)
             near = gap is not None and part > 0.0 and gap(point + there) < least
             if not near and self._may_be(self._wrapped(point + there)):
                 return there
         for part in (0.75, 0.5, 0.25):
-            if self._may_be(self._wrapped(point + part * beside)):
-                return part * beside
-        return 0.0 * beside
+            if self._may_be(self._wrapped(point + part * offset)):
+                return part * offset
+        return 0.0 * offset
 
     def _note(self, push: Push) -> None:
         if push is not self._seen and self._t > push.begin:

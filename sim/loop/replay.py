@@ -8,7 +8,7 @@ from odm import Answer, CellMap, ReactivePlanner
 from odm.execution.kinematic import Follower
 from odm.planner.goal_checks import check_valid
 from roadmap.kinematics.forward import difference
-from sim.loop.recording import BadRecording, Recording, read_recording
+from sim.loop.recording import Recording
 from sim.loop.run_result import percentiles
 from sim.loop.warmup import exercise
 
@@ -146,6 +146,3 @@ def show(record: dict) -> None:
     print(f"latency {figures}; map {record['map_hash'][:12]}")
     if summary["points_outside"]:
         print(f"{summary['points_outside']} points lay outside the map's grid")
-
-
-__all__ = ["BadRecording", "Recording", "play", "read_recording", "show"]

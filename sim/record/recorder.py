@@ -5,7 +5,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +15,73 @@ from roadmap.errors import BadInput
 from roadmap.unfinished import beside
 from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
-from sim.record.columns import Column
 from sim.record.file import write_record
 from sim.record.run_record import CARRYING, FORMAT, NOBODY, OUTCOME, RunRecord
+from sim.tables.header import version
 from sim.terminal import interrupt
 
 PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"
 PACKAGES = ("odm-planner", "numpy", "numba", "scipy", "ruckig", "python-fcl")
 _WRITING = 30.0  # after Ctrl-C a recording may take so long to be written [s]
 _ASK_AGAIN = 0.5  # a long hold is asked for its reason so often [s]
+_ROWS = 512  # of one block
+
+
+class Column:
+    """One value of every frame, as arrays of one type.
+
+    Args:
+        dtype: Type of the numbers.
+    """
+
+    def __init__(self, dtype: type) -> None:
+        """Hold nothing yet."""
+        self._dtype = dtype
+        self._full: list[np.ndarray] = []
+        self._block: np.ndarray | None = None
+        self._used = 0
+
+    def add(self, value: object) -> None:
+        """Add the value of one frame; its shape may change from frame to frame."""
+        value = np.asarray(value, self._dtype)
+        block = self._block
+        if block is None or block.shape[1:] != value.shape or self._used == len(block):
+            if block is not None:
+                whole = self._used == len(block)
+                self._full.append(block if whole else block[: self._used].copy())
+            block = self._block = np.empty((_ROWS, *value.shape), self._dtype)
+            self._used = 0
+        block[self._used] = value
+        self._used += 1
+
+    def blocks(self, n: int) -> list[np.ndarray]:
+        """Return arrays that hold the first `n` frames in order."""
+        blocks, left = [], n
+        last = [] if self._block is None else [self._block[: self._used]]
+        for block in [*self._full, *last]:
+            if left > 0:
+                blocks.append(block[:left])
+                left -= len(block)
+        return blocks
+
+    def rows(self, n: int) -> np.ndarray:
+        """Return the first `n` frames, (n, ...); their values have one shape."""
+        return np.concatenate(self.blocks(n))
+
+    def shapes(self, n: int, width: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the first `n` frames of (k, width) values whose k may change.
+
+        Returns:
+            (n, k, width) and None where k is the same in all frames, else
+            (sum of k, width) and (n + 1,) offsets: frame i owns the rows from
+            offsets[i] to offsets[i + 1].
+        """
+        blocks = self.blocks(n)
+        counts = np.concatenate([np.full(len(b), b.shape[1]) for b in blocks])
+        if (counts == counts[0]).all():
+            return np.concatenate(blocks), None
+        offsets = np.r_[0, np.cumsum(counts)].astype(np.int64)
+        return np.concatenate([b.reshape(-1, width) for b in blocks]), offsets
 
 
 class Recorder:
@@ -169,14 +226,11 @@ def versions() -> dict[str, str]:
     """Return Python, machine and the packages that make the numbers, by name."""
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
+        found[name] = version(name) or "not installed"
     return found
 
 
-def check_target(path: Path) -> None:
+def check_recording_path(path: Path) -> None:
     """Refuse a file that could not be written, before any work.
 
     Raises:

@@ -1,6 +1,5 @@
-"""What `make demo` and `odm run` do: a robot at work while a person moves."""
+"""`odm demo`: a robot at work while a person moves, with tables and pictures."""
 
-import gc
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +8,8 @@ import numpy as np
 from rich.console import Console
 
 from odm.cell_map.cell_map import CellMap, load_map
-from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadRobot
-from roadmap.kinematics.forward import tool_pose
 from roadmap.loading.held_link import with_payload
 from sim.draw.animation import FilmSettings, write_animation
 from sim.draw.cover_world import CoverWorld
@@ -20,13 +17,10 @@ from sim.draw.latency_plot import write_latency_plot
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import RunResult
-from sim.loop.warmup import exercise
-from sim.loop.work_places import work_places
 from sim.people.arm_path import Person
 from sim.people.human_motion import HumanMotion, make_motion
+from sim.run.places import DEMO, find_places, warm_up
 from sim.run.report import print_report
-
-DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 
 
 @dataclass(frozen=True)
@@ -114,32 +108,6 @@ def run_pair(
     bare = replace(settings, keep_paths=0)
     alone = run_loop(planner, planner.robot, places, None, bare)
     return result, alone
-
-
-def find_places(planner: ReactivePlanner) -> np.ndarray:
-    """Return two free work places, (2, dof), left and right in front of the robot."""
-    return work_places(planner.robot, planner.cell_map.roadmap, planner.is_free)
-
-
-def warm_up(
-    planner: ReactivePlanner,
-    places: np.ndarray,
-    motion: str | HumanMotion,
-    settings: LoopSettings,
-) -> None:
-    """Run a few frames so that everything is compiled before time is measured."""
-    exercise(planner.cell_map)
-    brief = replace(settings, duration_s=3.0, keep_paths=0)
-    human = make_motion(motion) if isinstance(motion, str) else motion
-    run_loop(planner, planner.robot, places, human, brief)
-    tool = tool_pose(planner.robot, places[0])[:3, 3]
-    touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
-    answer = planner.step(touching, q=places[0])
-    planner.separation(places[0])
-    _ = answer.reason, answer.retreat
-    # what was loaded stays: looking for garbage in it takes 70 ms, in some frame
-    gc.collect()
-    gc.freeze()
 
 
 def open_world(

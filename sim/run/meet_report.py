@@ -5,8 +5,8 @@ from collections import Counter
 import numpy as np
 
 from handover.targets.live_targets import BLOCKED, NOBODY
-from sim.loop.meet_loop import MeetLoop
 from sim.loop.run_result import RunResult, percentiles
+from sim.run.meet_loop import MeetLoop
 
 
 def target_figures(loop: MeetLoop, result: RunResult) -> dict:

@@ -2,13 +2,12 @@
 
 import platform
 from collections.abc import Sequence
-from importlib import metadata
-from pathlib import Path
 
 from rich.console import Console, Group
 from rich.table import Table
 
 from sim.loop.run_result import RunResult, percentiles
+from sim.tables.header import processor, version
 
 PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
 
@@ -81,8 +80,9 @@ def latency_table(result: RunResult) -> Table:
 
 def setting_line(map_hash: str = "") -> str:
     """Return processor, Python, package versions and map hash in one line."""
-    versions = [f"{name} {_version(name)}" for name in PACKAGES]
-    parts = [processor(), f"Python {platform.python_version()}", *versions]
+    cpu, python, *versions = setting().values()
+    named = [f"{name} {v}" for name, v in zip(PACKAGES, versions, strict=True)]
+    parts = [cpu, f"Python {python}", *named]
     if map_hash:
         parts.append(f"map {map_hash[:12]}")
     return " · ".join(parts)
@@ -90,18 +90,8 @@ def setting_line(map_hash: str = "") -> str:
 
 def setting() -> dict[str, str]:
     """Return processor and versions by name, for a JSON report."""
-    versions = {name: _version(name) for name in PACKAGES}
+    versions = {name: version(name) or "absent" for name in PACKAGES}
     return {"cpu": processor(), "python": platform.python_version(), **versions}
-
-
-def processor() -> str:
-    """Return the processor's name, as far as the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if "model name" in line]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]:
@@ -136,13 +126,6 @@ def _cm(result: RunResult, frame: int | None) -> str:
 
 def _speed(result: RunResult, frame: int | None) -> str:
     return "-" if frame is None else f"{result.point_speed[frame]:.2f} m/s"
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "absent"
 
 
 def _table(title: str) -> Table:

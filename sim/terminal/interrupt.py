@@ -26,6 +26,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from os import _exit
+from sys import _current_frames
 from types import FrameType
 
 EXIT_CODE = 130
@@ -118,10 +120,10 @@ class _Listener:
         with suppress(OSError):
             os.write(2, f"{shown}{SENTENCE}\n".encode())
         for _ in range(50):
-            if not any(map(_is_whole, sys._current_frames().values())):
+            if not any(map(_is_whole, _current_frames().values())):
                 break
             time.sleep(0.005)
-        os._exit(EXIT_CODE)
+        _exit(EXIT_CODE)
 
 
 _listener: _Listener | None = None
@@ -130,8 +132,8 @@ _listener: _Listener | None = None
 def listen() -> None:
     """Hear Ctrl-C from now on; the first thing a command does, in its main thread.
 
-    Until `heeding` is entered nothing was begun, so that Ctrl-C ends the process at
-    once. Where SIGINT is ignored, or somebody else's, it is left so.
+    Until `interruptible` is entered nothing was begun, so that Ctrl-C ends the process
+    at once. Where SIGINT is ignored, or somebody else's, it is left so.
     """
     global _listener
     plain = signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -140,7 +142,7 @@ def listen() -> None:
 
 
 @contextmanager
-def heeding() -> Iterator[None]:
+def interruptible() -> Iterator[None]:
     """Let Ctrl-C raise KeyboardInterrupt in here, and end the process behind it."""
     listen()
     here = _listener

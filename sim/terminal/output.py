@@ -23,7 +23,6 @@ EXTRAS = {
     "ompl": "bench",
     "pinocchio": "bench",
 }
-JSON_HELP = "Write the figures as JSON to FILE.json; alone or as '-': to the terminal."
 
 
 def guarded(command: Callable) -> Callable:
@@ -91,6 +90,14 @@ def show_json(data: object, target: str) -> None:
         sys.stdout.write(text)
     else:
         write_text(target, text)
+
+
+def report(facts: dict, json: str | None, show: Callable[[dict], object]) -> None:
+    """Write facts as JSON where that is asked for, and show them unless it is shown."""
+    if json is not None:
+        show_json(facts, json)
+    if json != "-":
+        show(facts)
 
 
 def write_text(path: str | Path, text: str) -> Path:

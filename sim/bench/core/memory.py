@@ -17,10 +17,10 @@ import numpy as np
 from odm import ReactivePlanner, load_map
 from roadmap.errors import BadInput
 from sim.bench.clock import time_row
-from sim.cli.run_command import person_of
 from sim.loop.loop import Loop
 from sim.people.person_place import before_work_places
-from sim.run.demo import DEMO, find_places, warm_up
+from sim.run.places import DEMO, find_places, person_of, warm_up
+from sim.run.request import RunRequest
 from sim.tables.header import header
 from sim.tables.table import value_row
 
@@ -71,7 +71,7 @@ def run(
             f"{seconds:g} s are {n} frames; memory is looked at {LOOKS} times, so give "
             f"at least {LOOKS / settings.rate_hz:g} s"
         )
-    people = [person_of(name, seed) for name in motions]
+    people = [person_of(RunRequest(Path(map_dir), name, seed=seed)) for name in motions]
     cell_map = load_map(map_dir, verify=False)
     rows, memory, late = [], {}, {}
     for person in people:

@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from odm import ReactivePlanner, load_map
-from sim.cli.run_command import person_of
 from sim.loop.loop import LoopSettings, exact_audit, run_loop
 from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
 from sim.people.human_motion import make_motion, motion_names
 from sim.people.person_place import before_work_places
 from sim.people.scenes import SCENES
-from sim.run.demo import DEMO, find_places
+from sim.run.places import DEMO, find_places, person_of
+from sim.run.request import RunRequest
 from sim.tables.header import header
 from sim.tables.table import value_row
 
@@ -69,7 +69,7 @@ def run(
         make_motion(name, seed)  # a wrong name is refused before any work
     files = tuple(str(file) for file in files)
     for file in files:
-        person_of("mocap", seed, Path(file))
+        person_of(RunRequest(Path(map_dir), "mocap", file=Path(file)))
     if short:
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
@@ -109,7 +109,7 @@ def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
     )
     recorded = motion is not None and motion not in motion_names()
     if recorded:
-        human = person_of("mocap", seed, Path(motion))
+        human = person_of(RunRequest(Path(map_dir), "mocap", file=Path(motion)))
     else:
         human = None if motion is None else make_motion(motion, seed)
     places = find_places(planner)

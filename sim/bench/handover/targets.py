@@ -9,16 +9,10 @@ import numpy as np
 
 from odm import load_map
 from roadmap.errors import BadInput
-from sim.cli.targets_command import (
-    AUDIT_S,
-    GRASPS,
-    MeetOptions,
-    open_table,
-    person_of,
-    play,
-    reach_of,
-)
-from sim.run.demo import DEMO
+from sim.loop.loop import run_frames
+from sim.run.meet import GRASPS, MeetTask, reach_map_of
+from sim.run.request import RunRequest
+from sim.run.runner import settings_of
 from sim.tables.header import header
 from sim.tables.table import value_row
 
@@ -72,19 +66,23 @@ def run(
     distances = tuple(distances or DISTANCES)
     if not 0 < seconds < np.inf:
         raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
-    settings = replace(
-        DEMO, duration_s=seconds, execution=execution, seed=seed, keep_paths=0
+    asked = RunRequest(
+        Path(map_dir),
+        MOTION,
+        seconds,
+        execution=execution,
+        targets="meet",
+        reach=None if reach is None else Path(reach),
     )
-    options = MeetOptions(None if reach is None else Path(reach))
-    for distance in distances:  # a wrong one is refused before any work
-        person_of(MOTION, seed, None, replace(options, distances=(distance,) * 2))
-    cell_map = load_map(map_dir, verify=False)
-    tell("reach map")
-    found = reach_of(cell_map.robot, options.reach, lambda *progress: None)
     jobs = [
-        (str(map_dir), options, replace(settings, seed=seed + k), distance)
+        replace(asked, seed=seed + k, distance=(distance, distance))
         for k, distance in enumerate(distances)
     ]
+    for job in jobs:  # a wrong distance or setting is refused before any work
+        settings_of(job, MeetTask(job).person())
+    cell_map = load_map(map_dir, verify=False)
+    tell("reach map")
+    found = reach_map_of(cell_map.robot, asked.reach, lambda *progress: None)
     runs = []
     tell(f"{len(jobs)} runs of {seconds:g} s, {execution}")
     for one in _all(jobs, min(processes, len(jobs))):
@@ -98,8 +96,8 @@ def run(
         "execution": execution,
         "reach map": f"{found.hash[:12]}, {found.grid.cell:g} m / "
         f"{found.grid.rotations.n_cells}",
-        "object": f"{options.obj}, {GRASPS} grasps",
-        "audited": f"every {AUDIT_S:g} s",
+        "object": f"{asked.obj}, {GRASPS} grasps",
+        "audited": f"every {asked.audit_s:g} s",
         "runs at a time": min(processes, len(jobs)),
         "top, near": "at or on the way to the top-ranked reachable target, to one "
         "within the margin of its quality",
@@ -114,7 +112,7 @@ def run(
     }
 
 
-def _all(jobs: list[tuple], processes: int) -> "Sequence[dict]":
+def _all(jobs: list[RunRequest], processes: int) -> "Sequence[dict]":
     """Yield the runs in order, several at a time."""
     if processes <= 1:
         yield from map(_played, jobs)
@@ -123,16 +121,17 @@ def _all(jobs: list[tuple], processes: int) -> "Sequence[dict]":
         yield from pool.imap(_played, jobs, chunksize=1)
 
 
-def _played(job: tuple) -> dict:
+def _played(job: RunRequest) -> dict:
     """Run once; a process of its own may do this."""
-    map_dir, options, settings, distance = job
-    options = replace(options, distances=(distance, distance))
-    person, side = person_of(MOTION, settings.seed, None, options)
-    table = open_table(Path(map_dir), options, lambda *progress: None)
-    result, told = play(table, person, side, settings, AUDIT_S, lambda done: None)
+    task = MeetTask(job)
+    person = task.person()
+    task.open(lambda *progress: None)
+    loop = task.loop(person, settings_of(job, person))
+    result = run_frames(loop, task.hear)
     summary = result.summary()
     same = {k: summary[k] for k in ("trajectory_sha256", "path_changes", "held_s")}
-    return {"distance_m": distance, "seed": settings.seed} | told | same
+    found = task.figures(loop, result)["targets"]
+    return {"distance_m": job.distances[0], "seed": job.seed} | found | same
 
 
 def _rows(runs: list[dict]) -> list[dict]:

@@ -16,7 +16,7 @@ from roadmap.errors import BuildRefused
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference
 from roadmap.store import read_folder
-from sim.cli.build_command import check_target
+from sim.run.folders import check_map_folder
 
 URDF = """<robot name="pincer">
 <link name="base"><collision><geometry><sphere radius="0.04"/></geometry></collision>
@@ -95,7 +95,7 @@ def test_a_new_map_says_that_fingers_travel(recipe, whole, tmp_path):
     assert read_folder(folder)[0]["recipe"]["robot"]["travel"] == "auto"
     loaded = odm.load_map(folder)
     assert loaded.recipe == recipe and loaded.recipe.robot.travel is None
-    check_target(folder, recipe, force=False)
+    check_map_folder(folder, recipe, force=False)
 
 
 def test_an_old_map_has_fingers_that_stand_still(recipe, tmp_path):
@@ -113,9 +113,9 @@ def test_an_old_map_has_fingers_that_stand_still(recipe, tmp_path):
     assert odm.load_map(loaded.save(tmp_path / "copy")).hash == loaded.hash
     again = odm.build_map(loaded.recipe).save(tmp_path / "again")
     assert odm.load_map(again).hash == loaded.hash
-    check_target(folder, still(recipe), force=False)
+    check_map_folder(folder, still(recipe), force=False)
     with pytest.raises(BuildRefused, match="holds the map of another recipe"):
-        check_target(folder, recipe, force=False)
+        check_map_folder(folder, recipe, force=False)
 
 
 def test_recipes_of_the_package_leave_it_to_the_gripper():

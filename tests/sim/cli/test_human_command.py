@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handover import POSTURES, Human
-from sim.cli.human_command import human_facts, reach_of
+from sim.cli.human_command import grip_reach, human_facts
 
 
 def test_figures_are_those_of_the_model(odm):
@@ -26,7 +26,7 @@ def test_figures_are_those_of_the_model(odm):
 
 def test_reach_is_that_of_a_straight_arm_where_ranges_allow_it():
     human = Human(1.75)
-    reach = reach_of(human)
+    reach = grip_reach(human)
     length = human.arm("right").length
     for direction in ("forward", "up", "down", "outward"):
         assert reach[direction] == pytest.approx(length, abs=0.005)

@@ -21,7 +21,7 @@ def ready():
     print("ready", flush=True)
 """
 SWALLOWED = """
-with interrupt.heeding():
+with interrupt.interruptible():
     ready()
     while True:
         try:
@@ -31,7 +31,7 @@ with interrupt.heeding():
 """
 IN_A_POOL = """
 from concurrent.futures import ThreadPoolExecutor
-with interrupt.heeding(), ThreadPoolExecutor(2) as pool:
+with interrupt.interruptible(), ThreadPoolExecutor(2) as pool:
     ready()
     list(pool.map(time.sleep, [60, 60, 60]))
 """
@@ -40,7 +40,7 @@ class Loud:
     def __del__(self):
         ready()
         time.sleep(0.5)
-with interrupt.heeding():
+with interrupt.interruptible():
     Loud()
     time.sleep(60)
 """
@@ -53,7 +53,7 @@ except BaseException:
 """
 WRITING = """
 from roadmap import unfinished
-with interrupt.heeding(), unfinished.beside(pathlib.Path("map")) as made:
+with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     made.mkdir()
     for k in range(100000000):
         try:
@@ -73,14 +73,14 @@ def slow(a, b):
         ready()
         time.sleep(0.5)
 unfinished.os.rename = slow
-with interrupt.heeding(), unfinished.beside(pathlib.Path("map")) as made:
+with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     made.mkdir()
     (made / "new").touch()
     unfinished.put(made, pathlib.Path("map"))
     time.sleep(60)
 """
 PATIENT = """
-with interrupt.heeding(), interrupt.patience(20.0):
+with interrupt.interruptible(), interrupt.patience(20.0):
     try:
         ready()
         time.sleep(60)
@@ -145,7 +145,9 @@ def test_a_second_ctrl_c_does_not_wait(tmp_path):
 
 
 def test_a_program_started_with_ctrl_c_ignored_keeps_ignoring_it(tmp_path):
-    script = HEAD + "with interrupt.heeding():\n    ready()\n    time.sleep(1.0)\n"
+    script = (
+        HEAD + "with interrupt.interruptible():\n    ready()\n    time.sleep(1.0)\n"
+    )
     with started(["-c", script], tmp_path, signal.SIG_IGN) as process:
         wait_for(process.stdout, "ready")
         assert end(process)[0] == 0

@@ -7,9 +7,11 @@ import pytest
 from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
-from sim.cli.targets_command import MeetOptions, open_table, person_of, run_meet
-from sim.loop.meet_audit import Verdict, shares
-from sim.loop.meet_loop import MeetLoop
+from sim.run.meet import MeetTask
+from sim.run.meet_audit import Verdict, shares
+from sim.run.meet_loop import MeetLoop
+from sim.run.request import RunRequest
+from sim.run.runner import run
 
 
 @pytest.fixture(scope="module")
@@ -17,14 +19,15 @@ def built(meet_maps):
     return meet_maps
 
 
-def options(built, **more):
-    return MeetOptions(**({"reach": built[1], "distances": (0.9, 0.9)} | more))
+def request(built, motion="reach", **more):
+    asked = {"seconds": 4.0, "seed": 1, "rate": 50.0, "distance": (0.9, 0.9)}
+    asked |= {"targets": "meet", "reach": built[1], "json": "-"}
+    return RunRequest(built[0], motion, **(asked | more))
 
 
 @pytest.fixture(scope="module")
 def data(built):
-    asked = options(built, audit_s=0.5)
-    return run_meet(built[0], "reach", None, 4.0, 1, 50.0, asked, quiet=True)
+    return run(request(built, audit_s=0.5))
 
 
 def test_a_run_tells_what_became_of_the_targets(data):
@@ -42,19 +45,17 @@ def test_a_run_tells_what_became_of_the_targets(data):
 
 
 def test_the_same_seed_gives_the_same_run(built, data):
-    again = run_meet(
-        built[0], "reach", None, 4.0, 1, 50.0, options(built, audit_s=0), quiet=True
-    )
+    again = run(request(built, audit_s=0))
     assert again["run"]["trajectory_sha256"] == data["run"]["trajectory_sha256"]
     assert again["targets"]["audit"]["judged"] == 0
 
 
 def test_the_loop_pursues_what_it_says(built):
-    asked = options(built)
-    table = open_table(built[0], asked, lambda *a: None)
-    someone, side = person_of("jitter", 0, None, asked)
-    live = table.live(someone.human(0.0), side)
-    loop = MeetLoop(live, table.rest, someone)
+    task = MeetTask(request(built, "jitter", seed=0))
+    task.open(lambda *a: None)
+    someone = task.person()
+    live = task.setup.live(someone.human(0.0), task.side)
+    loop = MeetLoop(live, task.setup.rest, someone)
     for _ in range(150):
         frame = loop.frame()
         pursuit = loop.pursuits[-1]
@@ -70,14 +71,12 @@ def test_the_loop_pursues_what_it_says(built):
 
 
 def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
-    from sim.people.mocap import load_mocap
-
     joints = {n: p for n, p in person(120).items() if not n.startswith("left_elbow")}
-    clip = load_mocap(write_csv(tmp_path / "clip.csv", joints))
-    someone, side = person_of("mocap", 0, clip, options(built))
-    assert side == "right" and someone.sides == ("right",)
-    result = run_meet(built[0], "mocap", clip, 1.0, 0, 50.0, options(built), quiet=True)
-    assert result["run"]["frames"] == 50
+    clip = write_csv(tmp_path / "clip.csv", joints)
+    asked = request(built, "mocap", file=clip, seconds=1.0)
+    task = MeetTask(asked)
+    assert task.person().sides == ("right",) and task.side == "right"
+    assert run(asked)["run"]["frames"] == 50
 
 
 def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
@@ -130,7 +129,7 @@ def test_the_reach_map_of_another_robot_is_refused(odm, built, tmp_path):
 
 
 def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch):
-    import sim.cli.targets_command as command
+    from sim.run import meet
 
     monkeypatch.chdir(tmp_path)
     few = ReachSettings(cell=0.15, rotations=72, samples=20_000)
@@ -138,7 +137,7 @@ def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch
     def quick(chain, progress):
         return build_reach_map(chain, few, progress=progress)
 
-    monkeypatch.setattr(command, "build_reach_map", quick)
+    monkeypatch.setattr(meet, "build_reach_map", quick)
     words = ["run", "--map", built[0], "--targets", "meet", "--seconds", "0.5"]
     code, out, err = odm(*words)
     assert code == 0, err

@@ -2,13 +2,15 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 from command_line import one_sentence
 from keyboard_pty import User
 from mocap_files import person, write_csv
 
-from sim.cli.targets_command import MeetOptions, run_meet
+from sim.run.request import RunRequest
+from sim.run.runner import run
 
 KEYS = (
     "run", "--targets", "meet", "--motion", "keyboard", "--rate", "50",
@@ -17,15 +19,25 @@ KEYS = (
 
 
 def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
-    asked = MeetOptions(reach=meet_maps[1], distances=(0.9, 0.9), audit_s=0)
-    data = run_meet(
-        meet_maps[0], "reach", None, 6.0, 1, 50.0, asked, execution="timed", quiet=True
+    asked = RunRequest(
+        meet_maps[0],
+        "reach",
+        seconds=6.0,
+        seed=1,
+        rate=50.0,
+        execution="timed",
+        targets="meet",
+        reach=meet_maps[1],
+        distance=(0.9, 0.9),
+        json="-",
+        audit_s=0,
     )
+    data = run(asked)
     told = data["targets"]
     assert told["contacts"] == 0 and told["arrivals"] >= 1
     time = told["share_of_time"]
     assert time.get("there", 0.0) + time.get("on the way", 0.0) > 0.5
-    plain = run_meet(meet_maps[0], "reach", None, 6.0, 1, 50.0, asked, quiet=True)
+    plain = run(replace(asked, execution="kinematic"))
     assert plain["run"]["trajectory_sha256"] != data["run"]["trajectory_sha256"]
 
 

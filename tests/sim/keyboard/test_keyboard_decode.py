@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.keyboard.bindings import ARM_KEYS, MOVES, OTHERS, SLIDERS, plain
-from sim.keyboard.decode import KeyDecoder
+from sim.keyboard.terminal import KeyDecoder
 
 SENT = {
     b"\x1b[A": "up",

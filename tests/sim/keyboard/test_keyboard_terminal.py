@@ -20,7 +20,7 @@ from sim.keyboard.control import KeyEvent
 from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.terminal import NoTerminal, Screen, open_terminal
 from sim.loop.loop import LoopSettings, run_loop
-from sim.run.demo import DEMO, find_places
+from sim.run.places import DEMO, find_places
 
 # a loop that answers at once, so that only keys, screen and clock are tested
 FAKE = """
@@ -82,8 +82,12 @@ sys.exit(os.waitstatus_to_exitcode(status))
 
 REAL = """
 import json, sys
-from sim.keyboard import run_keyboard
-run = run_keyboard(sys.argv[1], rate=50.0)
+from pathlib import Path
+from sim.keyboard import KeyboardPerson
+from sim.run.request import RunRequest
+from sim.run.runner import run as start
+run = KeyboardPerson()
+start(RunRequest(Path(sys.argv[1]), "keyboard", rate=50.0), run)
 data = {"events": [[e.t, e.key] for e in run.events], "frames": run.frames,
         "print": run.result.fingerprint()}
 open(sys.argv[2], "w").write(json.dumps(data))
@@ -223,17 +227,17 @@ def test_a_dumb_terminal_gets_lines_and_no_escapes():
 
 
 def test_without_a_terminal_one_sentence_names_the_other_motions():
-    code = "from sim.keyboard import run_keyboard; run_keyboard('nowhere')"
+    words = ("-m", "sim", "run", "--motion", "keyboard", "--map", "nowhere")
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, *words],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )
-    assert done.returncode != 0
-    sentence = done.stderr.strip().splitlines()[-1]
-    assert "NoTerminal" in sentence and "standard input is none" in sentence
+    assert done.returncode == 1
+    (sentence,) = done.stderr.strip().splitlines()
+    assert "needs a terminal" in sentence and "standard input is none" in sentence
     assert "sweep, reach, jitter, hover, intrusion" in sentence
 
 

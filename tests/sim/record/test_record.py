@@ -27,7 +27,7 @@ from sim.record import (
     run_again,
     write_record,
 )
-from sim.record.columns import Column
+from sim.record.recorder import Column
 
 
 @pytest.fixture(scope="module")

@@ -17,15 +17,18 @@ from sim.record import read_record, run_again, write_record
 LIVE = """
 import sys
 from pathlib import Path
-import sim.demo
-from sim.keyboard import run_keyboard
-warm_up = sim.run.demo.warm_up
+from sim.keyboard import KeyboardPerson
+from sim.run import places, runner
+from sim.run.request import RunRequest
+warm_up = places.warm_up
 def spoil(planner, *options):
     warm_up(planner, *options)
     planner.always_replan = True
-sim.run.demo.warm_up = spoil
-sim.run.demo.find_places = lambda planner: planner.cell_map.roadmap.nodes[[0, -1]]
-run = run_keyboard(sys.argv[1], rate=50.0, record=Path(sys.argv[2]))
+places.warm_up = spoil
+places.find_places = lambda planner: planner.cell_map.roadmap.nodes[[0, -1]]
+run = KeyboardPerson()
+map_dir, record = map(Path, sys.argv[1:])
+runner.run(RunRequest(map_dir, "keyboard", rate=50.0, record=record), run)
 sys.exit(run.exit_code)
 """
 
@@ -39,7 +42,7 @@ def map_dir(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def places(monkeypatch):
     """Let the robot go between two nodes: few are on this map."""
-    monkeypatch.setattr("sim.run.demo.find_places", _two_nodes)
+    monkeypatch.setattr("sim.run.places.find_places", _two_nodes)
 
 
 def _two_nodes(planner):
@@ -170,7 +173,7 @@ def test_the_planner_of_the_run_knows_nothing_of_the_warming_up(
     def spoil(planner, *options):
         planner.always_replan = True
 
-    monkeypatch.setattr("sim.run.demo.warm_up", spoil)
+    monkeypatch.setattr("sim.run.places.warm_up", spoil)
     words = ("--map", map_dir, "--seconds", 1, "--record", tmp_path / "run.npz")
     assert odm("run", *words)[0] == 0
     head = read_record(tmp_path / "run.npz").head
@@ -191,7 +194,7 @@ def test_a_target_that_cannot_be_written_is_refused_before_the_run(
 ):
     (tmp_path / "folder.npz").mkdir()
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("sim.keyboard.command.open_terminal", lambda: (None, None))
+    monkeypatch.setattr("sim.keyboard.live.open_terminal", lambda: (None, None))
     target = ("--record", tmp_path.joinpath(*words))
     # the map is read after the target was tried
     words = ("--motion", motion, "--map", tmp_path / "no_map")

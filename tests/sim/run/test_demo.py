@@ -13,7 +13,8 @@ from odm.cell_map.recipe import Recipe, RobotRecipe
 from roadmap.graph.connecting import RoadmapSettings
 from sim.draw.animation import FilmSettings
 from sim.draw.cover_world import CoverWorld
-from sim.run.demo import DEMO, open_world, run_demo, run_pair
+from sim.run.demo import open_world, run_demo, run_pair
+from sim.run.places import DEMO
 
 BRIEF = replace(DEMO, duration_s=2.0)
 FILM = FilmSettings(width=160, height=120, frames=6)
@@ -54,7 +55,7 @@ def test_without_pybullet_the_demo_goes_on_and_says_how(map_dir, tmp_path, monke
 def test_a_pair_of_runs_differs_by_the_person_only(map_dir):
     from odm.cell_map.cell_map import load_map
     from odm.planner.planner import ReactivePlanner
-    from sim.run.demo import find_places
+    from sim.run.places import find_places
 
     planner = ReactivePlanner(load_map(map_dir))
     places = find_places(planner)

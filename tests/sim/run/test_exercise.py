@@ -10,7 +10,7 @@ import numpy as np
 from small import AWAY, HOME
 
 import odm
-from sim.run.demo import DEMO, warm_up
+from sim.run.places import DEMO, warm_up
 
 _CODE = """
 import importlib, pkgutil, sys

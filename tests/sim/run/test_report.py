@@ -8,7 +8,8 @@ from rich.console import Console
 
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import Hold, RunResult, kind_of, percentiles
-from sim.run.report import print_report, processor, setting, setting_line
+from sim.run.report import print_report, setting, setting_line
+from sim.tables.header import processor
 
 SHORT = LoopSettings(duration_s=3.0, speed_scale=1.0)
 

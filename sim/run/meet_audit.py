@@ -75,8 +75,8 @@ class TargetAudit:
             rounding: As of `ReactivePlanner.step`.
         """
         self.meet.update(human)
-        own = self.meet.rated([pursued])[0] if pursued is not None else None
-        quality = 0.0 if own is None else own.quality
+        rated = self.meet.rated([pursued])[0] if pursued is not None else None
+        quality = 0.0 if rated is None else rated.quality
         ranked = self.meet.best(RANKED)
         for rank, target in enumerate(ranked):
             T_base_tool = self._T_base_world @ target.T_world_tool

@@ -1,0 +1,133 @@
+"""`odm info` and `odm audit`: what a map holds, and whether what it says is true."""
+
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sim.terminal import interrupt
+from sim.terminal.flags import Json, MapArgument, Seed, Threads, flag, from_request
+from sim.terminal.output import Bars, show_json
+
+if TYPE_CHECKING:
+    from odm import CellMap
+    from odm.audit.audit import AuditReport
+    from odm.audit.sequence_audit import SequenceReport
+
+REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
+
+
+def info(
+    map_dir: MapArgument,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw what the map covers.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery.
+
+    The clearance tax (what the map gives away beyond its clearance m) is a quick look
+    from a few approaches; `odm bench tax` measures it.
+    """
+    from odm import load_map
+    from sim.cli import describe
+
+    cell_map = load_map(map_dir)
+    with Bars() as tell:
+        facts = describe.facts(cell_map, tell)
+    if plot is not None:
+        from sim.draw.coverage import plot_map
+
+        plot.parent.mkdir(parents=True, exist_ok=True)
+        facts["plot"] = str(plot_map(cell_map, plot))
+    if json is not None:
+        show_json(facts, json)
+    else:
+        describe.show(facts)
+
+
+@dataclass(frozen=True)
+class AuditRequest:
+    """What `odm audit` is asked for."""
+
+    map_dir: MapArgument
+    pairs: int = flag(100_000, "Pairs tested.", min=1)
+    seed: Seed = 0
+    close: bool = flag(False, "Ask the close test, not the cells.", "--close")
+    payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
+    sabotage: str | None = flag(
+        None,
+        "Take this away: the audit must fail.",
+        metavar="rho|mu|sphere|certificate",
+    )
+    sequences: int | None = flag(
+        None,
+        "Attack what a planner remembers instead: N random frames in which "
+        "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
+        min=1,
+        metavar="N",
+    )
+    threads: Threads = 0
+    json: Json = None
+
+
+@from_request(AuditRequest)
+def audit(request: AuditRequest) -> None:
+    """Try to falsify a map: exact geometry against what the map calls free.
+
+    Exit code 0: nothing found; 1: something, with the nearest cases.
+    """
+    from odm import load_map
+    from sim.cli import describe
+
+    cell_map = load_map(request.map_dir)
+    by_sequences = request.sequences is not None or request.sabotage == "certificate"
+    # an audit by pairs that is interrupted tells what it found so far
+    with nullcontext() if by_sequences else interrupt.patience(REPORT_S):
+        if by_sequences:
+            found, show = _audit_sequences(request), describe.show_sequences
+        else:
+            found, show = _audit_pairs(request, cell_map), describe.show_audit
+        if request.json is not None:
+            show_json(found.as_dict() | {"map_hash": cell_map.hash}, request.json)
+        else:
+            show(found, cell_map.hash)
+    if not found.complete:
+        raise KeyboardInterrupt
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _audit_pairs(request: AuditRequest, cell_map: "CellMap") -> "AuditReport":
+    """Audit pairs of a motion and an obstacle."""
+    from odm.audit.audit import audit as run_audit
+    from odm.cell_map.payload import loaded_map
+
+    asked = loaded_map(cell_map) if request.payload else cell_map
+    with Bars() as tell:
+        return run_audit(
+            asked,
+            pairs=request.pairs,
+            progress=tell,
+            seed=request.seed,
+            close=request.close,
+            sabotage=request.sabotage,
+            threads=request.threads,
+        )
+
+
+def _audit_sequences(request: AuditRequest) -> "SequenceReport":
+    """Audit what a planner remembers, by random sequences of frames."""
+    from odm.audit.sequence_audit import audit_sequences
+
+    with Bars() as tell:
+        return audit_sequences(
+            request.map_dir,
+            steps=request.sequences or request.pairs,
+            progress=tell,
+            seed=request.seed,
+            processes=request.threads,
+            sabotage=request.sabotage,
+        )

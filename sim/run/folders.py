@@ -1,0 +1,64 @@
+"""Where maps lie, and what is refused before one is written."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from odm import Recipe
+
+MAPS = Path("maps/built")
+REACH_MAPS = MAPS / "reach"
+
+
+def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
+    """Refuse to replace what would be lost, before any work.
+
+    Raises:
+        BuildRefused: The folder holds something else, or the map of another recipe.
+    """
+    from odm.cell_map.recipe import recipe_of_map
+    from roadmap.errors import BuildRefused, PlanningError
+    from roadmap.store import read_folder
+
+    if not target.exists():
+        return
+    if not (target / "manifest.json").is_file():
+        raise _refused(target, "is not a map folder")
+    if force:
+        return
+    try:
+        found = read_folder(target, verify=False)[0]["recipe"]
+        same = recipe_of_map(found).as_dict() == recipe.as_dict()
+    except (PlanningError, KeyError, TypeError):
+        return  # a damaged map, or one of another version: nothing is lost
+    if not same:
+        raise BuildRefused(
+            f"{target} holds the map of another recipe; choose another --out, or "
+            "replace it with --force"
+        )
+
+
+def check_reach_folder(target: Path) -> None:
+    """Refuse to replace what is no reach map, before any work.
+
+    Raises:
+        BuildRefused: The folder holds something else.
+    """
+    if not target.exists():
+        return
+    try:
+        kind = json.loads((target / "manifest.json").read_text())["kind"]
+    except (OSError, ValueError, KeyError, TypeError):
+        kind = None
+    if kind != "reach map":
+        raise _refused(target, "holds no reach map")
+
+
+def _refused(target: Path, what: str) -> Exception:
+    from roadmap.errors import BuildRefused
+
+    return BuildRefused(
+        f"{target} exists and {what}, so it is left alone; choose another --out or "
+        "remove it yourself"
+    )

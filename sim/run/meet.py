@@ -1,0 +1,220 @@
+"""A run to the best reachable hand-over target of a moving person, frame by frame."""
+
+import gc
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from handover.meet.meet_settings import MeetSettings
+
+from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
+from handover.meet.find import check_same_robot
+from handover.meet.held_object import HeldObject
+from handover.meet.workspace import InteractionWorkspace
+from handover.targets.live_targets import LiveTargets
+from handover.targets.node_index import NodeIndex
+from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
+from odm.obstacles.surfaces import sample_capsules
+from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
+from sim.loop.loop import Frame, LoopSettings, run_frames
+from sim.loop.run_result import RunResult
+from sim.people.arm import HumanArm
+from sim.people.arm_path import Person
+from sim.people.whole_person import (
+    BASE_HEIGHT,
+    RecordedPerson,
+    WholePerson,
+    scripted_person,
+)
+from sim.run.folders import REACH_MAPS, check_reach_folder
+from sim.run.meet_audit import TargetAudit, Verdict, shares
+from sim.run.meet_loop import MeetLoop
+from sim.run.meet_report import print_targets, target_figures
+from sim.run.places import Live, Progress, find_places, person_of, warm_up
+from sim.run.report import print_report
+from sim.run.request import RunRequest, held_object
+
+GRASPS = 8  # of the person, at most
+# Fewer motions to a goal than usual: a frame pays for them when the target changes.
+# One look is enough to go to a better target: the margin of quality is the hysteresis.
+# No memory of where the person was: with it the planner stays with a worse target.
+PLANNER = PlannerSettings(
+    attachments=4, start_attachments=4, looks=1, memory_s=0.0, kept_goals=32
+)
+
+
+@dataclass(frozen=True, eq=False)
+class MeetSetup:
+    """What a run needs besides the person.
+
+    Attributes:
+        cell_map, reach: The robot's map and its reach map.
+        obj: What it holds.
+        index: Nodes by pose of the tool.
+        rest: (dof,) where it begins and waits.
+    """
+
+    cell_map: CellMap
+    reach: ReachMap
+    obj: HeldObject
+    index: NodeIndex
+    rest: np.ndarray
+
+    def live(self, human: Human, side: str) -> LiveTargets:
+        """Return a live thread that knows nothing yet."""
+        planner = ReactivePlanner(self.cell_map, settings=PLANNER)
+        return LiveTargets(planner, self.meet(human, side), self.rest, self.index)
+
+    def meet(self, human: Human, side: str) -> InteractionWorkspace:
+        """Return a workspace of its own."""
+        settings = MeetSettings(side=side)
+        return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
+
+    def loop(
+        self, person: WholePerson | RecordedPerson, side: str, settings: LoopSettings
+    ) -> tuple[MeetLoop, TargetAudit]:
+        """Return a loop that has not begun, and its audit."""
+        human = person.human(0.0)
+        loop = MeetLoop(self.live(human, side), self.rest, person, settings)
+        return loop, TargetAudit(self.meet(human, side), self.cell_map)
+
+
+class MeetTask:
+    """To the targets of a person; the target pursued is audited from time to time.
+
+    Args:
+        request: What was asked for.
+        live: Who moves the person; None: a script or a recording.
+
+    Attributes:
+        cell_map: The map, once it was opened.
+        side: Hand that takes, once the person is known.
+        verdicts: Of the audit so far.
+    """
+
+    cell_map: CellMap
+
+    def __init__(self, request: RunRequest, live: Live | None = None) -> None:
+        """Load nothing yet."""
+        self.request, self.live, self.side = request, live, "right"
+        self.verdicts: list[Verdict] = []
+
+    def person(self) -> WholePerson | RecordedPerson:
+        """Return the whole person.
+
+        Raises:
+            BadInput: A wrong name or file, or a hand that it does not move.
+        """
+        asked = self.request
+        if self.live is not None:
+            near = float(np.mean(asked.distances))
+            body = Human().placed(near, 0.0, np.pi)
+            shoulder = body.T_world_shoulder("right")[:3, 3] - [0.0, 0.0, BASE_HEIGHT]
+            return WholePerson(self.live.arm(Person(HumanArm.sized(), tuple(shoulder))))
+        if asked.motion != "mocap":
+            person = scripted_person(asked.motion, asked.seed, asked.distances)
+            if asked.hand == "left":
+                raise BadInput(
+                    "a scripted person moves the right arm only; leave --hand out, or "
+                    "play a recording with --motion mocap"
+                )
+            return person
+        person = RecordedPerson(person_of(asked))
+        self.side = asked.hand or person.sides[0]
+        if self.side not in person.sides:
+            raise BadInput(
+                f"the {self.side} arm is not in {person.name}; choose {person.sides[0]}"
+            )
+        return person
+
+    def open(self, tell: Progress) -> None:
+        """Load the maps; build the reach map if there is none and none was named.
+
+        Raises:
+            BadMap: A named reach map that is none, or another robot's.
+        """
+        self.cell_map = load_map(self.request.map_dir)
+        robot = self.cell_map.robot
+        reach = reach_map_of(robot, self.request.reach, tell)
+        rest = find_places(ReactivePlanner(self.cell_map))[0]
+        tell("nodes by pose of the tool", 0, 1)
+        index = NodeIndex(robot, self.cell_map.roadmap.nodes)
+        tell("nodes by pose of the tool", 1, 1)
+        obj = held_object(self.request.obj)
+        self.setup = MeetSetup(self.cell_map, reach, obj, index, rest)
+
+    def loop(
+        self, person: WholePerson | RecordedPerson, settings: LoopSettings
+    ) -> MeetLoop:
+        """Compile everything, then return a loop whose planner knows nothing of it."""
+        self._rehearse(person, settings)
+        gc.collect()
+        gc.freeze()  # else a collection of all that was loaded takes 80 ms of a frame
+        loop, self._audit = self.setup.loop(person, self.side, settings)
+        self._loop = loop
+        return loop
+
+    def _rehearse(
+        self, person: WholePerson | RecordedPerson, settings: LoopSettings
+    ) -> None:
+        """Run some seconds, audit included, beside somebody else where keys move."""
+        if self.live is not None:
+            person = scripted_person("reach", 0, self.request.distances)
+        setup = self.setup
+        planner = ReactivePlanner(self.cell_map, settings=PLANNER)
+        places = np.array([setup.rest, self.cell_map.roadmap.nodes[0]])
+        warm_up(planner, places, person, settings)
+        brief = replace(settings, duration_s=3.0)
+        loop, audit = setup.loop(person, self.side, brief)
+        run_frames(loop, lambda frame: judge_sometimes(loop, audit, frame, 1.0))
+        target = next(iter(loop.live.meet.best(1)), None)
+        if target is not None:
+            loop.live.meet.rated([target.key])
+            loop.live.meet.reach.witness(target.T_world_tool)
+            loop.live.finder.near_node(target)
+
+    def hear(self, frame: Frame) -> None:
+        """Audit the target pursued, from time to time; not where keys move the arm."""
+        if self.live is None:
+            every_s = self.request.audit_s
+            self.verdicts += judge_sometimes(self._loop, self._audit, frame, every_s)
+
+    def figures(self, loop: MeetLoop, result: RunResult) -> dict:
+        """Return what became of the targets, by "targets"."""
+        margin = loop.live.settings.choice.margin
+        audit = {"margin": margin, "audit": shares(self.verdicts, margin)}
+        return {"targets": target_figures(loop, result) | audit}
+
+    def show(self, result: RunResult, figures: dict) -> None:
+        """Print the tables."""
+        print_report([result], None, self.cell_map.hash)
+        print_targets(figures["targets"])
+
+
+def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
+    """Return the robot's reach map; one that was not named is built where missing."""
+    if folder is None:
+        folder = REACH_MAPS / robot.name
+        check_reach_folder(folder)
+        if not folder.exists():
+            print(f"no reach map of {robot.name} yet: building it into {folder}")
+            build_reach_map(chain_of(robot), progress=tell).save(folder)
+    reach = load_reach_map(folder)
+    check_same_robot(reach, robot)
+    return reach
+
+
+def judge_sometimes(
+    loop: MeetLoop, audit: TargetAudit, frame: Frame, every_s: float
+) -> list[Verdict]:
+    """Audit the target pursued in a frame, if it is time; none where `every_s` is 0."""
+    rate = loop.settings.rate_hz
+    if not every_s or not frame.index or frame.index % max(1, round(every_s * rate)):
+        return []
+    now = frame.index / rate
+    points = sample_capsules(frame.capsules, loop.settings.spacing)
+    rounding = float(frame.capsules[:, 6].min())
+    key = loop.pursuits[-1].key
+    human = loop.motion.human(now)
+    return [audit.look(human, points, frame.q, key, now, rounding)]

@@ -1,0 +1,194 @@
+"""What `odm run` is asked for: one object, from which its flags are made."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.terminal.flags import Json, MapOption, Seed, flag, flags_of
+
+if TYPE_CHECKING:
+    from handover.meet.held_object import HeldObject
+
+OBJECTS = ("wrench", "mallet")  # what a robot can hold for a hand-over
+_MEET_ONLY = ("reach", "distance", "held", "hand")
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What `odm run` is asked for; its fields are the flags, but for one.
+
+    Attributes:
+        audit_s: Time from audit to audit of the target pursued [s]; 0: none. No flag.
+
+    Raises:
+        BadInput: Options that do not go together, or a value that is no choice.
+    """
+
+    map_dir: MapOption
+    motion: str = flag(
+        "sweep",
+        "The person: scripted, recorded (--file) or moved by your keys; "
+        "hold, backoff and escape are scenes in which the robot has to.",
+        metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
+        "|escape|mocap|keyboard",
+    )
+    seconds: float | None = flag(
+        None, "Simulated time; default: 30, the clip's, or until q."
+    )
+    seed: Seed = 0
+    rate: float = flag(100.0, "Frames per second.")
+    out: Path | None = flag(None, "Write all pictures there.", metavar="DIR")
+    plot: Path | None = flag(None, "Write the latency plot.", metavar="PNG")
+    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
+    file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
+    mapping: Path | None = flag(
+        None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
+    )
+    stand: tuple[float, float, float] | None = flag(
+        None, "Where the recorded person stands: m, m, degrees.", metavar="X Y YAW"
+    )
+    base_height: float = flag(0.75, "Robot's base above the recorded floor, in m.")
+    execution: str = flag(
+        "kinematic", "How the robot moves.", metavar="kinematic|timed"
+    )
+    targets: str = flag(
+        "places",
+        "To and fro between work places, or to the best reachable hand-over "
+        "target of the person.",
+        metavar="places|meet",
+    )
+    reach: Path | None = flag(
+        None, "Reach map of the robot (meet); built if left.", metavar="DIR"
+    )
+    distance: tuple[float, float] | None = flag(
+        None,
+        "The scripted person walks between these, m (meet).  [0.6 1.3]",
+        metavar="NEAR FAR",
+    )
+    held: str | None = flag(
+        None, "In its hand (meet).", "--object", metavar="wrench|mallet"
+    )
+    hand: str | None = flag(None, "Hand of the person (meet).", metavar="right|left")
+    record: Path | None = flag(
+        None,
+        "Write the whole run, however it ends; `odm replay` repeats it.",
+        metavar="NPZ",
+    )
+    carry: float | None = flag(
+        None, "Radius of a ball in its hand, in m; see docs/layers.md.", metavar="R"
+    )
+    json: Json = None
+    audit_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse options that do not go together, before any work."""
+        from roadmap.errors import BadInput  # not above: --help should be quick
+
+        trouble = self._of_the_person() or self._of_the_targets()
+        if trouble:
+            raise BadInput(trouble)
+
+    def _of_the_person(self) -> str:
+        """Return what is wrong with the motion's options, "" for nothing."""
+        if self.motion == "mocap" and self.file is None:
+            return "--motion mocap plays a recording; name it with --file F"
+        if self.motion != "mocap" and self.file is not None:
+            return f"--file goes with --motion mocap, not with {self.motion}"
+        pictures = {"--out": self.out, "--plot": self.plot}
+        pictures["--animation"] = self.animation
+        asked = [name for name, path in pictures.items() if path is not None]
+        if self.live and asked:
+            return (
+                f"{asked[0]} writes pictures of a run known beforehand; "
+                "leave it out with --motion keyboard"
+            )
+        if self.carry is not None:
+            if self.live:
+                return "--carry does not go with --motion keyboard; leave one out"
+            if not 0.0 < self.carry < math.inf:
+                return f"--carry {self.carry} is no radius; give metres above 0"
+        return ""
+
+    def _of_the_targets(self) -> str:
+        """Return what is wrong with the targets' options, "" for nothing."""
+        if self.targets not in ("places", "meet"):
+            return f"no targets {self.targets!r}; choose places or meet"
+        if not self.meets:
+            given = [n for n in _MEET_ONLY if getattr(self, n) is not None]
+            if not given:
+                return ""
+            flag_given = flags_of(RunRequest)[given[0]]
+            return f"{flag_given} goes with --targets meet; add that or leave it out"
+        check_object(self.obj)
+        if self.hand not in (None, "left", "right"):
+            return f"no hand {self.hand!r}; choose left or right"
+        if not 0 <= self.audit_s < math.inf:
+            return f"audit_s is {self.audit_s} s; give 0 or more"
+        refused = {
+            "record": "--record writes runs between work places, which can be replayed",
+            "animation": "--animation draws work places",
+        }
+        for name, why in refused.items():
+            if getattr(self, name) is not None:
+                return f"{why}; leave it out with --targets meet"
+        if self.live and self.hand == "left":
+            return "the keys move the right arm; leave --hand out"
+        return ""
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the terminal is left to the JSON."""
+        return self.json == "-"
+
+    @property
+    def live(self) -> bool:
+        """Whether keys move the person."""
+        return self.motion == "keyboard"
+
+    @property
+    def meets(self) -> bool:
+        """Whether the robot goes to hand-over targets."""
+        return self.targets == "meet"
+
+    @property
+    def obj(self) -> str:
+        """Name of what the robot holds for the person."""
+        return self.held or OBJECTS[0]
+
+    @property
+    def distances(self) -> tuple[float, float]:
+        """Between which a scripted person walks to and fro [m]."""
+        from sim.people.whole_person import FAR, NEAR
+
+        return self.distance or (NEAR, FAR)
+
+    def picture(self, chosen: Path | None, ending: str) -> Path | None:
+        """Return a file that was named itself, or by --out; None: neither."""
+        if chosen is not None or self.out is None:
+            return chosen
+        return self.out / f"{self.motion}{ending}"
+
+
+def check_object(name: str) -> None:
+    """Refuse the name of no object.
+
+    Raises:
+        BadInput: There is none of that name.
+    """
+    from roadmap.errors import BadInput
+
+    if name not in OBJECTS:
+        raise BadInput(f"no object {name!r}; choose one of {', '.join(OBJECTS)}")
+
+
+def held_object(name: str) -> "HeldObject":
+    """Return the object of a name.
+
+    Raises:
+        BadInput: There is none of that name.
+    """
+    import handover
+
+    check_object(name)
+    return getattr(handover, name)()

@@ -1,0 +1,172 @@
+"""The one runner of `odm run`: scripted, recorded or live person, places or targets."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from odm.cell_map.cell_map import CellMap
+from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
+from sim.loop.run_result import RunResult
+from sim.people.human_motion import HumanMotion
+from sim.record import check_recording_path, recording
+from sim.run.meet import MeetTask
+from sim.run.places import DEMO, Live, PlacesTask
+from sim.run.report import setting
+from sim.run.request import RunRequest
+from sim.terminal.output import Bars, stdout_to_stderr, write_text
+
+WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
+
+
+def run(request: RunRequest, live: Live | None = None) -> dict:
+    """Run what was asked for; print the tables unless it is to be quiet.
+
+    Args:
+        request: What was asked for.
+        live: Who moves the person of `--motion keyboard`; see `sim.keyboard`.
+
+    Returns:
+        The figures as plain data: "run", "alone" or "targets", "notes", "setting",
+        "map_hash"; of a live run, see `Live.figures`.
+
+    Raises:
+        BadInput: A person, rate, time or recording that cannot be.
+        BadMap: There is no map.
+    """
+    task = (MeetTask if request.meets else PlacesTask)(request, live)
+    person = task.person()
+    settings = settings_of(request, person)
+    if request.record is not None:
+        check_recording_path(request.record)
+    if live is not None:
+        live.open()
+    with Bars() as tell:
+        task.open(tell)
+        loop = task.loop(person, settings)
+    with recording(request.record, loop, task.cell_map) as recorder:
+        listeners = [task.hear, *([recorder.add] if recorder else [])]
+
+        def hear(frame: Frame) -> None:
+            for listener in listeners:
+                listener(frame)
+
+        result = live.play(loop, hear) if live else simulate(loop, hear)
+    figures = task.figures(loop, result) if result else {}
+    if live is not None:
+        if live.sentence and not request.quiet:
+            _show(task, result, figures, [live.sentence])
+        data = live.figures(result) | {"map_hash": task.cell_map.hash} | figures
+        return data | ({"exit_code": live.exit_code} if request.meets else {})
+    notes = notes_of(request, loop.motion, settings.duration_s)
+    data = {
+        "run": result.summary() | {"timing": result.timing()},
+        **figures,
+        "notes": notes,
+        "setting": setting(),
+        "map_hash": task.cell_map.hash,
+    }
+    if not request.quiet:
+        _show(task, result, figures, notes)
+    for path in write_files(request, loop, task.cell_map, result, data):
+        if not request.quiet:
+            print(path)
+    return data
+
+
+def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
+    """Return rate, duration and speeds; a recording is played once, unless told.
+
+    Raises:
+        BadInput: A value that makes no loop.
+    """
+    seconds = request.seconds
+    if seconds is None:
+        seconds = getattr(person, "duration_s", DEMO.duration_s)
+    return replace(
+        DEMO,
+        duration_s=seconds,
+        seed=request.seed,
+        rate_hz=request.rate,
+        execution=request.execution,
+        keep_paths=0 if request.meets or request.live else DEMO.keep_paths,
+    )
+
+
+def simulate(loop: Loop, hear: Callable[[Frame], None]) -> RunResult:
+    """Run a loop for its whole duration, as fast as it goes, and say how far it is."""
+    settings = loop.settings
+    frames = max(1, round(settings.duration_s * settings.rate_hz))
+    stage, every = f"{settings.duration_s:g} s of {loop.motion.name}", frames // 100
+    with Bars() as tell:
+        tell(stage, 0, 100)
+
+        def on_frame(frame: Frame) -> None:
+            hear(frame)
+            if frame.index % max(1, every) == 0:
+                tell(stage, min(100, 100 * frame.index // frames), 100)
+
+        result = run_frames(loop, on_frame)
+        tell(stage, 100, 100)
+    return result
+
+
+def notes_of(request: RunRequest, person: HumanMotion, seconds: float) -> list[str]:
+    """Return what a reader of the figures should know of the run of `seconds` [s]."""
+    notes = [*getattr(person, "notes", ())]
+    if request.carry is not None:
+        notes.append(f"with a ball of {100 * request.carry:g} cm radius in the hand")
+    if ending := getattr(person, "ending", lambda run_s: None)(seconds):
+        notes.append(ending)
+    return notes
+
+
+def write_files(
+    request: RunRequest, loop: Loop, cell_map: CellMap, result: RunResult, data: dict
+) -> list[Path]:
+    """Write the pictures and figures that were asked for; return their paths.
+
+    The film shows the first seconds of a scene, else the liveliest ones.
+    """
+    plot = request.picture(request.plot, "_latency.png")
+    film = None if request.meets else request.picture(request.animation, ".gif")
+    figures = request.picture(None, ".json")
+    written = [path for path in (plot, film, figures) if path is not None]
+    for path in written:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if plot is not None:
+        from sim.draw.latency_plot import write_latency_plot
+
+        write_latency_plot(result, plot)
+    if film is not None:
+        _write_film(loop, cell_map, result, film)
+    if figures is not None:
+        text = json.dumps(data, indent=1) if request.meets else result.to_json()
+        write_text(figures, text)
+    return written
+
+
+def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) -> None:
+    from sim.draw.animation import FilmSettings, write_animation
+    from sim.run.demo import open_world
+
+    film, film_s = FilmSettings(), getattr(loop.motion, "film_s", None)
+    if film_s is not None:
+        n = round(film_s * film.fps)
+        film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
+    with stdout_to_stderr():  # pybullet greets and warns on stdout
+        world, _ = open_world(cell_map, loop.planner.attached)
+    with world:
+        write_animation(result, cell_map.robot, loop.places, world, path, film)
+
+
+def _show(
+    task: PlacesTask | MeetTask,
+    result: RunResult | None,
+    figures: dict,
+    lines: list[str],
+) -> None:
+    if result is not None:
+        task.show(result, figures)
+    for line in lines:
+        print(line)

@@ -1,0 +1,123 @@
+"""Flags of a command from a frozen dataclass: name, default, unit, help in one place.
+
+Also the flags that several commands share.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, Field, field, fields
+from pathlib import Path
+from typing import Annotated, get_origin, get_type_hints
+
+import typer
+
+JSON_HELP = "Write the figures as JSON to FILE.json; alone or as '-': to the terminal."
+MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+MapOption = Annotated[
+    Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
+]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
+Threads = Annotated[int, typer.Option(min=0, help="Threads; 0: one per core.")]
+Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
+Posture = Annotated[
+    str,
+    typer.Option(
+        metavar="standing|bending|sitting|kneeling|lying|ladder",
+        help="What the person does.",
+    ),
+]
+Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
+
+
+def flag(default: object, text: str, *names: str, **options: object) -> Field:
+    """Declare a field of a request that is a flag.
+
+    Args:
+        default: Its value where it is not given; `...`: it must be given.
+        text: The help, with the unit.
+        names: Of the flag, where it is not that of the field.
+        options: Of `typer.Option`; `panel` is the part of the help it stands in.
+    """
+    return _field(default, typer.Option(*names, help=text, **_named(options)))
+
+
+def argument(default: object, text: str, **options: object) -> Field:
+    """Declare a field of a request that is given by its place; see `flag`."""
+    return _field(default, typer.Argument(help=text, **_named(options)))
+
+
+def _named(options: dict) -> dict:
+    panel = {"rich_help_panel": options.pop("panel")} if "panel" in options else {}
+    return options | panel
+
+
+def _field(default: object, option: object) -> Field:
+    given = {} if default is ... else {"default": default}
+    return field(metadata={"option": option}, **given)
+
+
+def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
+    """Return (field, its type for typer, typer's option) of each flag by name."""
+    hints, found = get_type_hints(kind, include_extras=True), {}
+    for one in fields(kind):
+        hint = hints[one.name]
+        if "option" in one.metadata:
+            hint = Annotated[hint, one.metadata["option"]]
+        if get_origin(hint) is Annotated:
+            found[one.name] = one, hint, hint.__metadata__[0]
+    return found
+
+
+def flags_of(kind: type) -> dict[str, str]:
+    """Return the flag of every field of a request that has one: file -> "--file"."""
+    found = {}
+    for name, (_, _, option) in _options(kind).items():
+        # typer keeps the first name where functions have their default
+        words = [option.default, *(option.param_decls or ())]
+        words = [w for w in words if isinstance(w, str) and w.startswith("--")]
+        found[name] = words[0] if words else "--" + name.replace("_", "-")
+    return found
+
+
+def given(request: object, panel: str) -> list[str]:
+    """Return the flags of a panel of the help that were given."""
+    flags = flags_of(type(request))
+    return [
+        flags[name]
+        for name, (_, _, option) in _options(type(request)).items()
+        if option.rich_help_panel == panel
+        and getattr(request, name) not in (None, False)
+    ]
+
+
+def from_request(kind: type) -> Callable[[Callable], Callable]:
+    """Return a decorator that makes a command of one argument a command with flags.
+
+    Fields of `kind` are flags where they are declared by `flag` or `argument`, or have
+    an `Annotated` type for typer; others are for callers in Python only.
+
+    Args:
+        kind: A dataclass; what it refuses when it is made, the command refuses.
+    """
+    empty = inspect.Parameter.empty
+    parameters = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=empty if one.default is MISSING else one.default,
+            annotation=hint,
+        )
+        for name, (one, hint, _) in _options(kind).items()
+    ]
+
+    def decorate(command: Callable) -> Callable:
+        @functools.wraps(command)
+        def run(**values: object) -> object:
+            return command(kind(**values))
+
+        run.__signature__ = inspect.Signature(parameters)
+        run.__annotations__ = {p.name: p.annotation for p in parameters}
+        return run
+
+    return decorate
