@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from handover.meet.meet_settings import MeetSettings
+from handover.meet.settings import MeetSettings
 
 from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
 from handover.meet.find import check_same_robot
