@@ -220,7 +220,8 @@ def write_files(
 
         write_latency_plot(result, files.plot)
     if files.animation is not None:
-        from sim.draw.animation import FilmSettings, write_animation
+        from sim.draw.animation import write_animation
+        from sim.draw.film import FilmSettings
         from sim.run.demo import open_world
 
         film = FilmSettings()

@@ -14,8 +14,9 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadRobot
 from roadmap.kinematics.forward import tool_pose
 from roadmap.loading.held_link import with_payload
-from sim.draw.animation import FilmSettings, write_animation
+from sim.draw.animation import write_animation
 from sim.draw.cover_world import CoverWorld
+from sim.draw.film import FilmSettings
 from sim.draw.latency_plot import write_latency_plot
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop

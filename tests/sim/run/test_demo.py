@@ -11,8 +11,8 @@ from rich.console import Console
 from odm.cell_map.build import build_map
 from odm.cell_map.recipe import Recipe, RobotRecipe
 from roadmap.graph.connecting import RoadmapSettings
-from sim.draw.animation import FilmSettings
 from sim.draw.cover_world import CoverWorld
+from sim.draw.film import FilmSettings
 from sim.run.demo import DEMO, open_world, run_demo, run_pair
 
 BRIEF = replace(DEMO, duration_s=2.0)
