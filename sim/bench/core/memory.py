@@ -18,7 +18,7 @@ from odm import ReactivePlanner, load_map
 from roadmap.errors import BadInput
 from sim.bench.clock import time_row
 from sim.cli.run_command import person_of
-from sim.loop.loop import Loop
+from sim.loop.loop import Loop, LoopSettings
 from sim.people.person_place import before_work_places
 from sim.run.demo import DEMO, find_places, warm_up
 from sim.tables.header import header
@@ -65,12 +65,7 @@ def run(
     settings = replace(
         DEMO, duration_s=seconds, seed=seed, execution=execution, keep_paths=0
     )
-    n = round(seconds * settings.rate_hz)
-    if n < LOOKS:
-        raise BadInput(
-            f"{seconds:g} s are {n} frames; memory is looked at {LOOKS} times, so give "
-            f"at least {LOOKS / settings.rate_hz:g} s"
-        )
+    n = _frames(settings)
     people = [person_of(name, seed) for name in motions]
     cell_map = load_map(map_dir, verify=False)
     rows, memory, late = [], {}, {}
@@ -94,6 +89,17 @@ def run(
         "memory": memory,
         "late": late,
     }
+
+
+def _frames(settings: LoopSettings) -> int:
+    """Return the number of frames of a run; refuse one shorter than its looks."""
+    n = round(settings.duration_s * settings.rate_hz)
+    if n < LOOKS:
+        raise BadInput(
+            f"{settings.duration_s:g} s are {n} frames; memory is looked at {LOOKS} "
+            f"times, so give at least {LOOKS / settings.rate_hz:g} s"
+        )
+    return n
 
 
 def _played(loop: Loop, n: int) -> tuple[np.ndarray, np.ndarray]:

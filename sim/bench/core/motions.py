@@ -6,7 +6,6 @@ geometry, if the robot moves by itself meanwhile: if its set-point does. That so
 presses a robot that stands against a person is no contact of the planner's.
 """
 
-import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from odm import ReactivePlanner, load_map
+from sim.bench.parallel import run_jobs
 from sim.cli.run_command import person_of
 from sim.loop.loop import LoopSettings, exact_audit, run_loop
 from sim.loop.pushed import KINDS, PushSettings
@@ -64,24 +64,15 @@ def run(
     Returns:
         Plain data for JSON: "header", "setup", "rows" and "runs".
     """
-    names = tuple(motions or (n for n in motion_names() if n not in SCENES))
-    for name in names:
-        make_motion(name, seed)  # a wrong name is refused before any work
-    files = tuple(str(file) for file in files)
-    for file in files:
-        person_of("mocap", seed, Path(file))
+    names, files = _checked(motions, files, seed)
     if short:
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
     jobs += [(file, seed) for file in files]
     shared = (str(map_dir), seconds, execution, pushed)
     (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
-    if processes > 1:
-        with multiprocessing.get_context("spawn").Pool(processes) as pool:
-            runs = pool.map(_played, [(*shared, *job) for job in jobs], chunksize=1)
-    else:
-        runs = [_played((*shared, *job)) for job in jobs]
-    alone, runs = runs[0], runs[1:]
+    jobs = [(*shared, *job) for job in jobs]
+    alone, *runs = run_jobs(_played, jobs, processes)
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]
@@ -98,6 +89,18 @@ def run(
         "rows": rows,
         "runs": [alone, *runs],
     }
+
+
+def _checked(
+    motions: Sequence[str] | None, files: Sequence[str | Path], seed: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of motions and files; refuse a wrong one before any work."""
+    names = tuple(motions or (n for n in motion_names() if n not in SCENES))
+    for name in names:
+        make_motion(name, seed)
+    for file in files:
+        person_of("mocap", seed, Path(file))
+    return names, tuple(str(file) for file in files)
 
 
 def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:

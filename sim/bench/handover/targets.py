@@ -1,14 +1,15 @@
 """`odm bench targets`: to the best reachable hand-over target, at ten distances."""
 
-import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from handover import ReachMap
 from odm import load_map
 from roadmap.errors import BadInput
+from sim.bench.parallel import run_jobs
 from sim.cli.targets_command import (
     AUDIT_S,
     GRASPS,
@@ -18,6 +19,7 @@ from sim.cli.targets_command import (
     play,
     reach_of,
 )
+from sim.loop.loop import LoopSettings
 from sim.run.demo import DEMO
 from sim.tables.header import header
 from sim.tables.table import value_row
@@ -70,11 +72,7 @@ def run(
         seconds, processes = min(seconds, 2.0), 1
         distances = distances or DISTANCES[4:5]
     distances = tuple(distances or DISTANCES)
-    if not 0 < seconds < np.inf:
-        raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
-    settings = replace(
-        DEMO, duration_s=seconds, execution=execution, seed=seed, keep_paths=0
-    )
+    settings = _settings(seconds, execution, seed)
     options = MeetOptions(None if reach is None else Path(reach))
     for distance in distances:  # a wrong one is refused before any work
         person_of(MOTION, seed, None, replace(options, distances=(distance,) * 2))
@@ -87,19 +85,11 @@ def run(
     ]
     runs = []
     tell(f"{len(jobs)} runs of {seconds:g} s, {execution}")
-    for one in _all(jobs, min(processes, len(jobs))):
+    for one in run_jobs(_played, jobs, min(processes, len(jobs))):
         runs.append(one)
         if len(runs) < len(jobs):
             tell(f"{len(runs)} of {len(jobs)} runs done")
-    setup = {
-        "motion": MOTION,
-        "seconds of each run": seconds,
-        "first seed": seed,
-        "execution": execution,
-        "reach map": f"{found.hash[:12]}, {found.grid.cell:g} m / "
-        f"{found.grid.rotations.n_cells}",
-        "object": f"{options.obj}, {GRASPS} grasps",
-        "audited": f"every {AUDIT_S:g} s",
+    setup = _setup(settings, found, options) | {
         "runs at a time": min(processes, len(jobs)),
         "top, near": "at or on the way to the top-ranked reachable target, to one "
         "within the margin of its quality",
@@ -114,13 +104,25 @@ def run(
     }
 
 
-def _all(jobs: list[tuple], processes: int) -> "Sequence[dict]":
-    """Yield the runs in order, several at a time."""
-    if processes <= 1:
-        yield from map(_played, jobs)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(_played, jobs, chunksize=1)
+def _settings(seconds: float, execution: str, seed: int) -> LoopSettings:
+    if not 0 < seconds < np.inf:
+        raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
+    given = {"duration_s": seconds, "execution": execution, "seed": seed}
+    return replace(DEMO, **given, keep_paths=0)
+
+
+def _setup(settings: LoopSettings, reach: ReachMap, options: MeetOptions) -> dict:
+    """Return what all runs have in common, for the lines below the table."""
+    return {
+        "motion": MOTION,
+        "seconds of each run": settings.duration_s,
+        "first seed": settings.seed,
+        "execution": settings.execution,
+        "reach map": f"{reach.hash[:12]}, {reach.grid.cell:g} m / "
+        f"{reach.grid.rotations.n_cells}",
+        "object": f"{options.obj}, {GRASPS} grasps",
+        "audited": f"every {AUDIT_S:g} s",
+    }
 
 
 def _played(job: tuple) -> dict:
