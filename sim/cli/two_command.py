@@ -63,23 +63,12 @@ def run_two(
     """
     from odm import load_map
     from sim.two.two_members import TwoSettings
-    from sim.two.two_robots import run_two as run
 
     settings = TwoSettings(rate_hz=rate, duration_s=seconds, other=other)
     first = load_map(map_dir)
     maps = (first, first if other_map is None else load_map(other_map))
-    T_world_base = base_pose(first, base)
-    with Bars() as tell:
-        result = run(
-            maps, T_world_base, settings,
-            lambda done, total: done % 20 or tell("frames", done, total),
-        )  # fmt: skip
-        alone = _alone(maps, settings)
-        tell("frames", result.frames, result.frames)
-    figures = result.summary() | {"alone_trips_per_minute": alone}
-    figures |= {"map_hashes": [m.hash for m in maps]}
-    files = _files(out, picture, animation)
-    written = _write(result, maps, figures, files, out)
+    result, figures = _played(maps, base_pose(first, base), settings)
+    written = _write(result, maps, figures, _files(out, picture, animation), out)
     if json is not None:
         show_json(figures, json)
     if json != "-":
@@ -88,6 +77,25 @@ def run_two(
             print(path)
     if result.contacts:
         raise typer.Exit(1)
+
+
+def _played(
+    maps: tuple, T_world_base: object, settings: object
+) -> tuple["TwoResult", dict]:
+    """Return the run, and its figures with those of each robot alone."""
+    from sim.two.two_robots import run_two as run
+
+    with Bars() as tell:
+
+        def on_frame(done: int, total: int) -> None:
+            if done % 20 == 0:
+                tell("frames", done, total)
+
+        result = run(maps, T_world_base, settings, on_frame)
+        alone = _alone(maps, settings)
+        tell("frames", result.frames, result.frames)
+    figures = result.summary() | {"alone_trips_per_minute": alone}
+    return result, figures | {"map_hashes": [m.hash for m in maps]}
 
 
 def base_pose(cell_map: "CellMap", base: tuple[float, float, float] | None) -> "object":

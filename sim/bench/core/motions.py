@@ -70,9 +70,10 @@ def run(
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
     jobs += [(file, seed) for file in files]
     shared = (str(map_dir), seconds, execution, pushed)
-    (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
+    tell = tell or (lambda text: None)
+    tell(f"{len(jobs)} runs of {seconds:g} s")
     jobs = [(*shared, *job) for job in jobs]
-    alone, *runs = run_jobs(_played, jobs, processes)
+    alone, *runs = run_jobs(_played, jobs, processes, tell)
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]

@@ -83,17 +83,10 @@ def run(
         (str(map_dir), options, replace(settings, seed=seed + k), distance)
         for k, distance in enumerate(distances)
     ]
-    runs = []
     tell(f"{len(jobs)} runs of {seconds:g} s, {execution}")
-    for one in run_jobs(_played, jobs, min(processes, len(jobs))):
-        runs.append(one)
-        if len(runs) < len(jobs):
-            tell(f"{len(runs)} of {len(jobs)} runs done")
-    setup = _setup(settings, found, options) | {
-        "runs at a time": min(processes, len(jobs)),
-        "top, near": "at or on the way to the top-ranked reachable target, to one "
-        "within the margin of its quality",
-    }
+    processes = min(processes, len(jobs))
+    runs = run_jobs(_played, jobs, processes, tell)
+    setup = _setup(settings, found, options, processes)
     return {
         "bench": "targets",
         "header": header(cell_map),
@@ -111,7 +104,9 @@ def _settings(seconds: float, execution: str, seed: int) -> LoopSettings:
     return replace(DEMO, **given, keep_paths=0)
 
 
-def _setup(settings: LoopSettings, reach: ReachMap, options: MeetOptions) -> dict:
+def _setup(
+    settings: LoopSettings, reach: ReachMap, options: MeetOptions, processes: int
+) -> dict:
     """Return what all runs have in common, for the lines below the table."""
     return {
         "motion": MOTION,
@@ -122,6 +117,9 @@ def _setup(settings: LoopSettings, reach: ReachMap, options: MeetOptions) -> dic
         f"{reach.grid.rotations.n_cells}",
         "object": f"{options.obj}, {GRASPS} grasps",
         "audited": f"every {AUDIT_S:g} s",
+        "runs at a time": processes,
+        "top, near": "at or on the way to the top-ranked reachable target, to one "
+        "within the margin of its quality",
     }
 
 
