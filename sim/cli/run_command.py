@@ -146,7 +146,7 @@ def run_motion(
     from odm import ReactivePlanner, load_map
     from sim.loop.carried import take_ball
     from sim.loop.loop import Loop, run_frames, run_loop
-    from sim.people.person_place import before_work_places
+    from sim.people.scenes import before_work_places
     from sim.record import check_target, recording
     from sim.run.demo import DEMO as SETTINGS
     from sim.run.demo import find_places, warm_up

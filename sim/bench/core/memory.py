@@ -19,7 +19,7 @@ from roadmap.errors import BadInput
 from sim.bench.clock import time_row
 from sim.cli.run_command import person_of
 from sim.loop.loop import Loop, LoopSettings
-from sim.people.person_place import before_work_places
+from sim.people.scenes import before_work_places
 from sim.run.demo import DEMO, find_places, warm_up
 from sim.tables.header import header
 from sim.tables.table import value_row

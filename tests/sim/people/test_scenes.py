@@ -9,13 +9,13 @@ from odm.execution.execution import RETREATING
 from sim.loop.loop import Loop, LoopSettings, run_frames
 from sim.loop.run_result import RETREATS
 from sim.people.human_motion import make_motion
-from sim.people.person_place import before_work_places
 from sim.people.scenes import (
     BACKOFF_GAP,
     BLOCK_GAP,
     ESCAPE_GAP,
     SCENES,
     Cover,
+    before_work_places,
     make_scene,
 )
 
