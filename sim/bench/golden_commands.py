@@ -196,7 +196,8 @@ def pictures(shop: Shop) -> Lines:
 
     arm = shop.map("arm")
     for words in (
-        "human info --posture sitting --plot", f"info {arm} --plot",
+        "human info --posture sitting --plot",
+        f"info {arm} --plot",
         "workspace human --spacing 0.1 --rotations 72 --plot",
         f"workspace meet --robot kawasaki_fs003n --map {shop.reach()} --plot",
         f"run-two --map {shop.map('gross')} --seconds 1 --picture",

@@ -152,9 +152,14 @@ def clip(rng: np.random.Generator, frames: int, reach: float = 0.9) -> list[np.n
     for k in range(frames):
         hand = middle + size * np.sin(2 * np.pi * rate * PERIOD * k + phase)
         elbow = 0.5 * (shoulder + hand) + [0.0, 0.0, -0.12]
-        rows = [] if gone <= k < gone + 12 else [
-            [*shoulder, *elbow, 0.05], [*elbow, *hand, 0.04],
-        ]
+        rows = (
+            []
+            if gone <= k < gone + 12
+            else [
+                [*shoulder, *elbow, 0.05],
+                [*elbow, *hand, 0.04],
+            ]
+        )
         rows += [rod for rod, (a, b) in zip(rods, spans, strict=True) if a <= k < b]
         found.append(np.array(rows).reshape(-1, 7))
     return found
@@ -199,7 +204,9 @@ def pose(x: float, y: float, z: float, yaw: float = 0.0, tilt: float = 0.0):  # 
     a, b, c, d = np.cos(yaw), np.sin(yaw), np.cos(tilt), np.sin(tilt)
     T = np.eye(4)
     T[:3, :3] = np.array([[a, -b, 0], [b, a, 0], [0, 0, 1]]) @ [
-        [1, 0, 0], [0, c, -d], [0, d, c],
+        [1, 0, 0],
+        [0, c, -d],
+        [0, d, c],
     ]
     T[:3, 3] = x, y, z
     return T

@@ -126,11 +126,7 @@ class RunResult:
     @property
     def contacts(self) -> int:
         """Number of touches in which the robot moved in at least one frame."""
-        touching = self.separation <= 0.0
-        starts = np.flatnonzero(touching & ~np.r_[False, touching[:-1]])
-        ends = np.flatnonzero(touching & ~np.r_[touching[1:], False]) + 1
-        pairs = zip(starts, ends, strict=True)
-        return sum(bool(self.moving[a:b].any()) for a, b in pairs)
+        return touches(self.separation, self.moving)
 
     def closest(self, while_moving: bool = False) -> int | None:
         """Return the frame of smallest separation, None if there is no such frame."""
@@ -233,6 +229,17 @@ class RunResult:
         return [{"frame": int(i), "step_s": float(times[i])} for i in frames]
 
 
+def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return (first, one past the last) frame of each run of True in mask (F,)."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def touches(separation: np.ndarray, moving: np.ndarray) -> int:
+    """Count the touches (separation (F,) <= 0) with a frame in which `moving` (F,)."""
+    return sum(bool(moving[a:b].any()) for a, b in stretches(separation <= 0.0))
+
+
 def holds_of(
     status: np.ndarray,
     joint_speed: np.ndarray,
@@ -249,16 +256,14 @@ def holds_of(
     """
     held = np.asarray(status) == STATUS.index("holding")
     moved = np.r_[np.asarray(joint_speed)[1:] > 0, False]
-    starts = np.flatnonzero(held & ~np.r_[False, held[:-1]])
-    ends = np.flatnonzero(held & ~np.r_[held[1:], False]) + 1
     return tuple(
         Hold(
             start_s=float(a / rate_hz),
             end_s=float(b / rate_hz),
-            reason=reason(int(a)),
+            reason=reason(a),
             retreating=bool(moved[a:b].any()),
         )
-        for a, b in zip(starts, ends, strict=True)
+        for a, b in stretches(held)
     )
 
 

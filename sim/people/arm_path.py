@@ -35,10 +35,10 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """The hand's way from one place to the next, then a rest.
+    """The hand's path from one place to the next, then a rest.
 
     Attributes:
-        start, stop, bow: (3,) ends, and bulge of the way at its middle [m], all in
+        start, stop, bow: (3,) ends, and bulge of the path at its middle [m], all in
             the shoulder frame.
         duration, rest: Time to move and time to stay [s].
     """
@@ -114,13 +114,13 @@ class Round:
         """Add a leg to `place` at `share` of the limit, then `rest` seconds.
 
         A place out of reach is pulled to the nearest one that is not; `bow` (base
-        frame) shrinks until the whole way is within reach.
+        frame) shrinks until the whole path is within reach.
         """
         bow = np.array(bow, float) * [-1, -1, 1]
         self._add(self._reachable(place), bow, rest, share)
 
     def close(self, rest: float, share: float = 1.0) -> None:
-        """Add the way back home; the rest is stretched to whole trembles.
+        """Add the leg back home; the rest is stretched to whole trembles.
 
         Where all places are too far from the robot they are one, and the hand stays.
         """
@@ -142,7 +142,7 @@ class Round:
     def _reachable(self, p_base_hand: tuple) -> np.ndarray:
         """Return the place in the shoulder frame, in front of and near the shoulder.
 
-        The places allowed are a convex set, so that every straight way is, too.
+        The places allowed are a convex set, so that every straight path is, too.
         """
         p = (np.array(p_base_hand, float) - self.person.p_base_shoulder) * [-1, -1, 1]
         near, far = NEAR * self.person.arm.reach, FAR * self.person.arm.reach

@@ -16,7 +16,7 @@ from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person, Round, ScriptedMotion
-from sim.people.human_motion import HumanMotion, Together, register_motion
+from sim.people.human_motion import HumanMotion, Together, motion_names, register_motion
 from sim.people.placed import Placed, turned
 
 TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
@@ -28,6 +28,9 @@ BLOCK_GAP, BACKOFF_GAP, ESCAPE_GAP = -0.02, 0.08, 0.026
 ROUND_S = 16.0  # every arm repeats its script after this time [s]
 SPACING = 0.03  # of the samples that gaps are measured from [m]
 _STEPS = (0.01, 0.0005)  # between the places that are tried for a gap [m]
+# other scripts are written for work places on both sides of here, base frame [m]
+SCRIPTED_FOR = (0.42, 0.0, 0.23)
+NEAR = 0.10  # what lies nearer to it than this leaves the person where it is [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +96,16 @@ class Stand:
         shoulder = tuple(float(v) for v in np.add(p_tool, SHOULDER))
         there = replace(person, p_base_shoulder=shoulder)
         near = cls(there, p_tool, float(np.arctan2(y, x)), cover)
-        ways = np.arange(0.0, 0.6, 0.05).tolist() if cover else [0.0]
-        stands = [near.backward(way) for way in ways]
+        steps = np.arange(0.0, 0.6, 0.05).tolist() if cover else [0.0]
+        stands = [near.backward(step) for step in steps]
         clear = (s for s in stands if not cover or s.gap(s.home) >= CLEAR)
         return next(clear, stands[-1])
 
-    def backward(self, way: float) -> "Stand":
+    def backward(self, step: float) -> "Stand":
         """Return the stand of one who stands so much farther outward [m]."""
         x, y, z = self.person.p_base_shoulder
-        person = replace(self.person, p_base_shoulder=(x + way, y, z))
-        return replace(self, person=person, home=self.home + way)
+        person = replace(self.person, p_base_shoulder=(x + step, y, z))
+        return replace(self, person=person, home=self.home + step)
 
     def at(self, outward: float) -> tuple[float, float, float]:
         """Return the place so far outward from the tool, in the turned frame [m]."""
@@ -264,3 +267,25 @@ def _source(name: str) -> Callable[[Person, np.random.Generator], Scene]:
 
 for _name in SCENES:
     register_motion(_name, _source(_name))
+
+
+def before_work_places(
+    motion: HumanMotion, robot: Robot, places: np.ndarray
+) -> HumanMotion:
+    """Return a scripted motion with the person moved along with the work places.
+
+    A scene is staged before them. Other motions (recorded ones,
+    keys) stand where they were told to.
+
+    Args:
+        motion: The person.
+        robot: The robot.
+        places: (n, dof) its work places.
+    """
+    if isinstance(motion, Scene):
+        return motion.before(robot, places)
+    if motion.name not in motion_names():
+        return motion
+    tools = [tool_pose(robot, q)[:3, 3] for q in places]
+    offset = np.mean(tools, axis=0) - SCRIPTED_FOR
+    return motion if np.linalg.norm(offset) < NEAR else Placed(motion, offset=offset)

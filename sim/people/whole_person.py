@@ -60,7 +60,7 @@ class Walk:
         for k in range(len(places)):
             now += rng.uniform(*_STAY)
             stays.append(now)
-            now += _way_s(places[k], places[(k + 1) % len(places)])
+            now += _walk_s(places[k], places[(k + 1) % len(places)])
         return cls(places, np.array(stays), now)
 
     def at(self, t: float) -> tuple[float, float]:
@@ -71,16 +71,16 @@ class Walk:
             place = self.places[k % len(self.places)]
         else:
             a, b = self.places[k - 1], self.places[k % len(self.places)]
-            u = (t - self.times[k - 1]) / _way_s(a, b)
+            u = (t - self.times[k - 1]) / _walk_s(a, b)
             place = a + minimum_jerk(min(u, 1.0)) * (b - a)
         return float(place[0]), float(place[1])
 
     def _arrives(self, k: int) -> float:
-        return self.times[k - 1] + _way_s(self.places[k - 1], self.places[k])
+        return self.times[k - 1] + _walk_s(self.places[k - 1], self.places[k])
 
 
-def _way_s(a: np.ndarray, b: np.ndarray) -> float:
-    """Return how long the way between two places takes [s]."""
+def _walk_s(a: np.ndarray, b: np.ndarray) -> float:
+    """Return how long the walk between two places takes [s]."""
     length = abs(b[0] - a[0]) + max(a[0], b[0]) * abs(b[1] - a[1])
     return max(0.5, 1.875 * length / WALKING)  # the peak of a minimum-jerk curve
 

@@ -11,8 +11,9 @@ from odm.cell_map.cell_map import CellMap, load_map
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadRobot
 from roadmap.loading.held_link import with_payload
-from sim.draw.animation import FilmSettings, write_animation
+from sim.draw.animation import write_animation
 from sim.draw.cover_world import CoverWorld
+from sim.draw.film import FilmSettings
 from sim.draw.latency_plot import write_latency_plot
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop

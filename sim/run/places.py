@@ -18,7 +18,7 @@ from sim.loop.work_places import work_places
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person
 from sim.people.human_motion import HumanMotion, make_motion
-from sim.people.person_place import before_work_places
+from sim.people.scenes import before_work_places
 from sim.run.report import print_report
 from sim.run.request import RunRequest
 from sim.terminal.output import Bars

@@ -7,6 +7,8 @@ from odm.audit.exact import ExactRobot
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 
+AWAY = 1e3  # [m] solids that do not count are put so far away
+
 
 class ExactPair:
     """Exact solids of two robots, one in the base frame of the other.
@@ -24,8 +26,9 @@ class ExactPair:
 
     def distance(self, q_first: np.ndarray, q_second: np.ndarray) -> float:
         """Return the exact distance of the robots [m]; at most 0 where they touch."""
-        use = np.ones(len(self.first.body), bool)
-        return self._between(use, q_first, q_second)
+        return self._between(
+            self.first.body >= 0, self.second.body >= 0, q_first, q_second
+        )
 
     def require_apart(self, least: float) -> None:
         """Refuse standing links nearer than `least` [m] to each other.
@@ -33,12 +36,11 @@ class ExactPair:
         Raises:
             BadInput: They are; the robots could never be moved apart.
         """
-        one, two = self.first, self.second
-        use, other = one.body == 0, two.body == 0
-        if not (use.any() and other.any()):
+        standing = self.first.body == 0, self.second.body == 0
+        if not all(part.any() for part in standing):
             return
-        q = [np.zeros(r.robot.dof) for r in (one, two)]
-        gap = self._between(use, q[0], q[1], other)
+        q = [np.zeros(r.robot.dof) for r in (self.first, self.second)]
+        gap = self._between(*standing, *q)
         if gap <= least:
             x, y = self.T[:2, 3]
             raise BadInput(
@@ -50,30 +52,19 @@ class ExactPair:
 
     def _between(
         self,
-        use: np.ndarray,
+        mine: np.ndarray,
+        theirs: np.ndarray,
         q_first: np.ndarray,
         q_second: np.ndarray,
-        other: np.ndarray | None = None,
     ) -> float:
+        """Return the distance of the solids chosen by (n,) bool of each [m]."""
         frames = self._moved(self.second.frames(q_second))
-        mine, found = self.first.frames(q_first), np.empty(2, np.int64)
-        best = np.inf
-        if other is None:
-            return float(
-                nearest_pair(
-                    self.first.convexes, use, mine, self.second.convexes, frames,
-                    best, found,
-                )[0]
-            )  # fmt: skip
-        # from the second one's side, where its solids can be chosen
-        for i in np.flatnonzero(other):
-            far = frames.copy()
-            far[np.arange(len(far)) != i, 9:] += 1e3
-            gap = nearest_pair(
-                self.first.convexes, use, mine, self.second.convexes, far, best, found
-            )[0]
-            best = min(best, float(gap))
-        return best
+        frames[~theirs, 9:] += AWAY  # the test chooses solids of its first robot only
+        nearest = nearest_pair(
+            self.first.convexes, mine, self.first.frames(q_first),
+            self.second.convexes, frames, np.inf, np.empty(2, np.int64),
+        )  # fmt: skip
+        return float(nearest[0])
 
     def _moved(self, frames: np.ndarray) -> np.ndarray:
         """Return poses (n, 12) of the second robot's frame in the world's."""

@@ -17,7 +17,7 @@ from roadmap.ranges import check_settings, is_between
 from sim.loop.run_result import STATUS
 
 ARRIVED = 1e-6  # largest joint difference at which a place is reached
-LEAVE = 0.3  # [s] without a way before it goes and waits
+LEAVE = 0.3  # [s] without a path before it goes and waits
 PLANNED, SCRIPTED = "planned", "scripted"
 
 
@@ -65,8 +65,8 @@ class TwoSettings:
 class Planned:
     """One robot that plans: what it heeds, where it goes, how often it got there.
 
-    It works at its places in turn. Where no way leads to the next one for a while it
-    goes and waits, and asks now and then whether there is a way again.
+    It works at its places in turn. Where no path leads to the next one for a while it
+    goes and waits, and asks now and then whether there is a path again.
 
     Args:
         planners: One that leads it, one that is asked; the other robot's standing
@@ -81,8 +81,8 @@ class Planned:
         q: (dof,) where it is.
         trips: Times it arrived at a work place.
         arrived: Whether it arrived in this frame.
-        waited_s: How long it has had no way to work [s].
-        gives_way: Whether it waits although it has a way.
+        waited_s: How long it has had no path to work [s].
+        gives_way: Whether it waits although it has a path.
     """
 
     def __init__(
@@ -173,12 +173,12 @@ class Scripted:
 
     status, wall_s, reason = 0, 0.0, ""
 
-    def __init__(self, cell_map: CellMap, ways: list, settings: TwoSettings) -> None:
-        """Begin at the first place; `ways` (n,) of corners lead round all of them."""
+    def __init__(self, cell_map: CellMap, paths: list, settings: TwoSettings) -> None:
+        """Begin at the first place; `paths` lead from each place to the next one."""
         self.robot, self.settings = cell_map.robot, settings
         scale = settings.script_scale
         self.motions: list[Motion] = [
-            time_path(self.robot, way, speed_scale=scale) for way in ways
+            time_path(self.robot, path, speed_scale=scale) for path in paths
         ]
         self.place, self.trips, self.t = 1, 0, 0.0
         self.q = self.motions[0].at(0.0).q

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.arrays import frozen
-from sim.loop.run_result import MOVING, STATUS, percentiles
+from sim.loop.run_result import MOVING, STATUS, percentiles, touches
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,7 @@ class TwoResult:
         planned = self.moving(0)
         if self.other == "planned":
             planned = planned | self.moving(1)
-        touching = self.separation <= 0.0
-        starts = np.flatnonzero(touching & ~np.r_[False, touching[:-1]])
-        ends = np.flatnonzero(touching & ~np.r_[touching[1:], False]) + 1
-        pairs = zip(starts, ends, strict=True)
-        return sum(bool(planned[a:b].any()) for a, b in pairs)
+        return touches(self.separation, planned)
 
     def summary(self) -> dict:
         """Return the figures as plain data; only "latency_us" depends on the clock."""

@@ -16,16 +16,18 @@ from odm.cell_map.cell_map import CellMap
 from odm.execution.robot_threat import intent_threat, limits_threat
 from odm.obstacles.robot_surface import RobotSurface, standing_shapes
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, PlanningError
+from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
 from sim.loop.run_result import kind_of
+from sim.loop.work_places import work_places
 from sim.two.robot_pair import ExactPair
 from sim.two.two_members import PLANNED, SCRIPTED, Planned, Scripted, TwoSettings
-from sim.two.two_places import places_beside, waiting_place
 from sim.two.two_result import TwoResult
 
 ASK_AGAIN = (0.1, 0.5)  # [s] between two looks whether a work place is free again
 WATCHED = 24  # places on the way of a script that are kept free
+SPARE = 0.05  # kept beyond what the planner calls free, while waiting [m]
 PATIENCE, TURN = 1.0, 6.0  # [s] waited before the other gives way, and for how long
 
 
@@ -70,8 +72,8 @@ class TwoRobots:
         self.index = 0
         self._turn = 0, 0.0  # trips of the one that is given way, and until when
         if self.settings.other == SCRIPTED:
-            ways = _ways_round(planners[1][0], places[1])
-            script = Scripted(maps[1], ways, self.settings)
+            paths = _paths_round(planners[1][0], places[1])
+            script = Scripted(maps[1], paths, self.settings)
             busy = np.vstack([_places_on(m) for m in script.motions])
             self.robots = [self._planned(0, planners, places[0], busy), script]
             return
@@ -184,15 +186,60 @@ def _places_on(motion: Motion) -> np.ndarray:
     return motion.sample(np.linspace(0.0, motion.duration, WATCHED)).q
 
 
-def _ways_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarray]:
+def _paths_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarray]:
     """Return paths from each place to the next, past all that stands."""
     planner.reset()
-    ways = []
+    paths = []
     for k, q in enumerate(places):
         planner.set_goals([places[(k + 1) % len(places)]])
         answer = planner.step(np.zeros((0, 3)), q=q)
         if not len(answer.path):
-            raise BadInput(f"the script has no way: {answer.reason}")
-        ways.append(answer.path)
+            raise BadInput(f"the script has no path: {answer.reason}")
+        paths.append(answer.path)
         planner.reset()
-    return ways
+    return paths
+
+
+def places_beside(planner: ReactivePlanner) -> np.ndarray:
+    """Return two free work places (2, dof) of a planner whose scenery is set.
+
+    Raises:
+        BadInput: What stands there leaves none.
+    """
+    roadmap = planner.cell_map.roadmap
+    try:
+        return work_places(planner.robot, roadmap, planner.is_free)
+    except PlanningError as error:
+        raise BadInput(
+            f"beside the other robot's base {planner.robot.name} has no two places to "
+            f"work at ({error}); move the second base away"
+        ) from error
+
+
+def waiting_place(
+    planner: ReactivePlanner, places: np.ndarray, busy: np.ndarray
+) -> np.ndarray:
+    """Return the roadmap node nearest to the places that is out of the other's way.
+
+    Args:
+        planner: The planner of the robot that waits.
+        places: (n, dof) its work places.
+        busy: (m, 3) points of the other robot at all of its places [m].
+
+    Raises:
+        BadInput: The other robot is in the way everywhere.
+    """
+    nodes = planner.cell_map.roadmap.nodes
+    planner.step(busy, q=nodes[0].copy())
+    far = np.abs(difference(planner.robot, nodes[:, None], places[None])).max(axis=2)
+    order = np.argsort(far.max(axis=1), kind="stable")
+    keep = planner.keep + SPARE
+    for node in order:
+        q = nodes[node].copy()
+        if planner.separation(q) > keep and planner.is_free(q, q):
+            planner.reset()
+            return q
+    raise BadInput(
+        f"{planner.robot.name} has no place to wait that is out of the other robot's "
+        "way; move the second base away"
+    )

@@ -18,7 +18,7 @@ from odm import ReactivePlanner, load_map
 from roadmap.errors import BadInput
 from sim.bench.clock import time_row
 from sim.loop.loop import Loop
-from sim.people.person_place import before_work_places
+from sim.people.scenes import before_work_places
 from sim.run.places import DEMO, find_places, person_of, warm_up
 from sim.run.request import RunRequest
 from sim.tables.header import header

@@ -18,8 +18,7 @@ from sim.loop.loop import LoopSettings, exact_audit, run_loop
 from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
 from sim.people.human_motion import make_motion, motion_names
-from sim.people.person_place import before_work_places
-from sim.people.scenes import SCENES
+from sim.people.scenes import SCENES, before_work_places
 from sim.run.places import DEMO, find_places, person_of
 from sim.run.request import RunRequest
 from sim.tables.header import header

@@ -58,18 +58,9 @@ def run(
         BadInput: A reach map of another robot, or one too coarse.
     """
     tell = tell or (lambda text: None)
-    reach = load_reach_map(map_dir)
-    if reach.chain.name != "armar3":
-        raise BadInput(
-            f"{map_dir} is a reach map of {reach.chain.name}; this bench is of the "
-            "paper's robot: `odm workspace build armar3`"
-        )
+    reach = _paper_reach(map_dir)
     tell("Table I")
     counts = {c: _counts(reach, *c) for c in CURVES if _fits(reach, *c)}
-    if PAPER not in counts:
-        raise BadInput(
-            f"the cells of {map_dir} are larger than 0.15 m; build a finer map"
-        )
     rows = [_count_row(d, counts[PAPER][d]) for d in TABLE_I]
     tell("full build")
     rows += _build_rows(reach, 3 if short else 20)
@@ -80,15 +71,9 @@ def run(
     tell("random cases")
     cases = 20 if short else 1000
     wrong = equal_cases(reach, cases, seed, tell)
-    rows.append(
-        value_row(
-            "best-first top 10 that differ from the full grid's",
-            wrong,
-            "",
-            f"of {cases} random cases: person, posture, gaze, arms, grasps, removed",
-            most=0,
-        )
-    )
+    name = "best-first top 10 that differ from the full grid's"
+    note = f"of {cases} random cases: person, posture, gaze, arms, grasps, removed"
+    rows.append(value_row(name, wrong, "", note, most=0))
     setup = {
         "reach map": f"{reach.hash[:12]}, {reach.grid.cell:g} m / "
         f"{reach.grid.rotations.n_cells}, {reach.n_marked} cells",
@@ -99,6 +84,21 @@ def run(
     setup |= {"times": "at 70 cm, CPU time of the thread beside; update and best(10)"}
     result = {"bench": "workspace", "header": header(), "setup": setup, "rows": rows}
     return result | {"tables": [_curves(counts)]}
+
+
+def _paper_reach(map_dir: str | Path) -> ReachMap:
+    """Return ARMAR-III's reach map; refuse another one."""
+    reach = load_reach_map(map_dir)
+    if reach.chain.name != "armar3":
+        raise BadInput(
+            f"{map_dir} is a reach map of {reach.chain.name}; this bench is of the "
+            "paper's robot: `odm workspace build armar3`"
+        )
+    if not _fits(reach, *PAPER):
+        raise BadInput(
+            f"the cells of {map_dir} are larger than 0.15 m; build a finer map"
+        )
+    return reach
 
 
 def workspace(

@@ -20,7 +20,7 @@ AROUND_S = 0.03  # on either side [s] are a step's neighbours
 LINK_COST_S = 0.25  # a jump is believed if what follows lasts longer than this [s]
 LINK_SPEED = 2.0  # believed jumps are crossed at this speed [m/s]
 START_S = 0.25  # jumps this early are a T-pose or a tracker finding its person [s]
-SETTLE_S = 0.05  # skipped after such a jump [s]
+SKIPPED_S = 0.05  # skipped after such a jump [s]
 LOOK_BACK = 60  # pieces a piece may be joined to
 NOISE = 0.2  # with more jumps than this share of steps, no frame is better than others
 NOISY_JUMPS = 20  # fewer jumps than this are survived, in however short a clip
@@ -67,8 +67,8 @@ def first_frame(joints: dict[str, np.ndarray], rate_hz: float) -> int:
         speed = np.linalg.norm(np.diff(place[: early + 1], axis=0), axis=1) * rate_hz
         jumps = np.flatnonzero(speed > fastest(joint))
         if len(jumps):
-            settle = int(np.ceil(SETTLE_S * rate_hz - 1e-6))
-            start = max(start, int(jumps[-1]) + 1 + settle)
+            skipped = int(np.ceil(SKIPPED_S * rate_hz - 1e-6))
+            start = max(start, int(jumps[-1]) + 1 + skipped)
     return start
 
 

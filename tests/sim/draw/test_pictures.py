@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from sim.draw.animation import FilmSettings, liveliest, paint_frame, write_animation
+from sim.draw.animation import liveliest, paint_frame, write_animation
 from sim.draw.cover_world import CoverWorld
+from sim.draw.film import FilmSettings
 from sim.draw.latency_plot import write_latency_plot
 from sim.draw.viewpoint import Camera
 from sim.loop.loop import LoopSettings, run_loop

@@ -20,8 +20,7 @@ from roadmap.motion.blending import joint_motion_bounds
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.people.human_motion import make_motion, motion_names
-from sim.people.person_place import before_work_places
-from sim.people.scenes import SCENES
+from sim.people.scenes import SCENES, before_work_places
 
 OFTEN = PushSettings(pause=0.3)
 PERIOD = 0.01

@@ -3,8 +3,8 @@
 import numpy as np
 
 from sim.people.human_motion import make_motion
-from sim.people.person_place import SCRIPTED_FOR, before_work_places
 from sim.people.placed import Placed
+from sim.people.scenes import SCRIPTED_FOR, before_work_places
 
 
 class Recorded:
@@ -37,7 +37,7 @@ def test_the_person_moves_along_with_the_work_places(crane, places):
 
 def test_near_the_place_it_was_written_for_nothing_changes(crane, places, monkeypatch):
     middle = tools_of(crane, places).mean(axis=0)
-    monkeypatch.setattr("sim.people.person_place.SCRIPTED_FOR", middle + 0.05)
+    monkeypatch.setattr("sim.people.scenes.SCRIPTED_FOR", middle + 0.05)
     motion = make_motion("reach", 1)
     assert before_work_places(motion, crane, places) is motion
 

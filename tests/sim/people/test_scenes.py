@@ -9,13 +9,13 @@ from odm.execution.executor import RETREATING
 from sim.loop.loop import Loop, LoopSettings, run_frames
 from sim.loop.run_result import RETREATS
 from sim.people.human_motion import make_motion
-from sim.people.person_place import before_work_places
 from sim.people.scenes import (
     BACKOFF_GAP,
     BLOCK_GAP,
     ESCAPE_GAP,
     SCENES,
     Cover,
+    before_work_places,
     make_scene,
 )
 
@@ -123,9 +123,9 @@ def test_the_film_of_a_scene_shows_its_state_from_the_start(
     shown = []
     draw = animation._Painter._draw_caption
 
-    def note(self, image, result, frame):
+    def note(self, result, frame):
         shown.append((frame, animation._shown_status(result, frame)))
-        draw(self, image, result, frame)
+        draw(self, result, frame)
 
     monkeypatch.setattr(animation._Painter, "_draw_caption", note)
     film = animation.FilmSettings(width=160, height=120, frames=25, begin_s=0.0)
