@@ -1,0 +1,1 @@
+"""Whether two checkouts decide the same, byte for byte."""
