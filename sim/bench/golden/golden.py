@@ -7,7 +7,8 @@ runs with every frame recorded, sentences and help. All bytes that do not come f
 clock are compared.
 
     odm bench golden --against DIR               # another checkout and this one
-    odm bench golden --against DIR --only frames --only runs
+    odm bench golden --against DIR --short       # most runs left out
+    odm bench golden --against DIR --only frames --only "bad calls"
     odm bench golden --write FILE.json           # keep what this one does
     odm bench golden --read FILE.json            # and compare with it later
     odm bench golden --against DIR --latency     # frames timed in turn, old and new
@@ -35,7 +36,8 @@ from sim.tables.header import header
 
 WORK = Path(__file__).with_name("golden_work.py")
 HERE = Path(roadmap.__file__).resolve().parents[1]
-SAME, DIFFERENT, FAILED = "same", "DIFFERENT", "FAILED"
+SHORT = "short"  # the script's word for the items that take little time
+SAME, DIFFERENT, FAILED, WRITTEN = "same", "DIFFERENT", "FAILED", "written"
 _MOST = 160  # letters of a line that is shown
 
 
@@ -45,6 +47,7 @@ def run(
     read: str | Path | None = None,
     only: Sequence[str] = (),
     latency: bool = False,
+    short: bool = False,
     processes: int = 1,
     rounds: int = 7,
     tell: Callable[[str], None] | None = None,
@@ -57,6 +60,7 @@ def run(
         read: File that was written before, instead of `against`.
         only: Names of items; none: all.
         latency: Time frames instead, in both checkouts in turn.
+        short: Leave out most runs: a third of the time.
         processes: 2: both checkouts at the same time.
         rounds: Of the timed frames.
         tell: Called with what is about to be done.
@@ -79,17 +83,15 @@ def run(
     if other is not None and read is not None:
         raise BadInput("--against and --read are two others; leave one out")
     kept = None if read is None else _kept(Path(read), only)
-    named = list(only)
-    if kept is not None:
-        named = named or list(kept)
+    named = list(only) or ([SHORT] if short else list(kept or ()))
     with tempfile.TemporaryDirectory(prefix="golden") as folder:
         asked = [("new", HERE)] if other is None else [("old", other), ("new", HERE)]
         found = _worked(asked, named, Path(folder), processes, tell)
     if write is not None:
         text = json.dumps(found["new"])
         Path(write).write_text(text, encoding="utf-8")
-    other = str(against or read or write)
-    return _result(kept or found.get("old"), found["new"], other)
+    old = found.get("old") if kept is None else kept
+    return _result(old, found["new"], str(against or read or write))
 
 
 # --- the work -------------------------------------------------------------------------
@@ -175,9 +177,11 @@ def _finish(
 
 
 def _result(old: dict | None, new: dict, other: str) -> dict:
-    rows = [_row(name, old and old.get(name), side) for name, side in new.items()]
+    none = {"lines": [], "failed": None, "seconds": 0.0}
+    before = {name: None if old is None else old.get(name, none) for name in new}
+    rows = [_row(name, before[name], side) for name, side in new.items()]
     bad = sum(row[1] in (DIFFERENT, FAILED) for row in rows)
-    told = "all the same" if old is not None else "written"
+    told = WRITTEN if old is None else "all the same"
     title = f"golden: {told if not bad else f'{bad} of {len(rows)} items differ'}"
     head = ["item", "result", "lines", "CPU", "first difference"]
     return {
@@ -199,7 +203,7 @@ def _row(name: str, old: dict | None, new: dict) -> list[str]:
         where = "in both" if both else "old" if failed[0] is old else "new"
         verdict, told = FAILED, f"{where}: {failed[0]['failed']}"[:_MOST]
     elif old is None:
-        verdict = "written"
+        verdict = WRITTEN
     elif difference := first_difference(old["lines"], new["lines"]):
         verdict, told = DIFFERENT, difference
     times = [f"{side['seconds']:.1f} s" for side in (old, new) if side is not None]

@@ -53,6 +53,7 @@ class Shop:
         for name, recipe in scenes.RECIPES.items():
             Path(f"{name}.toml").write_text(f'name = "{name}"\n{recipe}')
         Path("wedge.stl").write_bytes(scenes.wedge_stl())
+        Path("pairs.srdf").write_text(scenes.SRDF)
         self._loaded: dict[str, odm.CellMap] = {}
         self._built: dict[str, list[str]] = {}
 
@@ -170,6 +171,7 @@ def tables(shop: Shop) -> Lines:
     """Tell what commands print for people, numbers left out."""
     arm = shop.map("arm")
     np.savez("short.npz", **_short_clip(shop.loaded("arm")))
+    _depth_png()
     for words in (
         f"info {arm}", f"audit {arm} --pairs 100 --threads 1", "human info",
         f"run --map {arm} --motion hover --seconds 1 --record short_run.npz",
@@ -181,6 +183,7 @@ def tables(shop: Shop) -> Lines:
         f"replay --frames short.npz --map {arm}",
         "build gross.toml --out once_more", f"workspace info {shop.reach()}",
         f"workspace meet --robot kawasaki_fs003n --map {shop.reach()} --k 3",
+        f"camera depth.png --map {arm}",
         "workspace human --spacing 0.1 --rotations 72",
     ):  # fmt: skip
         code, said, complained = command(*words.split())
@@ -192,14 +195,17 @@ def tables(shop: Shop) -> Lines:
 
 def pictures(shop: Shop) -> Lines:
     """Draw what shows no time; tell the bytes of the pixels."""
-    from PIL import Image, ImageSequence
+    from PIL import Image
 
     arm = shop.map("arm")
+    _depth_png()
     for words in (
         "human info --posture sitting --plot",
         f"info {arm} --plot",
         "workspace human --spacing 0.1 --rotations 72 --plot",
         f"workspace meet --robot kawasaki_fs003n --map {shop.reach()} --plot",
+        f"workspace info {shop.reach()} --plot",
+        f"camera depth.png --map {arm} --plot",
         f"run-two --map {shop.map('gross')} --seconds 1 --picture",
     ):
         code, _, complained = command(*words.split(), "picture.png")
@@ -215,8 +221,7 @@ def pictures(shop: Shop) -> Lines:
     yield from _sentences("film", complained)
     if Path("film.gif").exists():
         with Image.open("film.gif") as image:
-            for k, frame in enumerate(ImageSequence.Iterator(image)):
-                yield f"film, picture {k}: {digest(np.array(frame))}"
+            yield f"film: {image.n_frames} pictures, {image.size}"  # they tell times
 
 
 def _short_clip(cell_map: odm.CellMap) -> dict[str, np.ndarray]:
@@ -266,6 +271,7 @@ def audits(shop: Shop) -> Lines:
 def _run(shop: Shop, name: str, seconds: float, *words: object) -> Lines:
     """Run a motion, tell its figures and every frame of its recording."""
     file = shop.folder / "run.npz"
+    file.unlink(missing_ok=True)
     asked = ("--seconds", seconds, "--record", file, *words)
     for line in told_by("run", "--map", shop.map(name), *asked):
         yield f"{name} {' '.join(map(str, words))}: {line}"
@@ -304,15 +310,15 @@ def scenes_played(shop: Shop) -> Lines:
     for motion in _STAGED:
         for execution in ("kinematic", "timed"):
             words = ("--motion", motion, "--execution", execution)
-            yield from _run(shop, "arm", 7.0, *words)
+            yield from _run(shop, "arm", 6.0, *words)
 
 
 def timed(shop: Shop) -> Lines:
     """Run motions with a robot of limited acceleration that brakes for the person."""
     for k, motion in enumerate(("sweep", "reach", "hover", "intrusion", "tremble")):
         words = ("--motion", motion, "--seed", k + 3, "--execution", "timed")
-        yield from _run(shop, "arm", 6.0, *words)
-    yield from _run(shop, "rail", 6.0, "--motion", "sweep", "--execution", "timed")
+        yield from _run(shop, "arm", 5.0, *words)
+    yield from _run(shop, "rail", 5.0, "--motion", "sweep", "--execution", "timed")
 
 
 def replays(shop: Shop) -> Lines:
@@ -327,6 +333,11 @@ def replays(shop: Shop) -> Lines:
     yield f"holds: {code} {said} {complained}"
     code, *_ = command("replay", "first.npz", "--recipe-out", "recipe.toml")
     yield f"recipe: {code} {Path('recipe.toml').read_text()}"
+    code, said, complained = command("replay", "first.npz", "--build", "rebuilt")
+    yield f"build: {code} {said}"
+    yield from _sentences("build", complained)
+    yield f"rebuilt: {odm.load_map('rebuilt').hash}"
+    yield from told_by("replay", "first.npz", "--map", shop.map("rail"))
 
 
 def obstacle_frames(shop: Shop) -> Lines:
@@ -360,15 +371,22 @@ def carried(shop: Shop) -> Lines:
     for execution in ("kinematic", "timed"):
         words = ("--motion", "sweep", "--carry", 0.08, "--execution", execution)
         yield from _run(shop, "carry", 3.0, *words)
+    yield from told_by("replay", "run.npz", "--map", shop.map("carry"))
 
 
 def recorded(shop: Shop) -> Lines:
-    """Run beside a person of a .bvh file made up here."""
+    """Run beside a person of a .bvh and a .csv file made up here."""
     Path("clip.bvh").write_text(_bvh(300))
+    Path("clip.csv").write_text(_csv(200))
+    words = ("--motion", "mocap", "--file")
     for execution in ("kinematic", "timed"):
-        words = ("--motion", "mocap", "--file", "clip.bvh", "--execution", execution)
-        yield from _run(shop, "arm", 3.0, *words)
-        yield from _run(shop, "arm", 2.0, *words, "--stand", 0.8, 0.2, 200)
+        asked = ("--execution", execution)
+        yield from _run(shop, "arm", 3.0, *words, "clip.bvh", *asked)
+    yield from _run(shop, "arm", 2.0, *words, "clip.csv")
+    names = "\n".join(f'{joint} = "{name}"' for joint, name in _NAMES.items())
+    Path("names.toml").write_text(f"{names}\n")
+    asked = ("--mapping", "names.toml", "--stand", 0.8, 0.2, 200)
+    yield from _run(shop, "arm", 1.0, *words, "clip.bvh", *asked)
 
 
 def targets(shop: Shop) -> Lines:
@@ -381,18 +399,20 @@ def targets(shop: Shop) -> Lines:
             yield f"{motion}: {line}"
     asked = ("--motion", "reach", "--seconds", 3, "--execution", "timed", "--rate", 50)
     yield from told_by(*words, *asked)
+    Path("clip.bvh").write_text(_bvh(100))
+    asked = ("--motion", "mocap", "--file", "clip.bvh", "--hand", "left", "--rate", 50)
+    yield from told_by(*words, *asked)
 
 
 def two(shop: Shop) -> Lines:
     """Let two robots share a space, the second planned or scripted."""
     for other in ("planned", "scripted"):
-        words = ("--map", shop.map("gross"), "--seconds", 8, "--other", other)
+        words = ("--map", shop.map("gross"), "--seconds", 5, "--other", other)
         for line in told_by("run-two", *words):
             yield f"{other}: {line}"
 
 
-def camera(shop: Shop) -> Lines:
-    """Tell which cells of a map depth images show."""
+def _depth_png() -> None:
     from PIL import Image
 
     lens = (320, 240, 240.0, 240.0, 159.5, 119.5)
@@ -400,10 +420,16 @@ def camera(shop: Shop) -> Lines:
     balls = np.array([[0.5, 0.0, 0.5, 0.1], [0.6, 0.3, 0.3, 0.07]])
     image = scenes.depth_image(T, lens, balls, 1.8)
     Image.fromarray(image).save("depth.png")
+
+
+def camera(shop: Shop) -> Lines:
+    """Tell which cells of a map depth images show."""
+    _depth_png()
     words = ("--map", shop.map("arm"), "--fx", 240, "--cx", 159.5, "--cy", 119.5)
     for more in (
         (), ("--d-self", 0.01, "--flying", 0.05), ("--no-shadow",),
         ("--policy", "occupied", "--q", "0.1,0.2,0,-1.5,0,1.5,0"),
+        ("--q", "10,20,0,-90,0,90,0"), ("--q", "1,2"), ("--scale", 0.1),
     ):  # fmt: skip
         yield from told_by("camera", "depth.png", *words, "--scale", 0.001, *more)
 
@@ -470,6 +496,29 @@ def _bvh(frames: int) -> str:
             offset = np.subtract(place, _JOINTS[parent][1] if parent else 0.0)
             row += (offset - [0, 0, swing if name == "rHand" else 0]).tolist()
         lines.append(" ".join(f"{v:.6f}" for v in row))
+    return "\n".join(lines) + "\n"
+
+
+_NAMES = dict(zip(
+    ("hip", "neck", "head", "left_shoulder", "left_elbow", "left_hand",
+     "right_shoulder", "right_elbow", "right_hand"), _JOINTS, strict=True,
+))  # fmt: skip
+
+
+def _csv(frames: int) -> str:
+    """Return Vicon tracks of the same person, in millimetres."""
+    tracks = {"collar" if j == "neck" else j: _JOINTS[n][1] for j, n in _NAMES.items()}
+    heads = ",".join(f"Global Angle {name}:{name},,,,," for name in tracks)
+    axes = ",".join("RX,RY,RZ,TX,TY,TZ" for _ in tracks)
+    units = ",".join("rad,rad,rad,mm,mm,mm" for _ in tracks)
+    lines = ["Objects", "100", f",,{heads},", f"Frame,Sub Frame,{axes}", f",,{units}"]
+    for k in range(frames):
+        swing = 25.0 * np.sin(2 * np.pi * 0.5 * 0.01 * k)
+        row = [k + 1, 0]
+        for name, (x, y, z) in tracks.items():
+            ahead = -z + (swing if name == "right_hand" else 0.0)
+            row += [0, 0, 0, 10.0 * x, round(10.0 * ahead, 6), 10.0 * y - 900.0]
+        lines.append(",".join(map(str, row)))
     return "\n".join(lines) + "\n"
 
 

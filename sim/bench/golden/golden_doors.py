@@ -351,7 +351,7 @@ def approach(shop: object) -> Lines:
                 options["q"] = q + rng.normal(0.0, 0.1, len(q))
             way = planner.approach(T, **options)
             found = fields(way, "path", "reason", "error_m", "error_rad", "fine")
-            yield f"{name} {k}: {found}"
+            yield f"{name} {k}: {bool(way)}, {found}, {fields(way, 'q_pre', 'q_end')}"
 
 
 def cameras(shop: object) -> Lines:
@@ -386,10 +386,15 @@ def cameras(shop: object) -> Lines:
             answer = planner.step(seen.points.copy(), q=q, **options)
             yield f"{at}: {answer_words(answer)}"
             q = _moved(9, answer, q)
+    eye = seen_by[0].moved(poses[1])
+    image = eye.from_metres(np.where(views[0] % 7, 0.001 * views[0], np.nan))
+    yield f"raw points: {digest(eye.points(image))} {eye.covering_radius(1.5)!r}"
+    far = odm.SeenSpace(cell_map, odm.DepthCamera(*lens, poses[0], 1.0))
+    yield f"wrong unit: {far.update(views[0], q, 0.0).trouble}"
 
 
-def shapes(shop: object) -> Lines:  # noqa: ARG001
-    """Sample shapes and capsules; refuse what is none."""
+def shapes(shop: object) -> Lines:
+    """Sample shapes, capsules and robots; refuse what is none."""
     T = scenes.pose(0.3, 0.1, 0.4, 0.5, 0.2)
     bodies = (
         odm.Box([0.2, 0.1, 0.3], T), odm.Sphere(0.1, T), odm.Cylinder(0.1, 0.3, T),
@@ -402,6 +407,14 @@ def shapes(shop: object) -> Lines:  # noqa: ARG001
         yield f"{type(body).__name__}: {digest(body.moved(T).T_base_shape)}"
     rods = np.array([[0, 0, 0, 0.1, 0, 0.3, 0.05], [0.2, 0, 0, 0.2, 0, 0, 0.04]])
     yield f"capsules: {digest(odm.sample_capsules(rods, 0.02))}"
+    robot = shop.loaded("gross").robot
+    for parts in ("all", "moving", "standing"):
+        surface = odm.RobotSurface(robot, 0.03, parts)
+        known = fields(surface, "covering_radius", "labels", "names", "sway")
+        yield f"robot, {parts}: {len(surface)} {known}"
+        yield f"robot, {parts}: {digest(surface.at(0.3 * robot.upper, T))}"
+    for part in odm.robot_surface(robot, 0.3 * robot.upper):
+        yield f"robot standing: {fields(part, 'points', 'label', 'closed')}"
     yield f"no size: {outcome(odm.Box, [0.1, 0.1, 0.0])}"
     yield f"no pose: {outcome(odm.Sphere, 0.1, np.ones((4, 4)))}"
 
@@ -422,6 +435,9 @@ def bad_calls(shop: object) -> Lines:
         (planner.polish, -1), (planner.blocked_leg, q[:2]), (planner.approach, q),
         (planner.separation, q[:1]), (planner.prepare_goal, q + 9.0), (planner.detach,),
         (copy.copy, planner), (pickle.dumps, planner), (_elsewhere, planner.reset),
+        (_elsewhere, planner.take_over), (planner.reset,), (planner.take_over,),
+        (planner.reset,), (_pickled, cell_map), (repr, planner.step(none, q)),
+        (_copied, planner.step(np.full((1, 3), np.nan), q)),
         (odm.PlannerSettings, 0), (odm.SeenSettings, -1.0), (odm.load_map, "nowhere"),
         (odm.load_recipe, "nothing"), (odm.surface_of, "shape"),
         (odm.sample_capsules, np.zeros((2, 6))), (odm.carried_object, "thing"),
@@ -434,6 +450,14 @@ def bad_calls(shop: object) -> Lines:
     )  # fmt: skip
     for k, (call, *values) in enumerate(calls):
         yield f"call {k}, {call.__name__}: {outcome(call, *values)}"
+
+
+def _pickled(cell_map: odm.CellMap) -> str:
+    return pickle.loads(pickle.dumps(cell_map)).hash
+
+
+def _copied(answer: odm.Answer) -> str:
+    return answer_words(copy.copy(answer))
 
 
 def _elsewhere(call: Callable) -> None:
@@ -464,6 +488,13 @@ def human(shop: object) -> Lines:  # noqa: ARG001
             state = handover.ArmState.of(moved, side, settings)
             quality = handover.posture_quality(state, q)
             yield f"{posture}, {side}: {fields(quality, 'parts', 'online')}"
+            total = handover.total_quality(quality.online, 0.3, settings)
+            yield f"{posture}, {side}: {total!r} {digest(person.reach_pose(side, T))}"
+            yield f"{posture}, {side}: {digest(arm.jacobian(q))} {digest(arm.fk(q))}"
+            poses = np.array([arm.fk(rng.uniform(arm.lower, arm.upper)), T])
+            yield f"{posture}, {side}: {told(arm.solvable(poses))}"
+        large = person.resized(1.9)
+        yield f"{posture}: {digest(large.capsules())} {len(large.surface_parts())}"
     grid = handover.rotation_grid(72)
     yield f"rotations: {digest(grid.centers)}"
     for k in range(4):
@@ -497,6 +528,9 @@ def reach(shop: object) -> Lines:
     yield f"quality {digest(again.quality(T))}"
     for k in range(10):
         yield f"witness {k} {told(again.witness(T[k]))}"
+    cells = again.marked_cells()
+    yield f"cells {digest(cells)} {digest(again.qualities(cells[::50]))}"
+    yield f"all {digest(again.dense())}"
     index = handover.NodeIndex(robot, shop.loaded("kawasaki").roadmap.nodes)
     for k in range(10):
         yield f"near nodes {k} {told(index.nearest(T[k], 3))}"
@@ -511,11 +545,14 @@ def meet(shop: object) -> Lines:
     robot = shop.loaded("kawasaki").robot
     constraints = {
         "none": (), "above": (handover.Above(0.5),),
-        "inside": (handover.Inside((-1, -1, -1), (1, 1, 2)), handover.Upright(0.7)),
+        "inside": (handover.Inside((-1, -1, -1), (1, 1, 2)), handover.Upright(1.4)),
     }  # fmt: skip
+    T_world_base = scenes.pose(0.0, 0.0, 0.75)
     for name, asked in constraints.items():
         for side, thing in (("right", handover.wrench()), ("left", handover.mallet())):
-            settings = handover.MeetSettings(side=side, constraints=asked)
+            settings = handover.MeetSettings(
+                side=side, constraints=asked, T_world_base=T_world_base
+            )
             person = handover.Human(1.7).placed(0.8, 0.0, np.pi)
             meeting = handover.InteractionWorkspace(held, person, thing, 4, settings)
             at = f"{name}, {side}"
@@ -529,11 +566,17 @@ def meet(shop: object) -> Lines:
                     yield f"{at}, step {k}: {_target(target)}"
                 if best:
                     meeting.remove(best[0])
-                    rated = meeting.rated([t.key for t in best])
-                    yield f"{at}, step {k}: {told([r and r.quality for r in rated])}"
+                    keys = [t.key for t in best]
+                    rated = [r and r.quality for r in meeting.rated(keys)]
+                    yield f"{at}, step {k}: {told(rated)} {told(meeting.removed)}"
+                    yield f"{at}, step {k}: {told(meeting.quality_of(keys))}"
             meeting.restore()
+            meeting.forget()
+            meeting.update(person.placed(0.75, 0.1, np.pi))
             planner = odm.ReactivePlanner(shop.loaded("kawasaki"))
-            planner.step(np.zeros((0, 3)), q=planner.cell_map.roadmap.nodes[0])
+            post = np.array([[0.4, 0.1, 0.2, 0.4, 0.1, 0.6, 0.08]])
+            points = scenes.points_of(post)
+            planner.step(points, q=planner.cell_map.roadmap.nodes[0], closed=True)
             found = handover.find_handover(meeting, robot, planner, clock=lambda: 0.0)
             tried = [why for _, why in found.tried[:20]]
             yield f"{at}: {fields(found, 'q', 'reason', 'timed_out')} {told(tried)}"

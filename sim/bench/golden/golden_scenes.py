@@ -45,14 +45,14 @@ RECIPES = {
         "region = [[-0.7, -1.0, 0.15], [0.9, 1.0, 1.2]]",
     ),
     "kawasaki": _recipe(
-        'source = "kawasaki_fs003n"\ncover_excess = 0.03',
-        "nodes = 250\nneighbors = 8\nseed = 3",
+        'source = "kawasaki_fs003n"\ncover_excess = 0.03\nsrdf = "pairs.srdf"',
+        'nodes = 250\nneighbors = 8\nseed = 3\nsampling = "uniform"',
         h=0.06,
     ),
     "gross": _recipe(
         'source = "kawasaki_fs003n"\ncover_excess = 0.04\n'
         "locked = { joint4 = 0.0, joint5 = 0.0, joint6 = 0.0 }",
-        "nodes = 300\nneighbors = 10\nseed = 1\n"
+        'nodes = 300\nneighbors = 10\nseed = 1\nsampling = "grid"\n'
         "region = [[-0.2, -0.6, 0.0], [0.7, 0.6, 0.9]]",
     ),
     "large": _recipe(
@@ -62,7 +62,7 @@ RECIPES = {
         mu=0.006,
     ),
     "fingers": _recipe(
-        'source = "panda"\ncover_excess = 0.03',
+        'source = "panda"\ncover_excess = 0.03\ntravel = ["panda_finger_joint1"]',
         "nodes = 250\nneighbors = 8\nseed = 1",
         mu=0.006,
     )
@@ -70,6 +70,10 @@ RECIPES = {
     "rpy = [0.0, 0.0, 0.4]\n",
 }
 LARGE = "large"  # to time frames; the others are small
+SRDF = """<robot name="kawasaki">
+<disable_collisions link1="link1" link2="link3" reason="golden"/>
+</robot>
+"""
 _WEDGE = np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.25, 0], [0, 0, 0.4]], np.float32)
 _SPACING = 0.03  # of samples on capsules [m]
 SPEED = 1.2  # of every joint, between frames [rad/s or m/s]
