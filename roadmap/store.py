@@ -198,13 +198,14 @@ def _check_header(
 
     The header is compared with what `numpy.save` writes, never read: it is Python.
     """
-    told = {"descr": row["dtype"], "fortran_order": False, "shape": tuple(row["shape"])}
-    wanted = "{" + "".join(f"{k!r}: {v!r}, " for k, v in told.items()) + "}"
+    shape = tuple(row["shape"])
+    entries = {"descr": row["dtype"], "fortran_order": False, "shape": shape}
+    wanted = "{" + "".join(f"{k!r}: {v!r}, " for k, v in entries.items()) + "}"
     start = stream.read(len(_MAGIC) + 2)
     header = stream.read(int.from_bytes(start[-2:], "little"))
     if start[:-2] != _MAGIC or header.rstrip(b" \n") != wanted.encode():
         raise _damaged(path, name, f"its header is not that of {wanted}")
-    long = stream.tell() + math.prod(row["shape"]) * np.dtype(row["dtype"]).itemsize
+    long = stream.tell() + math.prod(shape) * np.dtype(row["dtype"]).itemsize
     if size != long:
         raise _damaged(path, name, f"it has {size} bytes, not {long}")
     return stream.tell()

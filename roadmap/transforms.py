@@ -60,5 +60,8 @@ def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     rigid = off < 1e-6 and np.linalg.det(rotation) > 0
     if not rigid or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-9:
-        raise BadInput(f"{name} is not a rigid motion (error {off:.2g}); normalise it")
+        raise BadInput(
+            f"{name} is not a rigid motion: its rotation is off by {off:.2g} (limit "
+            "1e-6), its last row must be 0 0 0 1 and mirroring is not allowed"
+        )
     return pose

@@ -26,7 +26,7 @@ from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Moving, Threat
 from odm.execution.tracking import TrackingMonitor
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
@@ -156,8 +156,7 @@ class Executor:
     def set_point(self) -> SetPoint:
         """The set-point of this moment; continuous joints in [-pi, pi)."""
         point = self.motion.at(self.t)
-        turned = (point.q + np.pi) % (2 * np.pi) - np.pi
-        return point._replace(q=np.where(self.robot.continuous, turned, point.q))
+        return point._replace(q=wrapped(self.robot, point.q))
 
     @property
     def at_rest(self) -> bool:

@@ -14,7 +14,7 @@ from odm.execution.executor import (
 from odm.execution.lookout import SeparationWatch
 from odm.execution.threat import Moving
 from roadmap.arrays import frozen
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, SetPoint
 from roadmap.robot.robot import Robot
 
@@ -53,15 +53,10 @@ class Follower:
             step = difference(self.robot, q, corner)
             needed = float(np.max(np.abs(step) / (scale * self.max_velocity)))
             if needed > left:
-                return self._wrapped(q + step * (left / needed))
+                return wrapped(self.robot, q + step * (left / needed))
             left -= needed
             q = corner
         return np.array(q, float)
-
-    def _wrapped(self, q: np.ndarray) -> np.ndarray:
-        """Return q with continuous joints in [-pi, pi)."""
-        turned = (q + np.pi) % (2 * np.pi) - np.pi
-        return np.where(self.robot.continuous, turned, q)
 
 
 class KinematicMover:

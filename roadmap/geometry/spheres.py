@@ -257,11 +257,11 @@ def _region(solid: Solid) -> tuple[np.ndarray, ...]:
 
 
 def _protrusion(spheres: np.ndarray, solids: list[Solid]) -> float:
-    """Return the mean way along the normal from the surface out of the cover [m].
+    """Return the mean distance along the normal from the surface out of the cover [m].
 
     The surface is that of the union: what lies inside another solid does not count.
     """
-    ways = []
+    distances = []
     for solid in solids:
         points, normals = surface(solid, _SURFACE_SAMPLES)
         inside = [depth(s, points) > _INSIDE for s in solids if s is not solid]
@@ -271,5 +271,5 @@ def _protrusion(spheres: np.ndarray, solids: list[Solid]) -> float:
         along = np.einsum("nsk,nk->ns", rel, normals)
         power = (rel**2).sum(axis=2) - spheres[:, 3] ** 2
         out = np.sqrt(np.maximum(along**2 - power, 0.0)) - along
-        ways.append(np.where(power <= 0, out, 0.0).max(axis=1))
-    return float(np.concatenate(ways).mean())
+        distances.append(np.where(power <= 0, out, 0.0).max(axis=1))
+    return float(np.concatenate(distances).mean())

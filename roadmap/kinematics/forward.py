@@ -57,6 +57,12 @@ def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.nda
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
+def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return q (..., dof) with its continuous joints in [-pi, pi)."""
+    turned = (q + np.pi) % (2 * np.pi) - np.pi
+    return np.where(robot.continuous, turned, q)
+
+
 def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bound speed and bending of the cover's centres while q moves by `dq`.
 

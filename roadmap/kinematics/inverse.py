@@ -9,7 +9,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics._inverse import Tool, descend
 from roadmap.kinematics.forward import checked, difference, tool_pose
 from roadmap.kinematics.joint_tree import JointTree
-from roadmap.transforms import flat_pose
+from roadmap.transforms import check_pose, flat_pose
 
 
 class BadPose(BadInput):
@@ -18,7 +18,7 @@ class BadPose(BadInput):
 
 @dataclass(frozen=True, eq=False)
 class IkSolution:
-    """A configuration within limits and what is left of the way to the pose.
+    """A configuration within limits and the error of its tool pose.
 
     Attributes:
         q: (dof,) configuration [rad or m].
@@ -96,21 +96,9 @@ def tool_of(robot: JointTree) -> Tool:
 def checked_pose(T: np.ndarray) -> np.ndarray:
     """Return a (4, 4) float array that is a rigid transform, or raise BadPose."""
     try:
-        T = np.asarray(T, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BadPose(f"a pose must be a (4, 4) array of numbers, not {T!r}") from error
-    if T.shape != (4, 4):
-        raise BadPose(f"a pose must have the shape (4, 4), not {T.shape}")
-    if not np.isfinite(T).all():
-        raise BadPose("a pose must be finite, this one holds NaN or infinity")
-    R = T[:3, :3]
-    off = np.abs(R @ R.T - np.eye(3)).max()
-    if off > 1e-6 or np.linalg.det(R) < 0 or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
-        raise BadPose(
-            f"a pose must be rigid: its rotation is off by {off:.1e} (limit 1e-6), "
-            "its last row must be 0 0 0 1 and mirroring is not allowed"
-        )
-    return T
+        return check_pose(T, "the pose")
+    except BadInput as error:
+        raise BadPose(str(error)) from error
 
 
 def _add(

@@ -40,9 +40,9 @@ def build_tree(
     locked: Mapping[str, float],
     given: Mapping[str, Mapping[str, float] | None] | None = None,
 ) -> BodyTree:
-    """Fold everything into bodies; only the joints on the way to `tip` move.
+    """Fold everything into bodies; only the joints between the root and `tip` move.
 
-    A joint off the way is locked at its value in `locked`, else at 0 clipped into its
+    Any other joint is locked at its value in `locked`, else at 0 clipped into its
     limits. A mimic joint moves with the joint it follows, wherever both are. `given`
     holds limits of "velocity", "acceleration" and "jerk" by joint.
 
@@ -163,7 +163,7 @@ def _check_locked(description, drives, locked) -> None:
 
 
 def _moving(description, tip, drives, locked, limits) -> list[str]:
-    """Return the driving joints on the way to the tip, base first."""
+    """Return the driving joints between the root and the tip, base first."""
     on_chain = [j.name for j in description.path(tip) if j.kind in MOVABLE]
     drivers = dict.fromkeys(drives[name][0] for name in on_chain)
     return [d for d in drivers if d not in locked and limits[d][0] < limits[d][1]]

@@ -16,7 +16,7 @@ _MOST_POSES = 800  # corners of small cells that go into one hull
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A travelling joint on the way to a link, `T_before` its frame in the last one's.
+    """A travelling joint that carries a link, `T_before` its frame in the last one's.
 
     Its value is `factor * v + offset`, v that of driver number `driver`.
     """
@@ -71,15 +71,15 @@ class Carried:
             i, size, slide = step.driver, abs(step.factor), 0.0
             if step.joint.kind == "prismatic":
                 ends = step.factor * np.array([self.lower[i], self.upper[i]])
-                slide, own = np.abs(ends + step.offset).max(), size
+                slide, rate = np.abs(ends + step.offset).max(), size
             else:
-                own = size * reach
-                second[i] += size * (own + 2.0 * first[i])
-            first[i] += own
+                rate = size * reach
+                second[i] += size * (rate + 2.0 * first[i])
+            first[i] += rate
             reach += slide + np.linalg.norm(step.T_before[:3, 3])
         return first, second
 
-    def ways(self, radius: float) -> np.ndarray:
+    def motion_bounds(self, radius: float) -> np.ndarray:
         """Return how far each driver moves points at most, (k,) [m]."""
         return self.derivatives(radius)[0] * (self.upper - self.lower)
 

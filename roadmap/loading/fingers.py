@@ -58,8 +58,8 @@ def _beyond(description: Description, tree: BodyTree, tip: str) -> list[str]:
         for joint in description.joints.values()
         if joint.kind in MOVABLE
     ]
-    on_way = {joint.child for joint in description.path(tip)}
-    fixed = {name for name, child in moves if child in on_way}
+    to_tip = {joint.child for joint in description.path(tip)}
+    fixed = {name for name, child in moves if child in to_tip}
     names = [name for name, child in moves if tree.link_body[child] == body]
     still = [n for n in names if n not in fixed and n not in tree.joint_names]
     return list(dict.fromkeys(still))
@@ -76,12 +76,12 @@ def _too_wide(
     for link, carried in carried_links(description, tree, chosen).items():
         if link not in radii:
             continue
-        ways = carried.ways(radii[link])
-        name, way = carried.drivers[ways.argmax()], float(ways.max())
+        bounds = carried.motion_bounds(radii[link])
+        name, moved = carried.drivers[bounds.argmax()], float(bounds.max())
         several = carried.cells(radii[link])[2] > WIDEST
-        if (way > _FARTHEST or several) and way > farthest:
-            worst, farthest = name, way
-            why = f"it would move {link} by up to {way:.2f} m"
-            if way <= _FARTHEST and len(carried.drivers) > 1:
+        if (moved > _FARTHEST or several) and moved > farthest:
+            worst, farthest = name, moved
+            why = f"it would move {link} by up to {moved:.2f} m"
+            if moved <= _FARTHEST and len(carried.drivers) > 1:
                 why = f"{link} hangs on {' and '.join(carried.drivers)}"
     return None if worst is None else (worst, why)

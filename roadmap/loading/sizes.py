@@ -1,4 +1,4 @@
-"""Sizes that no robot has: mostly a wrong unit, told before hours of work begin."""
+"""Sizes that no robot has: mostly a wrong unit, reported before hours of work begin."""
 
 from collections.abc import Sequence
 from pathlib import Path

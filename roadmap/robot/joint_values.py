@@ -21,7 +21,8 @@ def check_values(
     Args:
         robot: Whose joints they are; continuous ones have no limits.
         q: Joint values [rad or m].
-        what: Said of q, as "--q" or "the path"; of many rows the number is told, too.
+        what: What q is called in a message, as "--q" or "the path"; of many rows the
+            number is named, too.
         typed: A person wrote it: then more than a turn of any joint is no radians.
 
     Raises:

@@ -29,7 +29,7 @@ class KnownRobot:
         file: Path of the URDF inside of it.
         tip: Link of the tool.
         locked: Where joints stand that stand still elsewhere than at 0 [rad or m];
-            fingers do not, unless they are told not to travel.
+            fingers do not, unless `travel` is empty.
         srdf: File of this package with the link pairs that are not tested, or "".
         endless: Continuous joints that turn without end, whatever limits the file has.
         acceleration, jerk: Joint name -> the maker's limit, which no URDF holds

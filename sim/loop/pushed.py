@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.kinematics.forward import difference, sphere_centers
+from roadmap.kinematics.forward import difference, sphere_centers, wrapped
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
@@ -195,7 +195,7 @@ class PushedRobot:
     @property
     def measured(self) -> np.ndarray:
         """(dof,) what the encoders say [rad or m]."""
-        return self._wrapped(self.q + self.pushes.error)
+        return wrapped(self.robot, self.q + self.pushes.error)
 
     def follow(
         self,
@@ -224,7 +224,7 @@ class PushedRobot:
         self._note(push)
         self._point = np.array(after, float)
         offset = self._stopped(after, offset, target, gap if away else None)
-        self.q = self._wrapped(after + offset)
+        self.q = wrapped(self.robot, after + offset)
         off = sphere_centers(self.robot, after) - sphere_centers(self.robot, self.q)
         most = np.linalg.norm(off, axis=1).max(initial=0.0)
         self.farthest = max(self.farthest, float(most))
@@ -258,10 +258,10 @@ class PushedRobot:
         for part in _PARTS:
             there = offset + part * (target - offset)
             near = gap is not None and part > 0.0 and gap(point + there) < least
-            if not near and self._may_be(self._wrapped(point + there)):
+            if not near and self._may_be(wrapped(self.robot, point + there)):
                 return there
         for part in (0.75, 0.5, 0.25):
-            if self._may_be(self._wrapped(point + part * offset)):
+            if self._may_be(wrapped(self.robot, point + part * offset)):
                 return part * offset
         return 0.0 * offset
 
@@ -269,10 +269,6 @@ class PushedRobot:
         if push is not self._seen and self._t > push.begin:
             self._seen = push
             self.count[push.kind] += 1
-
-    def _wrapped(self, q: np.ndarray) -> np.ndarray:
-        turned = (q + np.pi) % (2 * np.pi) - np.pi
-        return np.where(self.robot.continuous, turned, q)
 
 
 def mechanical_stop(planner: object, robot: Robot) -> Callable[[np.ndarray], bool]:
