@@ -48,6 +48,11 @@ class RotationGrid:
         return frozen(_neighbors(self.centers), np.int32)
 
     @property
+    def arrays(self) -> kernels.RotationArrays:
+        """The grid for the kernels."""
+        return kernels.RotationArrays(self.n_side, self.n_roll, self.pixel_frames)
+
+    @property
     def n_roll(self) -> int:
         """Number of rolls about the z axis."""
         return 6 * self.n_side

@@ -51,7 +51,7 @@ def build(
         int, typer.Option(help="Cells of rotation: 72 (60 deg), 576 (30 deg)...")
     ] = 576,
     samples: Annotated[
-        int | None, typer.Option(help="Configurations drawn before settling.")
+        int | None, typer.Option(help="Configurations drawn before cells are marked.")
     ] = None,
     seconds: Annotated[
         float | None,

@@ -127,10 +127,10 @@ def test_distances_equal_those_of_dense_samples(rng):
         line = a + share * (b - a)
         axis = rod[:3] + share * (rod[3:6] - rod[:3])
         gap = np.linalg.norm(line[:, None] - axis, axis=2).min() - rod[6]
-        cut = kernel._cut(rod[None], 0, *a, *b)
+        cut = kernel.enters(rod[None], 0, tuple(a), tuple(b))
         if abs(gap) > 2e-3:
             assert cut == (gap < 0)
-        off = kernel._off_capsule(rod[None], 0, *a)
+        off = np.sqrt(kernel.square_to_axis(rod[None], 0, tuple(a))) - rod[6]
         sampled = np.linalg.norm(axis - a, axis=1).min() - rod[6]
         assert off == pytest.approx(sampled, abs=2e-3)
 
