@@ -158,7 +158,7 @@ class InteractionWorkspace:
             n = len(self._cells)
             value, grasp = np.empty(n), np.empty(n, np.int32)
             kernels.full_grid(self._scene, self._room, value, grasp)
-            self._value, self._grasp = frozen(value, float), frozen(grasp, np.int32)
+            self._value = frozen(value, float)
         return self._value
 
     def best(self, k: int = 10) -> list[Target]:

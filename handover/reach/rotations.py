@@ -112,12 +112,6 @@ def rotation_grid(n_cells: int = 576) -> RotationGrid:
     return RotationGrid(n_side, centers, frames.reshape(-1, 9))
 
 
-def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the angles [rad] between rotations (..., 3, 3), broadcast."""
-    gap = ((a - b) ** 2).sum(axis=(-2, -1))  # 8 sin^2(angle / 2)
-    return 2 * np.arcsin(np.sqrt(np.clip(gap / 8, 0.0, 1.0)))
-
-
 def _pixel_frame(pixel: int, k: int) -> np.ndarray:
     """Return the frame whose z axis is the centre of a HEALPix pixel (ring order)."""
     cap, n = 2 * k * (k - 1), 12 * k * k
