@@ -17,9 +17,9 @@ from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap, load_reach_map
 from handover.reach.rotations import RotationGrid, rotation_grid
-from handover.targets.live_targets import LiveSettings, LiveTargets, Pursuit
+from handover.targets.live_targets import LiveTargets, Pursuit
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_choice import ChoiceSettings
+from handover.targets.settings import ChoiceSettings, LiveSettings
 
 __all__ = [
     "POSTURES",

@@ -7,8 +7,7 @@ import pytest
 
 import odm
 from handover.reach.reach_build import ReachSettings
-from handover.targets.live_targets import LiveSettings
-from handover.targets.target_choice import ChoiceSettings
+from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
 from odm.execution.executor import ExecutionSettings

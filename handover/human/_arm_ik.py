@@ -77,6 +77,26 @@ def swivel_circle(arm, pose, work):
     _form(work, SIN_F, -wx * uz, -ux * mx, ux * nx)
     _form(work, COS_R, 0.0, ny, my)
     _form(work, SIN_R, wy * ux, -uz * my, uz * ny)
+    _hand_forms(pose, (wx, wy, wz), (nx, ny, nz), (mx, my, mz), (vx, vz), work)
+    elbow = math.atan2(sin_e, cos_e)
+    elbow = min(max(elbow, arm[LOWER + 3]), arm[UPPER + 3])
+    _form(work, ELBOW, elbow, ux, uz)
+    _form(work, AXES, wx, wy, wz)
+    _form(work, AXES + 1, nx, ny, nz)
+    _form(work, AXES + 2, mx, my, mz)
+    return True
+
+
+@njit(**BARE)
+def _hand_forms(pose, w, n, m, v, work):
+    """Write the forms of forearm and wrist; w, n, m: axes of the swivel.
+
+    v: (x, z) of the wrist's direction in the frame of the forearm.
+    """
+    wx, wy, wz = w
+    nx, ny, nz = n
+    mx, my, mz = m
+    vx, vz = v
     # columns of the hand in the order of the joints: thumb, palm, minus fingers
     w0 = wx * pose[1] + wy * pose[4] + wz * pose[7]
     n0 = nx * pose[1] + ny * pose[4] + nz * pose[7]
@@ -92,13 +112,6 @@ def swivel_circle(arm, pose, work):
     _form(work, COS_W, vz * w2, vx * m2, -vx * n2)
     _form(work, COS_P, vx * w0, -vz * m0, vz * n0)
     _form(work, SIN_P, 0.0, n0, m0)
-    elbow = math.atan2(sin_e, cos_e)
-    elbow = min(max(elbow, arm[LOWER + 3]), arm[UPPER + 3])
-    _form(work, ELBOW, elbow, ux, uz)
-    _form(work, AXES, wx, wy, wz)
-    _form(work, AXES + 1, nx, ny, nz)
-    _form(work, AXES + 2, mx, my, mz)
-    return True
 
 
 @njit(**BARE)

@@ -55,7 +55,7 @@ def swivel_joints(arm, work, phi, branch, q):
     q[4] = _inside(arm, 4, math.atan2(sin_p, cos_p))
     q[5] = _inside(arm, 5, math.atan2(_at(work, SIN_D, c, s), cos_d))
     q[6] = _inside(arm, 6, math.atan2(sin_w, cos_w))
-    return square >= _NEAR_LATERAL or _settle_lateral(arm, work, c, s, square, q)
+    return square >= _NEAR_LATERAL or _solve_lateral(arm, work, c, s, square, q)
 
 
 @njit(**BARE)
@@ -77,7 +77,7 @@ def _inside(arm, joint, angle):
 
 
 @njit(**BARE)
-def _settle_lateral(arm, work, c, s, square, q):
+def _solve_lateral(arm, work, c, s, square, q):
     """Solve flexion and rotation together where the upper arm points to the side.
 
     There each of the two is ill-defined, but what they do together is not: one is

@@ -36,7 +36,7 @@ FOOT = 0.152  # heel to toes
 # masses / M and centres of mass from the near joint / length [Winter, table 4.1]
 SEGMENT_MASSES = {"upper arm": 0.028, "forearm": 0.016, "hand": 0.006}
 SEGMENT_CENTRES = {"upper arm": 0.436, "forearm": 0.430, "hand": 0.506}
-BODY_MASS_INDEX = 24.0  # [kg/m^2] where no mass is told: upper end of normal weight
+BODY_MASS_INDEX = 24.0  # [kg/m^2] where no mass is given: upper end of normal weight
 
 ARM_JOINTS = (
     "shoulder flexion",

@@ -19,7 +19,7 @@ from roadmap.transforms import check_pose, rotation_rpy
 # back is far less likely than a rotation beyond the textbook's, which a few centimetres
 # of a marker make.
 _BEYOND = np.array([1.0, 1.0, 1.0, 5.0])
-_FLEXION_SEAM = ARM_RANGES[0].mean() - np.pi  # [rad] angles are told from here on
+_FLEXION_SEAM = ARM_RANGES[0].mean() - np.pi  # [rad] angles are counted from here on
 
 
 def human_from_joints(
@@ -35,7 +35,7 @@ def human_from_joints(
 
     The lengths are the measured ones, and the joints of the arms follow in closed form
     from shoulder, elbow and wrist; measured joints come back exactly in
-    `Human.places`. The hand is where it is told (`hands`), else in line with a
+    `Human.places`. The hand is turned as in `hands`, else in line with a
     finger tip, else in line with the forearm; without `hands` the forearm is taken
     midway between pronation and supination. What is not seen has the proportions of
     the height and rests as in the posture.
@@ -264,8 +264,8 @@ def _arm_joints(
     if R_hand is not None:
         T = np.eye(4)
         T[:3, :3] = R_hand
-        told = check_pose(T, f"the {side} hand's rotation")[:3, :3]
-        R_hand = flip @ R.T @ told @ flip
+        given = check_pose(T, f"the {side} hand's rotation")[:3, :3]
+        R_hand = flip @ R.T @ given @ flip
     return arm_joints(u, v, fingers, R_hand)
 
 

@@ -1,7 +1,7 @@
 """A person: trunk, head with gaze, two arms of seven hinges, legs by posture.
 
 Frames: world has z up and the floor at 0; the pelvis, chest and shoulder frames have x
-to the front, y to the left, z up the trunk; the hand's is told in
+to the front, y to the left, z up the trunk; the hand's is described in
 `handover/human/human_arm.py`. A `Human` is frozen and cheap (no tables): another
 height, place or arm posture is another `Human`, and reachability maps, which are in
 units of arm length, stay valid.
@@ -46,7 +46,7 @@ class Human:
     Attributes:
         height: Body height [m], 1.2 to 2.2.
         posture: A name out of `handover.human.postures.POSTURES`: legs, bend of the
-            trunk, and what the arms do unless `arms` tells. It does not turn the pelvis
+            trunk, and what the arms do unless `arms` says. It does not turn the pelvis
             when `T_world_pelvis` is given.
         T_world_pelvis: (4, 4) pose of the pelvis [m]; None: resting on the floor at the
             origin, facing x.

@@ -66,23 +66,6 @@ class Skeleton:
         body.check_height(height, "give a Skeleton with the person's own lengths")
         return _of_height(float(height))
 
-    @classmethod
-    def _fractions(cls) -> "Skeleton":
-        side = np.array([[1.0], [-1.0]])
-        shoulder = [0.0, body.SHOULDER_HALF_BREADTH, body.TRUNK_TO_SHOULDER]
-        hip = [0.0, body.HIP_HALF_BREADTH, -body.PELVIS_TO_HIP]
-        mirror = np.hstack([side * side, side, side * side])
-        return cls(
-            trunk=body.PELVIS_TO_TRUNK,
-            shoulders=mirror * shoulder,
-            neck=np.array([0.0, 0.0, body.TRUNK_TO_NECK]),
-            skull=np.array([0.0, 0.0, body.NECK_TO_SKULL]),
-            hips=mirror * hip,
-            arms=np.tile([body.UPPER_ARM, body.FOREARM, body.GRIP], (2, 1)),
-            hands=np.full(2, body.HAND),
-            legs=np.array([body.THIGH, body.SHANK, body.ANKLE, body.FOOT]),
-        )
-
     def scaled(self, factor: float) -> "Skeleton":
         """Return the skeleton with all lengths times `factor`."""
         lengths = {f.name: factor * getattr(self, f.name) for f in fields(self)}
@@ -91,4 +74,22 @@ class Skeleton:
 
 @lru_cache(maxsize=64)
 def _of_height(height: float) -> Skeleton:
-    return Skeleton._fractions().scaled(height)
+    return _fractions().scaled(height)
+
+
+def _fractions() -> Skeleton:
+    """Return all lengths as fractions of the height."""
+    side = np.array([[1.0], [-1.0]])
+    shoulder = [0.0, body.SHOULDER_HALF_BREADTH, body.TRUNK_TO_SHOULDER]
+    hip = [0.0, body.HIP_HALF_BREADTH, -body.PELVIS_TO_HIP]
+    mirror = np.hstack([side * side, side, side * side])
+    return Skeleton(
+        trunk=body.PELVIS_TO_TRUNK,
+        shoulders=mirror * shoulder,
+        neck=np.array([0.0, 0.0, body.TRUNK_TO_NECK]),
+        skull=np.array([0.0, 0.0, body.NECK_TO_SKULL]),
+        hips=mirror * hip,
+        arms=np.tile([body.UPPER_ARM, body.FOREARM, body.GRIP], (2, 1)),
+        hands=np.full(2, body.HAND),
+        legs=np.array([body.THIGH, body.SHANK, body.ANKLE, body.FOOT]),
+    )

@@ -1,8 +1,8 @@
 """The interaction workspace [Vahrenkamp2016, Algorithm 1] over cells of a robot.
 
-Everything is in the person's canonical shoulder frame. Three tuples hold what does not
-change from cell to cell: who (the person now), how (hands by rotation and grasp), and
-where (the robot's cells).
+Everything is in the person's canonical shoulder frame. A `Scene` holds what does not
+change from cell to cell: the person now, the hands by rotation and grasp, and the
+robot's cells. A `Candidate` is one hand on the tool at one place.
 """
 
 import math
@@ -84,11 +84,51 @@ class Cells(NamedTuple):
     rotation: np.ndarray
 
 
-class Room(NamedTuple):
-    """Room to work in.
+class Scene(NamedTuple):
+    """Person, hands and cells of one frame."""
+
+    person: Person
+    hands: Hands
+    cells: Cells
+
+
+class Candidate(NamedTuple):
+    """One hand on the tool at one place.
 
     Attributes:
-        work: (78, 3) of `arm_ik`.
+        rotation: Rotation cell of the tool.
+        grasp: Number of the grasp.
+        x: Place of the tool [m].
+        y: The same.
+        z: The same.
+    """
+
+    rotation: int
+    grasp: int
+    x: float
+    y: float
+    z: float
+
+
+class Described(NamedTuple):
+    """What a user wants to know of n entries.
+
+    Attributes:
+        joints: (n, 7) of the person's arm [rad].
+        parts: (n, 5) qualities.
+        numbers: (n, 3) q_total, q_online, dexterity.
+    """
+
+    joints: np.ndarray
+    parts: np.ndarray
+    numbers: np.ndarray
+
+
+class Room(NamedTuple):
+    """Working memory.
+
+    Attributes:
+        work: (78, 3) of `_arm_ik.py`.
         parts: (5,) qualities.
         q: (7,) joints.
         best: (7,) the best joints.
@@ -105,7 +145,7 @@ class Room(NamedTuple):
 
 
 @njit(**FULL)
-def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands):
+def fill_hands(turn, tools, grasps, mirror, grip, turns, hands):
     """Fill the tables of hands for a person who has turned.
 
     Args:
@@ -114,9 +154,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
         grasps: (g, 12) T_tool_hand.
         mirror: -1 for a left arm, 1 for a right one: the second axis of the hand.
         grip: Wrist to grip [m].
-        n_side: Of the rotation grid of the person's map.
-        n_roll: Of the same.
-        frames: Its pixel frames.
+        turns: `RotationArrays` of the person's map.
         hands: Written.
     """
     tool, near = np.empty((3, 3)), np.empty(9)
@@ -148,7 +186,9 @@ def fill_hands(turn, tools, grasps, mirror, grip, n_side, n_roll, frames, hands)
                 near[j] = a + NUDGE[1] * c - NUDGE[2] * b
                 near[3 + j] = b + NUDGE[2] * a - NUDGE[0] * c
                 near[6 + j] = c + NUDGE[0] * b - NUDGE[1] * a
-            hands.cell[r, g] = rotation_cell(near, n_side, n_roll, frames)
+            hands.cell[r, g] = rotation_cell(
+                near, turns.n_side, turns.n_roll, turns.pixel_frames
+            )
             w = hands.wrist[r, g]
             wrist = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
             there = hand[9] * hand[9] + hand[10] * hand[10] + hand[11] * hand[11]
@@ -171,66 +211,71 @@ def position_of(box, x, y, z):
 
 
 @njit(**WITHIN)
-def dexterity_at(person, hands, r, g, x, y, z):
-    """Return the dexterity of a hand in rotation r of grasp g at x, y, z."""
-    at = position_of(person.box, x, y, z)
-    if at < 0:
-        return 0.0
-    return person.dexterity[at, hands.cell[r, g]] / 255.0
+def wrist_of(hands, one):
+    """Return the place (3) of a candidate's wrist [m], and its squared distance."""
+    r, g = one.rotation, one.grasp
+    wx = one.x + hands.wrist[r, g, 0]
+    wy = one.y + hands.wrist[r, g, 1]
+    wz = one.z + hands.wrist[r, g, 2]
+    return (wx, wy, wz), wx * wx + wy * wy + wz * wz
 
 
 @njit(**WITHIN)
-def hand_value(person, hands, r, g, x, y, z, floor, room):
-    """Return q_total, to the GRAIN, of grasp g with the tool at x, y, z, rotation r.
+def grip_of(hands, one):
+    """Return the place (3) of a candidate's grip [m]."""
+    r, g = one.rotation, one.grasp
+    return (
+        one.x + hands.pose[r, g, 9],
+        one.y + hands.pose[r, g, 10],
+        one.z + hands.pose[r, g, 11],
+    )
+
+
+@njit(**WITHIN)
+def dexterity_at(person, hands, one, grip):
+    """Return the dexterity of a candidate whose grip is at `grip` (3)."""
+    at = position_of(person.box, grip[0], grip[1], grip[2])
+    if at < 0:
+        return 0.0
+    return person.dexterity[at, hands.cell[one.rotation, one.grasp]] / 255.0
+
+
+@njit(**WITHIN)
+def hand_value(person, hands, one, floor, room):
+    """Return q_total, to the GRAIN, of a candidate.
 
     UNREACHED where no joints reach it, BELOW where it is below `floor`; else the
     joints are in room.best.
     """
-    wx = x + hands.wrist[r, g, 0]
-    wy = y + hands.wrist[r, g, 1]
-    wz = z + hands.wrist[r, g, 2]
-    square = wx * wx + wy * wy + wz * wz
+    wrist, square = wrist_of(hands, one)
     low, high = person.scales[2], person.scales[3]
     if square < low * low or square > high * high:
         return UNREACHED
-    pose = room.pose
+    pose, r, g = room.pose, one.rotation, one.grasp
     for i in range(9):
         pose[i] = hands.pose[r, g, i]
-    hand_y = wx * pose[1] + wy * pose[4] + wz * pose[7]
-    hand_z = wx * pose[2] + wy * pose[5] + wz * pose[8]
+    hand_y = wrist[0] * pose[1] + wrist[1] * pose[4] + wrist[2] * pose[7]
+    hand_z = wrist[0] * pose[2] + wrist[1] * pose[5] + wrist[2] * pose[8]
     if not wrist_allows(person.state, hand_y, hand_z, square):
         return UNREACHED
-    pose[9] = x + hands.pose[r, g, 9]
-    pose[10] = y + hands.pose[r, g, 10]
-    pose[11] = z + hands.pose[r, g, 11]
-    dexterity = dexterity_at(person, hands, r, g, pose[9], pose[10], pose[11])
-    found = pose_value(
-        person.state,
-        person.rods,
-        person.settings,
-        person.scales[0],
-        dexterity,
-        person.scales[1],
-        floor,
-        least_effort(person.state, pose[2], pose[5], pose[8], wx, wy, wz, square),
-        pose,
-        room.work,
-        room.parts,
-        room.q,
-        room.best,
-    )
+    grip = grip_of(hands, one)
+    pose[9], pose[10], pose[11] = grip
+    dexterity = dexterity_at(person, hands, one, grip)
+    fingers = pose[2], pose[5], pose[8]
+    least = least_effort(person.state, fingers, wrist, square)
+    found = pose_value(person, room, dexterity, least, floor)
     return math.floor(found / GRAIN + 0.5) * GRAIN if found >= 0.0 else found
 
 
 @njit(**BARE)
-def full_grid(person, hands, cells, room, value, grasp):
+def full_grid(scene, room, value, grasp):
     """Write the quality of every entry to value (n,), the grasp it has to grasp (n,).
 
     UNREACHED and -1 where no grasp can be taken.
     """
+    person, hands, cells = scene
     value[:] = UNREACHED
     grasp[:] = -1
-    wrist, n_grasps = hands.wrist, hands.wrist.shape[1]
     points, first, rotation = cells.points, cells.first, cells.rotation
     low, high = person.scales[2] ** 2, person.scales[3] ** 2
     far = (person.scales[3] + hands.far[0]) ** 2
@@ -239,59 +284,58 @@ def full_grid(person, hands, cells, room, value, grasp):
         if x * x + y * y + z * z > far:
             continue
         for e in range(first[p], first[p + 1]):
-            r = rotation[e]
             best = UNREACHED
-            for g in range(n_grasps):
-                wx, wy, wz = x + wrist[r, g, 0], y + wrist[r, g, 1], z + wrist[r, g, 2]
-                square = wx * wx + wy * wy + wz * wz
+            for g in range(hands.wrist.shape[1]):
+                one = Candidate(rotation[e], g, x, y, z)
+                _, square = wrist_of(hands, one)
                 if square < low or square > high:
                     continue
-                found = hand_value(person, hands, r, g, x, y, z, best, room)
+                found = hand_value(person, hands, one, best, room)
                 if found > best:
                     best = found
                     value[e], grasp[e] = found, g
 
 
+@njit(**WITHIN)
+def candidate_of(cells, e, g):
+    """Return entry e of the cells with grasp g."""
+    p = np.searchsorted(cells.first, e, side="right") - 1
+    x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
+    return Candidate(cells.rotation[e], g, x, y, z)
+
+
 @njit(**BARE)
-def describe(person, hands, cells, entries, grasps, room, joints, parts, numbers):
+def describe(scene, entries, grasps, room, out):
     """Solve entries once more and write what a user wants to know of them.
 
     Args:
-        person: The person.
-        hands: Hands by rotation and grasp.
-        cells: The robot's cells.
+        scene: Person, hands and cells.
         entries: (n,) entries.
         grasps: (n,) the grasp of each.
-        room: To work in.
-        joints: (n, 7) written.
-        parts: (n, 5) written.
-        numbers: (n, 3) written: q_total, q_online, dexterity.
+        room: Working memory.
+        out: `Described`, written.
     """
+    person, hands, cells = scene
+    numbers = out.numbers
+    state, rods, settings = person.state, person.rods, person.settings
     for i in range(entries.shape[0]):
-        e, g = entries[i], grasps[i]
-        p = np.searchsorted(cells.first, e, side="right") - 1
-        r = cells.rotation[e]
-        x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
-        numbers[i, 0] = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
+        one = candidate_of(cells, entries[i], grasps[i])
+        numbers[i, 0] = hand_value(person, hands, one, UNREACHED, room)
         for j in range(7):
-            joints[i, j] = room.best[j]
-        state, rods, settings = person.state, person.rods, person.settings
-        numbers[i, 1] = quality_of(state, rods, settings, room.best, parts[i])
-        px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]
-        pz = z + hands.pose[r, g, 11]
-        numbers[i, 2] = dexterity_at(person, hands, r, g, px, py, pz)
+            out.joints[i, j] = room.best[j]
+        numbers[i, 1] = quality_of(state, rods, settings, room.best, out.parts[i])
+        numbers[i, 2] = dexterity_at(person, hands, one, grip_of(hands, one))
 
 
 @njit(**BARE)
-def best_grasps(person, hands, cells, entries, room, value, grasp):
+def best_grasps(scene, entries, room, value, grasp):
     """Write the best quality and grasp of entries (n,); UNREACHED and -1: none."""
+    person, hands, cells = scene
     for i in range(entries.shape[0]):
-        e = entries[i]
         value[i], grasp[i] = UNREACHED, -1
-        p = np.searchsorted(cells.first, e, side="right") - 1
-        x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
+        at = candidate_of(cells, entries[i], 0)
         for g in range(hands.wrist.shape[1]):
-            r = cells.rotation[e]
-            found = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
+            one = Candidate(at.rotation, g, at.x, at.y, at.z)
+            found = hand_value(person, hands, one, UNREACHED, room)
             if found > value[i]:
                 value[i], grasp[i] = found, g

@@ -21,7 +21,7 @@ from numba import njit
 
 from handover.human._human_arm import LOWER, UPPER, arm_axes
 from handover.jit_options import BARE, WITHIN
-from handover.meet._meet import dexterity_at, position_of
+from handover.meet._meet import dexterity_at, grip_of, position_of, wrist_of
 from handover.meet._meet_pose import (
     ROUNDING,
     UNREACHED,
@@ -220,10 +220,10 @@ def _shares(person):
 
 
 @njit(**BARE)
-def least_joint_cost(person, now, spin, wx, wy, wz, square):
-    """Return what joint travel costs at least, eq. (1), for a hand and its wrist.
+def least_joint_cost(person, now, spin, wrist, square):
+    """Return what joint travel costs at least, eq. (1), for a hand and its wrist (3).
 
-    The elbow angle is told by the wrist's distance. The shoulder has to turn the
+    The wrist's distance determines the elbow angle. The shoulder has to turn the
     wrist's direction; shoulder, elbow, forearm and wrist together the hand by `spin`.
     Each joint turns what hangs on it by its own angle, so angles of rotations are at
     most the sum of the joints'; least squares of such sums are closed forms.
@@ -238,7 +238,8 @@ def least_joint_cost(person, now, spin, wx, wy, wz, square):
     cost = settings[ALPHA + 3] * bend * bend
     cos_i = (square + upper * upper - fore * fore) / (2.0 * upper * max(away, 1e-9))
     inner = math.acos(min(1.0, max(-1.0, cos_i)))
-    cosine = (wx * now[0] + wy * now[1] + wz * now[2]) / max(away, 1e-9)
+    cosine = wrist[0] * now[0] + wrist[1] * now[1] + wrist[2] * now[2]
+    cosine /= max(away, 1e-9)
     turn = math.acos(min(1.0, max(-1.0, cosine))) - abs(inner - now[12])
     turn = max(0.0, turn - 2.0 * SLACK)
     spin = max(0.0, spin - bend - 2.0 * SLACK)
@@ -265,53 +266,53 @@ def _give(settings, first, last):
 
 
 @njit(**BARE)
-def grip_bound(person, hands, bounds, r, g, x, y, z, floor, parts):
+def grip_bound(person, hands, bounds, one, floor, parts):
     """Return a bound of `hand_value`, UNREACHED where forearm and hand cannot fit.
 
     The distance from obstacles, the dearest part, is left out where the rest is below
     `floor` already.
     """
-    wx = x + hands.wrist[r, g, 0]
-    wy = y + hands.wrist[r, g, 1]
-    wz = z + hands.wrist[r, g, 2]
-    square = wx * wx + wy * wy + wz * wz
+    wrist, square = wrist_of(hands, one)
     low, high = person.scales[2], person.scales[3]
     if square < low * low or square > high * high:
         return UNREACHED
-    pose = hands.pose
+    pose, r, g = hands.pose, one.rotation, one.grasp
     hx, hy, hz = pose[r, g, 2], pose[r, g, 5], pose[r, g, 8]
-    hand_y = wx * pose[r, g, 1] + wy * pose[r, g, 4] + wz * pose[r, g, 7]
-    hand_z = wx * hx + wy * hy + wz * hz
+    hand_y = wrist[0] * pose[r, g, 1] + wrist[1] * pose[r, g, 4]
+    hand_y += wrist[2] * pose[r, g, 7]
+    hand_z = wrist[0] * hx + wrist[1] * hy + wrist[2] * hz
     if not wrist_allows(person.state, hand_y, hand_z, square):
         return UNREACHED
     state, settings, share = person.state, person.settings, person.scales[0]
-    px, py, pz = x + pose[r, g, 9], y + pose[r, g, 10], z + pose[r, g, 11]
-    rest = (1.0 - share) * dexterity_at(person, hands, r, g, px, py, pz) + ROUNDING
-    now, spin = bounds.now, bounds.spin[r, g]
-    cost = least_joint_cost(person, now, spin, wx, wy, wz, square)
+    grip = grip_of(hands, one)
+    rest = (1.0 - share) * dexterity_at(person, hands, one, grip) + ROUNDING
+    cost = least_joint_cost(person, bounds.now, bounds.spin[r, g], wrist, square)
     parts[JOINT] = 1.0 - math.tanh(settings[BETA + JOINT] * cost)
-    cost = least_effort(state, hx, hy, hz, wx, wy, wz, square)
+    cost = least_effort(state, (hx, hy, hz), wrist, square)
     parts[EFFORT] = 1.0 - math.tanh(settings[BETA + EFFORT] * cost)
-    shares = open_parts(state, settings, px, py, pz, parts)
+    shares = open_parts(state, settings, grip[0], grip[1], grip[2], parts)
     parts[SAFETY] = 1.0
     bound = share * (online_sum(settings, parts) / shares) + rest
     if bound < floor:
         return bound
-    parts[SAFETY] = safety_part(person.rods, settings, px, py, pz)
+    parts[SAFETY] = safety_part(person.rods, settings, grip[0], grip[1], grip[2])
     return share * (online_sum(settings, parts) / shares) + rest
 
 
 @njit(**WITHIN)
-def byte_passes(person, hands, bounds, p, r, g, x, y, z, floor):
-    """Return whether the bounds by place and by byte reach `floor`."""
-    px, py = x + hands.pose[r, g, 9], y + hands.pose[r, g, 10]
-    pz = z + hands.pose[r, g, 11]
-    at = position_of(person.box, px, py, pz)
+def byte_passes(person, hands, bounds, p, one, floor):
+    """Return whether the bounds by place and by byte reach `floor`.
+
+    p: number of the candidate's position.
+    """
+    x, y, z = grip_of(hands, one)
+    at = position_of(person.box, x, y, z)
+    lack = bounds.lack[one.rotation, one.grasp]
     scale = 255.0 / max(1.0 - person.scales[0], 1e-9)
     if at < 0:
-        need = (floor - bounds.online[p]) * scale - LOOSE_BYTE + bounds.lack[r, g]
+        need = (floor - bounds.online[p]) * scale - LOOSE_BYTE + lack
         return need <= 0.0
     if bounds.place[at] < floor:
         return False
-    need = (floor - bounds.place_online[at]) * scale - LOOSE_BYTE + bounds.lack[r, g]
-    return person.dexterity[at, hands.cell[r, g]] >= need
+    need = (floor - bounds.place_online[at]) * scale - LOOSE_BYTE + lack
+    return person.dexterity[at, hands.cell[one.rotation, one.grasp]] >= need

@@ -1,6 +1,7 @@
 """What one hand pose is worth to a person: the best of its swivel representatives."""
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
@@ -36,10 +37,11 @@ from handover.meet._quality import (
     SAFETY,
     SPATIAL,
     VISIBILITY,
-    _cut,
     effort_cost,
+    enters,
     joint_cost,
     spatial_cost,
+    square_to_axis,
     visibility_cost,
 )
 
@@ -50,7 +52,7 @@ _LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
 
 @njit(**WITHIN)
 def open_parts(state, settings, x, y, z, parts):
-    """Write the qualities of a grip's way and visibility; return the weights' sum."""
+    """Write the spatial and visibility qualities of a grip; return the weights' sum."""
     parts[SPATIAL] = 1.0 - math.tanh(
         settings[BETA + SPATIAL] * spatial_cost(state, x, y, z)
     )
@@ -68,35 +70,18 @@ def open_parts(state, settings, x, y, z, parts):
 def safety_part(rods, settings, x, y, z):
     """Return the quality of safety of a grip, without the forearm."""
     concern = settings[CONCERN]
-    nearest = off_rods(rods, concern, x, y, z)
+    nearest = concern
+    for i in range(rods.shape[0]):
+        # roots are drawn only of those that are nearer than the nearest so far
+        square = square_to_axis(rods, i, (x, y, z))
+        near = nearest + rods[i, 6]
+        if near > 0.0 and square < near * near:
+            nearest = math.sqrt(square) - rods[i, 6]
     if nearest >= concern:
         return 1.0
     if nearest <= 0.0:
         return 0.0
     return 1.0 - math.tanh(settings[BETA + SAFETY] * (concern / nearest - 1.0))
-
-
-@njit(**WITHIN)
-def off_rods(rods, most, x, y, z):
-    """Return the distance of a point from the nearest capsule, at most `most`.
-
-    Roots are drawn only of those that are nearer than the nearest so far.
-    """
-    nearest = most
-    for i in range(rods.shape[0]):
-        dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
-        dy, py = rods[i, 4] - rods[i, 1], y - rods[i, 1]
-        dz, pz = rods[i, 5] - rods[i, 2], z - rods[i, 2]
-        square = dx * dx + dy * dy + dz * dz
-        t = 0.0
-        if square > 0.0:
-            t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), 1.0)
-        px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-        gap = px * px + py * py + pz * pz
-        near = nearest + rods[i, 6]
-        if near > 0.0 and gap < near * near:
-            nearest = math.sqrt(gap) - rods[i, 6]
-    return nearest
 
 
 @njit(**WITHIN)
@@ -142,64 +127,72 @@ def online_sum(settings, parts):
     return total
 
 
+class PoseTerms(NamedTuple):
+    """What all swivel angles of one hand pose have in common.
+
+    Attributes:
+        shares: Sum of the weights in use.
+        rest: Share of the dexterity in q_total.
+        effort: Upper bound of the quality of effort.
+        safety: Quality of safety of the grip.
+        forearm: Whether the line from elbow to wrist can still spoil it.
+        wrist: Place (3) of the wrist [m].
+    """
+
+    shares: float
+    rest: float
+    effort: float
+    safety: float
+    forearm: bool
+    wrist: tuple[float, float, float]
+
+
 @njit(**WITHIN)
-def pose_value(
-    state,
-    rods,
-    settings,
-    share,
-    dexterity,
-    step,
-    floor,
-    least,
-    pose,
-    work,
-    parts,
-    q,
-    best_q,
-):
-    """Return q_total of the best representative of a hand pose, its joints in best_q.
+def pose_value(person, room, dexterity, least, floor):
+    """Return q_total of the best representative of the hand pose in room.pose.
 
     Args:
-        state: Packed arm first, see `quality.py`.
-        rods: (m, 7) obstacles.
-        settings: (19,).
-        share: Of q_online in q_total.
+        person: `Person` of `_meet.py`.
+        room: `Room` of `_meet.py`; the joints are written to its `best`.
         dexterity: Of the pose, in [0, 1].
-        step: Largest swivel between representatives [rad].
-        floor: Of no interest below; a pose that cannot reach it is not looked into.
         least: Lower bound of the cost of effort.
-        pose: (12,) the hand in the canonical shoulder frame.
-        work: Room of `arm_ik`.
-        parts: (5,) room.
-        q: (7,) room.
-        best_q: (7,) written.
+        floor: Of no interest below; a pose that cannot reach it is not looked into.
 
     Returns:
         In [0, 1]; UNREACHED where no joints in their ranges reach the pose, and BELOW
         where they do, but nothing reaches `floor`.
     """
-    arm = state
-    best = UNREACHED
+    arm, rods, settings = person.state, person.rods, person.settings
+    share, pose, work, parts = person.scales[0], room.pose, room.work, room.parts
     if not swivel_circle(arm, pose, work):
-        return best
+        return UNREACHED
     n_spans = swivel_spans(arm, work)
     if n_spans == 0:
-        return best
+        return UNREACHED
     x, y, z = pose[9], pose[10], pose[11]
-    shares = open_parts(state, settings, x, y, z, parts)
-    grip_safety = safety_part(rods, settings, x, y, z)
-    parts[SAFETY] = grip_safety
+    shares = open_parts(arm, settings, x, y, z, parts)
+    safety = safety_part(rods, settings, x, y, z)
     effort = 1.0 - math.tanh(settings[BETA + EFFORT] * least) + ROUNDING
-    parts[JOINT], parts[EFFORT] = 1.0, effort
+    parts[SAFETY], parts[JOINT], parts[EFFORT] = safety, 1.0, effort
     rest = (1.0 - share) * dexterity
     if share * (online_sum(settings, parts) / shares) + rest + ROUNDING < floor:
         return BELOW
     grip = arm[2]
-    wx, wy, wz = x - grip * pose[2], y - grip * pose[5], z - grip * pose[8]
-    careful = grip_safety > 0.0 and settings[FOREARM] != 0.0
-    if careful and line_cut(rods, wx, wy, wz, x, y, z):
-        grip_safety, careful = 0.0, False
+    wrist = x - grip * pose[2], y - grip * pose[5], z - grip * pose[8]
+    forearm = safety > 0.0 and settings[FOREARM] != 0.0
+    if forearm and line_enters(rods, wrist, (x, y, z)):
+        safety, forearm = 0.0, False
+    terms = PoseTerms(shares, rest, effort, safety, forearm, wrist)
+    return _best_swivel(person, room, n_spans, terms)
+
+
+@njit(**WITHIN)
+def _best_swivel(person, room, n_spans, terms):
+    """Return q_total of the best swivel representative; its joints go to room.best."""
+    arm, settings, work, parts = person.state, person.settings, room.work, room.parts
+    share, step, q = person.scales[0], person.scales[1], room.q
+    shares, rest = terms.shares, terms.rest
+    best = UNREACHED
     for i in range(n_spans):
         first, last = work[SPANS + i, 0], work[SPANS + i, 1]
         branch = work[SPANS + i, 2]
@@ -210,35 +203,35 @@ def pose_value(
             if not swivel_joints(arm, work, phi, branch, q):
                 continue
             parts[JOINT] = 1.0 - math.tanh(
-                settings[BETA + JOINT] * joint_cost(state, settings, q)
+                settings[BETA + JOINT] * joint_cost(arm, settings, q)
             )
-            parts[SAFETY], parts[EFFORT] = grip_safety, effort
+            parts[SAFETY], parts[EFFORT] = terms.safety, terms.effort
             if share * (online_sum(settings, parts) / shares) + rest <= best:
                 continue
             parts[EFFORT] = 1.0 - math.tanh(
-                settings[BETA + EFFORT] * swivel_effort(state, work, phi, pose, q)
+                settings[BETA + EFFORT] * swivel_effort(arm, work, phi, room.pose, q)
             )
             total = share * (online_sum(settings, parts) / shares) + rest
             if total <= best:
                 continue
-            if careful:
-                ex, ey, ez = elbow_at(arm, work, phi)
-                if line_cut(rods, ex, ey, ez, wx, wy, wz):
+            if terms.forearm:
+                elbow = elbow_at(arm, work, phi)
+                if line_enters(person.rods, elbow, terms.wrist):
                     parts[SAFETY] = 0.0
                     total = share * (online_sum(settings, parts) / shares) + rest
                     if total <= best:
                         continue
             best = total
             for j in range(7):
-                best_q[j] = q[j]
+                room.best[j] = q[j]
     return best
 
 
 @njit(**WITHIN)
-def line_cut(rods, ax, ay, az, bx, by, bz):
-    """Return whether the line from a to b enters a capsule."""
+def line_enters(rods, a, b):
+    """Return whether the line between the points a (3) and b (3) enters a capsule."""
     for i in range(rods.shape[0]):
-        if _cut(rods, i, ax, ay, az, bx, by, bz):
+        if enters(rods, i, a, b):
             return True
     return False
 
@@ -258,8 +251,8 @@ def swivel_effort(state, work, phi, pose, q):
     """Return `effort_cost` at a swivel angle of a pose, whose joints are q.
 
     The arm's directions are read off the swivel circle, without the joints' sines;
-    only where the upper arm points nearly to the side or the hand nearly along its axis
-    of flexion, they are not told well by it.
+    only where the upper arm points nearly to the side, or the hand nearly along its
+    axis of flexion, the circle determines them badly.
     """
     c, s = math.cos(phi), math.sin(phi)
     sin_f = work[SIN_F, 0] + c * work[SIN_F, 1] + s * work[SIN_F, 2]
@@ -297,7 +290,7 @@ def swivel_effort(state, work, phi, pose, q):
 
 
 @njit(**WITHIN)
-def least_effort(state, hx, hy, hz, wx, wy, wz, square):
+def least_effort(state, fingers, wrist, square):
     """Return what the effort of a hand pose costs at least, whatever the swivel.
 
     One of its seven terms is the torque about the shoulder's y axis, m . k with the
@@ -306,13 +299,9 @@ def least_effort(state, hx, hy, hz, wx, wy, wz, square):
     across W is known, and that part is at most as long as k's own across W.
 
     Args:
-        state: See `quality.py`; the arm first.
-        hx: Direction of the fingers h.
-        hy: The same.
-        hz: The same.
-        wx: The wrist W [m].
-        wy: The same.
-        wz: The same.
+        state: See `_quality.py`; the arm first.
+        fingers: (3) direction of the fingers h.
+        wrist: (3) place of the wrist W [m].
         square: Squared length of W [m^2].
     """
     upper, fore = state[0], state[1]
@@ -320,10 +309,10 @@ def least_effort(state, hx, hy, hz, wx, wy, wz, square):
     b = state[MOMENTS] - a * upper
     c = state[MOMENTS + 2]
     kx, kz = -state[DOWN + 2], state[DOWN]
-    along = wx * kx + wz * kz
+    along = wrist[0] * kx + wrist[2] * kz
     # W . u: the triangle of shoulder, elbow and wrist
     inward = (square + upper * upper - fore * fore) / (2.0 * upper)
-    known = along * (a + b * inward / square) + c * (hx * kx + hz * kz)
+    known = along * (a + b * inward / square) + c * (fingers[0] * kx + fingers[2] * kz)
     across = max(0.0, kx * kx + kz * kz - along * along / square)
     side = max(0.0, 1.0 - inward * inward / square)
     return max(0.0, abs(known) - abs(b) * math.sqrt(across * side) - ROUNDING)

@@ -11,9 +11,10 @@ import numpy as np
 from numba import njit
 
 from handover.jit_options import BARE, FULL
-from handover.meet._meet import hand_value
+from handover.meet._meet import Candidate, Room, Scene, hand_value
 from handover.meet._meet_bounds import (
     LOOSE_BYTE,
+    Bounds,
     byte_passes,
     fill_spins,
     grip_bound,
@@ -49,6 +50,24 @@ class Top(NamedTuple):
     grasp: np.ndarray
 
 
+class Search(NamedTuple):
+    """What a search needs.
+
+    Attributes:
+        scene: Person, hands and cells.
+        entries: Keys, and which are removed; nothing is seen before and after.
+        bounds: The bounds by place are filled in, the rest is working memory.
+        top: Written; its size is k.
+        room: Working memory; its counts grow.
+    """
+
+    scene: Scene
+    entries: Entries
+    bounds: Bounds
+    top: Top
+    room: Room
+
+
 @njit(**BARE)
 def put(top, key, e, g, value, n):
     """Insert an entry into the best n so far, ordered by value, then by key."""
@@ -70,22 +89,19 @@ def put(top, key, e, g, value, n):
 
 
 @njit(**FULL)
-def search(who, entries, bounds, warm, top, room):
-    """Fill `top` with the best entries that are not removed.
+def search(task, warm):
+    """Fill the `top` of a search with the best entries that are not removed.
 
     Args:
-        who: (Person, Hands, Cells).
-        entries: Keys, and which are removed; nothing is seen before and after.
-        bounds: The bounds by place are filled in, the rest is room.
+        task: See `Search`.
         warm: (m,) entries to begin with: the last best.
-        top: Written; its size is k.
-        room: To work in; its counts grow.
 
     Returns:
         How many there are.
     """
-    person, hands, cells = who
-    removed, seen = entries.removed, entries.seen
+    person, hands, cells = task.scene
+    bounds, top = task.bounds, task.top
+    removed, seen = task.entries.removed, task.entries.seen
     n = 0
     k = top.value.shape[0]
     now_turn(person, bounds.now)
@@ -95,7 +111,7 @@ def search(who, entries, bounds, warm, top, room):
         if removed[e] or seen[e]:
             continue
         p = np.searchsorted(cells.first, e, side="right") - 1
-        n = _look(who, entries, bounds, p, e, 0, top, n, room)
+        n = _look(task, p, e, 0, n)
         seen[e] = True
     whole = bounds.whole
     position_bounds(person, hands, cells, bounds)
@@ -112,19 +128,20 @@ def search(who, entries, bounds, warm, top, room):
         floor = top.value[k - 1] if n == k else 0.0
         if whole[p] < floor:
             break
-        n = _open(who, entries, bounds, p, top, n, room)
+        n = _open(task, p, n)
     for i in range(warm.shape[0]):
         seen[warm[i]] = False
     return n
 
 
 @njit(**BARE)
-def _open(who, entries, bounds, p, top, n, room):
+def _open(task, p, n):
     """Look at the entries of a position whose bound by the byte passes."""
-    person, hands, cells = who
-    counts, online = room.counts, bounds.online[p]
+    person, hands, cells = task.scene
+    bounds, top, counts = task.bounds, task.top, task.room.counts
+    online = bounds.online[p]
     place_online, place, lack = bounds.place_online, bounds.place, bounds.lack
-    removed, seen = entries.removed, entries.seen
+    removed, seen = task.entries.removed, task.entries.seen
     counts[POSITIONS] += 1
     counts[BYTES] += (cells.first[p + 1] - cells.first[p]) * hands.pose.shape[1]
     k = top.value.shape[0]
@@ -162,7 +179,7 @@ def _open(who, entries, bounds, p, top, n, room):
                 byte = dexterity[at, turned[r, g]]
             if byte >= need + lack[r, g]:
                 if not removed[e] and not seen[e]:
-                    n = _look(who, entries, bounds, p, e, g, top, n, room)
+                    n = _look(task, p, e, g, n)
                     floor = top.value[k - 1] if n == k else 0.0
                     far = (floor - online) * scale - LOOSE_BYTE
                 break
@@ -170,26 +187,26 @@ def _open(who, entries, bounds, p, top, n, room):
 
 
 @njit(**BARE)
-def _look(who, entries, bounds, p, e, first, top, n, room):
-    """Bound the grasps of an entry from `first` on, solve those that may count."""
-    person, hands, cells = who
-    k = top.value.shape[0]
-    r = cells.rotation[e]
+def _look(task, p, e, first, n):
+    """Bound the grasps of entry e from `first` on, solve those that may count."""
+    person, hands, cells = task.scene
+    bounds, top, room = task.bounds, task.top, task.room
+    k, r = top.value.shape[0], cells.rotation[e]
     x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
     best, best_g = UNREACHED, -1
     floor = top.value[k - 1] if n == k else 0.0
     for g in range(first, hands.wrist.shape[1]):
-        if not byte_passes(person, hands, bounds, p, r, g, x, y, z, floor):
+        one = Candidate(r, g, x, y, z)
+        if not byte_passes(person, hands, bounds, p, one, floor):
             continue
         room.counts[GRIPS] += 1
-        bound = grip_bound(person, hands, bounds, r, g, x, y, z, floor, room.parts)
-        if bound < floor:
+        if grip_bound(person, hands, bounds, one, floor, room.parts) < floor:
             continue
         room.counts[SOLVED] += 1
-        found = hand_value(person, hands, r, g, x, y, z, floor, room)
+        found = hand_value(person, hands, one, floor, room)
         if found > best:
             best, best_g = found, g
             floor = max(floor, found)
     if best >= 0.0:
-        n = put(top, entries.keys[e], e, best_g, best, n)
+        n = put(top, task.entries.keys[e], e, best_g, best, n)
     return n

@@ -1,39 +1,63 @@
 """The best that a hand can do at places of its grip, over rotations and elbows."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from handover._chain import dexterity, forward, jacobian
+from handover._chain import ChainArrays, dexterity, forward, jacobian
 from handover.human._arm_solve import solve_arm
 from handover.jit_options import FULL
 from handover.meet._quality import EFFORT, quality_of
+from handover.reach._reach_build import Work
 
 # columns: the five parts of quality.py, then these
 DEXTERITY, COMBINED, ONLINE, TOTAL, COLUMNS = 5, 6, 7, 8, 9
 
 
+class PlaceArm(NamedTuple):
+    """The arm whose hand is placed.
+
+    Attributes:
+        state: (68,) of `_quality.py`, and so the next two.
+        obstacles: (m, 7) capsules.
+        settings: (19,).
+        chain: `ChainArrays` of the same arm.
+        shares: (3,) of q_online in q_total; the dexterity that is 1; largest swivel
+            between representatives [rad].
+    """
+
+    state: np.ndarray
+    obstacles: np.ndarray
+    settings: np.ndarray
+    chain: ChainArrays
+    shares: np.ndarray
+
+
+class PlaceRoom(NamedTuple):
+    """Working memory: that of the chain, and work, q and swivels of `solve_arm`."""
+
+    chain: Work
+    work: np.ndarray
+    joints: np.ndarray
+    swivels: np.ndarray
+
+
 @njit(**FULL)
-def best_at_places(
-    state, obstacles, settings, shares, turns, points, chain, room, solved, out, found
-):
+def best_at_places(arm, turns, points, room, out, found):
     """Write the best of each quality over all rotations and elbows of each place.
 
     Args:
-        state: of `handover/meet/_quality.py`, and so the next two.
-        obstacles: (m, 7) capsules.
-        settings: (19,).
-        shares: (3,) of q_online in q_total; the dexterity that is 1; largest swivel
-            between representatives [rad].
+        arm: See `PlaceArm`.
         turns: (m, 9) rotations of the hand, canonical shoulder frame.
         points: (n, 3) places of the grip, canonical shoulder frame [m].
-        chain: `ChainArrays` of the same arm.
-        room: `Work` of the chain.
-        solved: room of `solve_arm`: its work, q and swivels.
+        room: See `PlaceRoom`.
         out: (n, COLUMNS) the maxima; 0 where nothing is reached. COMBINED is that of
             half dexterity and half effort.
         found: (n, 9) joints of the best total, its rotation, rotations reached.
     """
-    work, joints, swivels = solved
+    state, obstacles, settings, chain, shares = arm
+    own = room.chain
     pose, parts = np.empty(12), np.empty(5)
     for i in range(points.shape[0]):
         out[i] = 0.0
@@ -41,15 +65,17 @@ def best_at_places(
         pose[9:12] = points[i]
         for r in range(turns.shape[0]):
             pose[:9] = turns[r]
-            n, _ = solve_arm(state, pose, shares[2], work, joints, swivels)
+            n, _ = solve_arm(
+                state, pose, shares[2], room.work, room.joints, room.swivels
+            )
             if n > 0:
                 found[i, 8] += 1.0
             for k in range(n):
-                q = joints[k]
+                q = room.joints[k]
                 online = quality_of(state, obstacles, settings, q, parts)
-                forward(chain, q, room.frames)
-                jacobian(chain, room.frames, room.jac)
-                measure = dexterity(chain, q, room.jac, room.weighted, room.gram)
+                forward(chain, q, own.frames)
+                jacobian(chain, own.frames, own.jac)
+                measure = dexterity(chain, q, own.jac, own.weighted, own.gram)
                 easy = min(measure / shares[1], 1.0)
                 total = shares[0] * online + (1.0 - shares[0]) * easy
                 for j in range(5):

@@ -17,7 +17,7 @@ import math
 from numba import njit
 
 from handover.human._human_arm import ARM_SIZE, arm_axes
-from handover.jit_options import BARE
+from handover.jit_options import BARE, WITHIN
 
 Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
 EYE, GAZE, HAS_GAZE = ARM_SIZE + 10, ARM_SIZE + 13, ARM_SIZE + 16
@@ -36,13 +36,13 @@ def quality_of(state, obstacles, settings, q, parts):
     axes = arm_axes(q)
     u, v, h = axes[0], axes[2], axes[5]
     ex, ey, ez = state[0] * u[0], state[0] * u[1], state[0] * u[2]
-    x = ex + state[1] * v[0] + state[2] * h[0]
-    y = ey + state[1] * v[1] + state[2] * h[1]
-    z = ez + state[1] * v[2] + state[2] * h[2]
+    wx, wy, wz = ex + state[1] * v[0], ey + state[1] * v[1], ez + state[1] * v[2]
+    x, y, z = wx + state[2] * h[0], wy + state[2] * h[1], wz + state[2] * h[2]
     parts[JOINT] = joint_cost(state, settings, q)
     parts[SPATIAL] = spatial_cost(state, x, y, z)
     parts[VISIBILITY] = visibility_cost(state, x, y, z)
-    parts[SAFETY] = safety_cost(obstacles, settings, ex, ey, ez, v, state[1], x, y, z)
+    arm = (ex, ey, ez), (wx, wy, wz), (x, y, z)
+    parts[SAFETY] = safety_cost(obstacles, settings, *arm)
     parts[EFFORT] = effort_cost(state, axes)
     total = 0.0
     shares = 0.0
@@ -91,33 +91,30 @@ def visibility_cost(state, x, y, z):
 
 
 @njit(**BARE)
-def safety_cost(obstacles, settings, ex, ey, ez, v, fore, x, y, z):
+def safety_cost(obstacles, settings, elbow, wrist, grip):
     """Return concern / distance - 1 of the grip, 0 beyond the distance of no concern.
 
     Infinite where the grip, or (if the forearm counts) the line from the elbow over
-    the wrist to the grip, is inside an obstacle.
+    the wrist to the grip, is inside an obstacle. elbow, wrist, grip: places (3) [m].
     """
     concern = settings[CONCERN]
     nearest = concern
     for i in range(obstacles.shape[0]):
-        distance = _off_capsule(obstacles, i, x, y, z)
-        if distance < nearest:
-            nearest = distance
+        square = square_to_axis(obstacles, i, grip)
+        nearest = min(nearest, math.sqrt(square) - obstacles[i, 6])
     if nearest <= 0.0:
         return math.inf
     if settings[FOREARM] != 0.0:
-        wx, wy, wz = ex + fore * v[0], ey + fore * v[1], ez + fore * v[2]
         for i in range(obstacles.shape[0]):
-            if _cut(obstacles, i, ex, ey, ez, wx, wy, wz):
-                return math.inf
-            if _cut(obstacles, i, wx, wy, wz, x, y, z):
+            if enters(obstacles, i, elbow, wrist) or enters(obstacles, i, wrist, grip):
                 return math.inf
     return concern / nearest - 1.0
 
 
-@njit(**BARE)
-def _off_capsule(rods, i, x, y, z):
-    """Return the distance of a point from capsule i; negative inside."""
+@njit(**WITHIN)
+def square_to_axis(rods, i, point):
+    """Return the squared distance of a point (3) from the axis of capsule i [m^2]."""
+    x, y, z = point
     dx, px = rods[i, 3] - rods[i, 0], x - rods[i, 0]
     dy, py = rods[i, 4] - rods[i, 1], y - rods[i, 1]
     dz, pz = rods[i, 5] - rods[i, 2], z - rods[i, 2]
@@ -126,35 +123,45 @@ def _off_capsule(rods, i, x, y, z):
     if square > 0.0:
         t = min(max((px * dx + py * dy + pz * dz) / square, 0.0), 1.0)
     px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-    return math.sqrt(px * px + py * py + pz * pz) - rods[i, 6]
+    return px * px + py * py + pz * pz
 
 
 @njit(**BARE)
-def _cut(rods, i, ax, ay, az, bx, by, bz):
-    """Return whether the line from a to b enters capsule i."""
+def enters(rods, i, a, b):
+    """Return whether the line between the points a (3) and b (3) enters capsule i."""
     rx, ry = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1]
     rz = rods[i, 5] - rods[i, 2]
-    sx, sy, sz = bx - ax, by - ay, bz - az
+    sx, sy, sz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     # balls around both lines first: most are far apart
-    cx = 0.5 * (ax + bx) - rods[i, 0] - 0.5 * rx
-    cy = 0.5 * (ay + by) - rods[i, 1] - 0.5 * ry
-    cz = 0.5 * (az + bz) - rods[i, 2] - 0.5 * rz
+    cx = 0.5 * (a[0] + b[0]) - rods[i, 0] - 0.5 * rx
+    cy = 0.5 * (a[1] + b[1]) - rods[i, 1] - 0.5 * ry
+    cz = 0.5 * (a[2] + b[2]) - rods[i, 2] - 0.5 * rz
     rr = rx * rx + ry * ry + rz * rz
     ss = sx * sx + sy * sy + sz * sz
     near = rods[i, 6] + 0.5 * (math.sqrt(rr) + math.sqrt(ss))
     if cx * cx + cy * cy + cz * cz >= near * near:
         return False
-    square = _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss)
+    offset = a[0] - rods[i, 0], a[1] - rods[i, 1], a[2] - rods[i, 2]
+    square = _square_between(offset, (rx, ry, rz), (sx, sy, sz), rr, ss)
     return square <= rods[i, 6] * rods[i, 6]
 
 
 @njit(**BARE)
-def _square_between(rods, i, ax, ay, az, rx, ry, rz, sx, sy, sz, rr, ss):
-    """Return the squared distance of two segments: rod i (r) and one from a (s).
+def _square_between(offset, r, s, rr, ss):
+    """Return the squared distance of a segment s, which begins at `offset`, from r.
 
     The nearest points of the two lines where both are inside, else the best clamp.
+
+    Args:
+        offset: (3) from the beginning of r to that of s [m].
+        r: (3) from one end of the first segment to the other [m].
+        s: (3) the same of the second.
+        rr: r . r [m^2].
+        ss: s . s [m^2].
     """
-    ox, oy, oz = ax - rods[i, 0], ay - rods[i, 1], az - rods[i, 2]
+    ox, oy, oz = offset
+    rx, ry, rz = r
+    sx, sy, sz = s
     rs = rx * sx + ry * sy + rz * sz
     ro = rx * ox + ry * oy + rz * oz
     so = sx * ox + sy * oy + sz * oz

@@ -27,8 +27,8 @@ class Upright:
 
     Attributes:
         tilt: Largest angle between the two [rad], above 0 and at most pi.
-        axis: (3,) of the object; its z axis unless told.
-        up: (3,) of the world; up unless told.
+        axis: (3,) of the object; its z axis by default.
+        up: (3,) of the world; its z axis by default.
     """
 
     tilt: float

@@ -76,28 +76,20 @@ def find_handover(
             is not interrupted.
         position_tolerance: Largest distance of the tool from the target [m].
         rotation_tolerance: Largest angle between them [rad].
-        clock: Tells the time [s]; for tests.
+        clock: Returns the time [s]; for tests.
 
     Raises:
         BadInput: A timeout or tolerance that is none, a robot of other joints than the
             reach map's, an `is_valid` that is none.
     """
-    _check(meet, robot, timeout, (position_tolerance, rotation_tolerance))
+    tolerances = position_tolerance, rotation_tolerance
+    _check(meet, robot, timeout, tolerances)
     valid = validity_of(is_valid)
-    options = {
-        "attempts": _ATTEMPTS,
-        "steps": _STEPS,
-        "position_tolerance": position_tolerance,
-        "rotation_tolerance": rotation_tolerance,
-    }
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
     end = clock() + timeout
     tried: list[tuple[Target, str]] = []
     waiting: list[Target] = []
-    while True:
-        waiting = waiting or meet.best(_BATCH)
-        if not waiting:
-            return Handover(None, None, tuple(tried), False, _nothing(meet, tried))
+    while waiting := waiting or meet.best(_BATCH):
         target = waiting[0]
         if clock() >= end:
             why = (
@@ -106,12 +98,13 @@ def find_handover(
             )
             return Handover(target, None, tuple(tried), True, why)
         T_base_tool = T_base_world @ target.T_world_tool
-        q, why = _reaching(meet, robot, T_base_tool, valid, options)
+        q, why = _reaching(meet, robot, T_base_tool, valid, tolerances)
         if q is not None:
             return Handover(target, q, tuple(tried), False)
         tried.append((target, why))
         meet.remove(target)
         waiting.pop(0)
+    return Handover(None, None, tuple(tried), False, _nothing(meet, tried))
 
 
 def _reaching(
@@ -119,16 +112,23 @@ def _reaching(
     robot: Robot,
     T_base_tool: np.ndarray,
     valid: Validity,
-    options: dict,
+    tolerances: tuple[float, float],
 ) -> tuple[np.ndarray | None, str]:
     """Return a valid configuration with the tool there, or None and why not."""
     seed = meet.reach.witness(T_base_tool)
-    found = robot.ik(T_base_tool, seed, **options)
+    found = robot.ik(
+        T_base_tool,
+        seed,
+        attempts=_ATTEMPTS,
+        steps=_STEPS,
+        position_tolerance=tolerances[0],
+        rotation_tolerance=tolerances[1],
+    )
     if not found:
         return None, (
             f"inverse kinematics: {robot.name} does not get its tool there, within "
-            f"{1e3 * options['position_tolerance']:g} mm and "
-            f"{options['rotation_tolerance']:g} rad, from {_ATTEMPTS} starts"
+            f"{1e3 * tolerances[0]:g} mm and {tolerances[1]:g} rad, from {_ATTEMPTS} "
+            "starts"
         )
     reasons = []
     for solution in found:

@@ -24,7 +24,7 @@ class HeldObject:
         mass_kg: Its mass.
         T_tool_object: (4, 4) how the robot holds it, g_robot of [Vahrenkamp2016] [m].
         hand_grasps: (n, 4, 4) T_object_hand of the hands that could take it,
-            G_human of [Vahrenkamp2016]; the hand's frame is told in `docs/human.md`.
+            G_human of [Vahrenkamp2016]; `docs/human.md` describes the hand's frame.
     """
 
     name: str

@@ -13,7 +13,7 @@ import numpy as np
 from handover.human._arm_ik import MAX_SPANS, WORK_ROWS
 from handover.human.human import Human
 from handover.human.human_arm import MIRROR, Arm
-from handover.meet._places import COLUMNS, best_at_places
+from handover.meet._places import COLUMNS, PlaceArm, PlaceRoom, best_at_places
 from handover.meet._quality import HAS_GAZE
 from handover.meet.quality import ArmState
 from handover.meet.settings import PARTS, QualitySettings
@@ -65,7 +65,7 @@ def qualities_at(
 ) -> PlaceQualities:
     """Return how good a hand can be at places, over `rotations` even rotations.
 
-    Elbows are told apart by 30 degrees of swivel and by the ends of their intervals.
+    Elbows are tried 30 degrees of swivel apart and at the ends of their intervals.
 
     Args:
         human: The person, as they are now.
@@ -93,14 +93,15 @@ def qualities_at(
     chain, reference = arm.chain(), _reference(tuple(arm.lengths / arm.length))
     shares = np.array([settings.online_weight, reference, STEP])
     room = 2 * MAX_SPANS + int(2.0 * math.pi / STEP) + 1
+    given = state.state, state.obstacles, state.settings, chain.arrays, shares
     solved = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))
+    memory = PlaceRoom(work_of(chain), *solved)
     out, found = np.empty((len(points), COLUMNS)), np.empty((len(points), 9))
-    given = state.state, state.obstacles, state.settings, shares, turns
-    work = work_of(chain)
     for i in range(0, len(points), _CHUNK):
         part = slice(i, i + _CHUNK)
-        rest = chain.arrays, work, solved, out[part], found[part]
-        best_at_places(*given, local[part], *rest)
+        best_at_places(
+            PlaceArm(*given), turns, local[part], memory, out[part], found[part]
+        )
         if progress:
             progress("places", min(i + _CHUNK, len(points)), len(points))
     nowhere = found[:, 8] == 0

@@ -77,7 +77,7 @@ class ArmState:
         if gaze is None:
             gaze = human.T_world_chest[:3, 0]
             known = 1.0 if settings.absent_gaze == "torso" else 0.0
-        q = human.arms[side]
+        q, moments = human.arms[side], first_moments(human, side)
         state = np.concatenate(
             [
                 arm.packed,
@@ -86,7 +86,7 @@ class ArmState:
                 into @ (human.p_world_eyes - T[:3, 3]),
                 into @ gaze,
                 [known],
-                _moments(human, arm.lengths, side),
+                moments / moments.sum(),
                 into @ [0.0, 0.0, -1.0],
             ]
         )
@@ -122,22 +122,12 @@ def total_quality(
     return share * online + (1.0 - share) * dexterity
 
 
-def gravity_torque_unit(human: Human, side: str) -> float:
-    """Return what an effort cost of 1 stands for [N m].
+def first_moments(human: Human, side: str) -> np.ndarray:
+    """Return (3,) first moments of upper arm, forearm and hand of an arm [m].
 
-    It is the torque of gravity about the shoulder of the straight, level arm.
+    Each about its own near joint with all that hangs on it, per kilogram of the body.
     """
-    moments = _first_moments(human, human.arm(side).lengths, side)
-    return 9.81 * human.mass * float(moments.sum())
-
-
-def _moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
-    moments = _first_moments(human, lengths, side)
-    return moments / moments.sum()
-
-
-def _first_moments(human: Human, lengths: np.ndarray, side: str) -> np.ndarray:
-    """Return the first moments along upper arm, forearm and hand [m of body mass]."""
+    lengths = human.arm(side).lengths
     upper, fore, hand = body.SEGMENT_MASSES.values()
     at_upper, at_fore, at_hand = body.SEGMENT_CENTRES.values()
     length = human.skeleton.hands[0 if side == "left" else 1]

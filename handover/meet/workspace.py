@@ -10,8 +10,7 @@ import numpy as np
 
 from handover.human.human import Human
 from handover.meet import _meet as kernels
-from handover.meet._meet import best_grasps
-from handover.meet._meet_search import Entries, search
+from handover.meet._meet_search import Entries, Search, search
 from handover.meet.constraints import allowed
 from handover.meet.held_object import HeldObject, checked_grasps
 from handover.meet.meet_tables import (
@@ -133,21 +132,19 @@ class InteractionWorkspace:
         points += into @ (s.T_world_base[:3, 3] - T[:3, 3])
         turned = np.append(turn.ravel(), arm.lengths)
         if not np.array_equal(turned, self._turned):
-            turns = self._tables.rotations
             kernels.fill_hands(
                 turn,
                 self._tools,
                 self._tool_hands,
                 mirror,
                 float(arm.lengths[2]),
-                turns.n_side,
-                turns.n_roll,
-                turns.pixel_frames,
+                self._tables.rotations.arrays,
                 self._hands,
             )
             self._turned = turned
-        self._person = self._tables.person(state, arm, s, float(self._hands.far[1]))
-        self._where = kernels.Cells(points, self._cells.first, self._cells.rotation)
+        person = self._tables.person(state, arm, s, float(self._hands.far[1]))
+        cells = kernels.Cells(points, self._cells.first, self._cells.rotation)
+        self._scene = kernels.Scene(person, self._hands, cells)
         self.human, self._state, self._value = human, state, None
 
     def build(self) -> np.ndarray:
@@ -160,10 +157,8 @@ class InteractionWorkspace:
         if self._value is None:
             n = len(self._cells)
             value, grasp = np.empty(n), np.empty(n, np.int32)
-            kernels.full_grid(
-                self._person, self._hands, self._where, self._room, value, grasp
-            )
-            self._value, self._grasp = frozen(value, float), frozen(grasp, np.int32)
+            kernels.full_grid(self._scene, self._room, value, grasp)
+            self._value = frozen(value, float)
         return self._value
 
     def best(self, k: int = 10) -> list[Target]:
@@ -176,9 +171,9 @@ class InteractionWorkspace:
         if len(self._top.value) != k:
             self._top = top_of(k)
         self._room.counts[:] = 0
-        who = self._person, self._hands, self._where
-        bounds = self._tables.bounds(self._person, self._bounds)
-        n = search(who, self._entries, bounds, self._warm, self._top, self._room)
+        bounds = self._tables.bounds(self._scene.person, self._bounds)
+        task = Search(self._scene, self._entries, bounds, self._top, self._room)
+        n = search(task, self._warm)
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
 
@@ -249,13 +244,13 @@ class InteractionWorkspace:
             return np.inf
         # a wrist is no farther from the tool than the longest of them
         longest = float(np.linalg.norm(self._hands.wrist, axis=2).max())
-        far = np.linalg.norm(self._where.points, axis=1)
+        far = np.linalg.norm(self._scene.cells.points, axis=1)
         order = np.argsort(far, kind="stable")
         best, at, step = np.inf, 0, 1
         while at < len(order) and far[order[at]] - longest < best:
             best = min(best, self._nearest_wrist(order[at : at + step]))
             at, step = at + step, 2 * step
-        return max(float(best - self._person.scales[3]), 0.0)
+        return max(float(best - self._scene.person.scales[3]), 0.0)
 
     def _nearest_wrist(self, positions: np.ndarray) -> float:
         """Return how far from the shoulder a wrist is at some positions, at least."""
@@ -263,7 +258,7 @@ class InteractionWorkspace:
         cells = np.concatenate([np.arange(*first[p : p + 2]) for p in positions])
         where = np.repeat(positions, first[positions + 1] - first[positions])
         wrists = self._hands.wrist[self._cells.rotation[cells]]
-        wrists += self._where.points[where][:, None]
+        wrists += self._scene.cells.points[where][:, None]
         return float(np.linalg.norm(wrists, axis=2).min())
 
     def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -273,8 +268,7 @@ class InteractionWorkspace:
         if not len(self._keys):
             return np.zeros(len(keys), np.int64), value, grasp
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        who = self._person, self._hands, self._where
-        best_grasps(*who, at, self._room, value, grasp)
+        kernels.best_grasps(self._scene, at, self._room, value, grasp)
         value[(self._keys[at] != keys) | self._removed[at]] = -1.0
         return at, value, grasp
 
@@ -292,9 +286,8 @@ class InteractionWorkspace:
 
     def _targets(self, entries: np.ndarray, grasps: np.ndarray) -> list[Target]:
         n = len(entries)
-        joints, parts, numbers = np.empty((n, 7)), np.empty((n, 5)), np.empty((n, 3))
-        person = self._person, self._hands, self._where
-        kernels.describe(*person, entries, grasps, self._room, joints, parts, numbers)
+        out = kernels.Described(*(np.empty((n, k)) for k in (7, 5, 3)))
+        kernels.describe(self._scene, entries, grasps, self._room, out)
         keys = self._keys[entries]
         T_tool = np.zeros((n, 4, 4))
         at = np.searchsorted(self._cells.first, entries, side="right") - 1
@@ -304,11 +297,11 @@ class InteractionWorkspace:
         T_object = T_tool @ self.obj.T_tool_object
         T_hand = T_tool @ self._T_tool_hand[grasps]
         targets = []
-        for i, (total, online, dexterity) in enumerate(numbers.tolist()):
-            named = dict(zip(PARTS, parts[i].tolist(), strict=True))
+        for i, (total, online, dexterity) in enumerate(out.numbers.tolist()):
+            named = dict(zip(PARTS, out.parts[i].tolist(), strict=True))
             poses = T_tool[i], T_object[i], T_hand[i]
             quality = total, Quality(named, online), dexterity
-            numbers_of = joints[i], int(grasps[i]), int(keys[i])
+            numbers_of = out.joints[i], int(grasps[i]), int(keys[i])
             targets.append(Target(*poses, *quality, *numbers_of))
         return targets
 

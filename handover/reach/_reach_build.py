@@ -1,8 +1,9 @@
-"""Fill a 6-D reachability map: draw samples, settle cells, replay witnesses.
+"""Cells of a 6-D reachability map: samples, witnesses of neighbours, their replay.
 
 A cell is position * n_rotations + rotation; a position is (x * ny + y) * nz + z. A
-settled cell keeps its witness as a lattice point, and how it came about: a root, or a
-push from a neighbouring cell's witness. Replaying the pushes gives the same witness.
+marked cell has a witness, a lattice point, and the way it came about: a root, which is
+stored, or propagated from a neighbouring cell's witness by a few damped steps.
+Replaying these steps from the root gives the same witness.
 """
 
 import math
@@ -12,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from handover._chain import (
+    ChainArrays,
     dexterity,
     draw_code,
     forward,
@@ -22,14 +24,14 @@ from handover._chain import (
     to_lattice,
 )
 from handover.jit_options import BARE, FULL, WITHIN
-from handover.reach._reach_touch import touches_itself
+from handover.reach._reach_touch import Touch, touches_itself
 from handover.reach._rotations import rotation_cell
 
 ROOT = 255  # way of a cell whose witness is stored
-MAX_DEPTH = 30  # pushes between a witness and its root
-_PUSHES = 4  # steps of one push
+MAX_DEPTH = 30  # propagations between a witness and its root
+_STEPS = 4  # damped steps of one propagation
 _DAMPING = 0.05
-_ROOM = 0.25  # of a cell: how far from its centre a push may aim
+_ROOM = 0.25  # of a cell: how far from its centre a propagation may aim
 
 
 class Grid(NamedTuple):
@@ -58,11 +60,11 @@ class Cells(NamedTuple):
     """The state of a fill, one entry a cell.
 
     Attributes:
-        quality: of the witness, 1 to 255; 0 where the cell is not settled.
+        quality: of the witness, 1 to 255; 0 where the cell is not marked.
         sample: quality of the best sample; 0 where there is none.
         source: index of the best sample; without one, the ways that failed (bits).
         way: how the witness came about: ROOT, k-th rotation neighbour, n + axis.
-        depth: pushes from the root.
+        depth: propagations from the root.
         witness: (n, dof) lattice points.
     """
 
@@ -86,6 +88,16 @@ class Work(NamedTuple):
     error: np.ndarray
     code: np.ndarray
     target: np.ndarray
+
+
+class Build(NamedTuple):
+    """What one thread fills a map with."""
+
+    chain: ChainArrays
+    grid: Grid
+    cells: Cells
+    touch: Touch
+    work: Work
 
 
 @njit(**WITHIN)
@@ -126,7 +138,7 @@ def center_of(grid, cell, T):
 
 @njit(**WITHIN)
 def position_neighbor(grid, p, axis):
-    """Return the position beside `p` along axis 0 to 5 (-x, +x, -y..), -1 outside."""
+    """Return the position next to `p` on side 0 to 5 (-x, +x, -y..), -1 outside."""
     z, rest = p % grid.size[2], p // grid.size[2]
     y, x = rest % grid.size[1], rest // grid.size[1]
     step = 2 * (axis & 1) - 1
@@ -150,8 +162,8 @@ def origin_cell(grid, cell, way):
         return p * grid.size[3] + near if near >= 0 else -1
     if way >= n + 6:
         return -1
-    beside = position_neighbor(grid, p, way - n)
-    return beside * grid.size[3] + r if beside >= 0 else -1
+    near = position_neighbor(grid, p, way - n)
+    return near * grid.size[3] + r if near >= 0 else -1
 
 
 @njit(**WITHIN)
@@ -161,14 +173,13 @@ def quality_byte(measure, reference):
 
 
 @njit(**BARE)
-def draw_samples(
-    chain, grid, cells, touch, work, seed, start, reference, where, quality
-):
+def draw_samples(build, seed, start, reference, where, quality):
     """Write cell and quality of samples start, start + 1, ... to the two arrays.
 
     The cell is -1 where the sample is no better than the one there, or in
-    self-collision.
+    self-collision. reference: the dexterity that is quality 1.
     """
+    chain, grid, cells, touch, work = build
     touch.axes[:] = 0.0
     for i in range(where.shape[0]):
         draw_code(seed, start + i, work.code)
@@ -203,12 +214,12 @@ def keep_best(part, parts, n_rotations, start, where, quality, cells):
 
 
 @njit(**WITHIN)
-def push(chain, grid, parent, origin, cell, work):
+def propagate(chain, grid, parent, origin, cell, work):
     """Move the witness of cell `origin` into the neighbouring `cell` by damped steps.
 
-    Beside it, only the tool's place moves, and only some way into the cell: its centre
-    may be out of reach where its near side is not. Turned against it, the tool goes to
-    the rotation of the centre and keeps its place.
+    To a neighbour in position only the tool's place moves, and only some way into the
+    cell: its centre may be out of reach where its near side is not. To a neighbour in
+    rotation the tool turns to the rotation of the centre and keeps its place.
 
     parent: (dof,) lattice point. The result is in work.code, work.q and work.frames.
 
@@ -227,7 +238,7 @@ def push(chain, grid, parent, origin, cell, work):
     for k in range(9, 12):
         target[k] = min(max(tool[k], target[k] - room), target[k] + room)
     before = pose_error(tool, target, grid.scale, work.error)
-    for _ in range(_PUSHES):
+    for _ in range(_STEPS):
         jacobian(chain, work.frames, work.jac)
         limited_step(chain, work.q, grid.scale, _DAMPING, work)
         to_lattice(chain, work.q, work.code)
@@ -247,10 +258,10 @@ def push(chain, grid, parent, origin, cell, work):
 
 @njit(**FULL)
 def replay(chain, grid, ways, root, cell, work):
-    """Push a root's witness along `ways`, the last of which leads into `cell`.
+    """Propagate a root's witness along `ways`, the last of which leads into `cell`.
 
     ways: (n,) from the cell back to the root. root: (dof,) lattice point. The result
-    is in work.code; False where a push no longer arrives.
+    is in work.code; False where a step no longer arrives.
     """
     path = np.empty(ways.shape[0] + 1, np.int64)
     path[0] = cell
@@ -260,7 +271,7 @@ def replay(chain, grid, ways, root, cell, work):
     for j in range(root.shape[0]):
         work.code[j] = root[j]
     for k in range(ways.shape[0] - 1, -1, -1):
-        if not push(chain, grid, parent, path[k + 1], path[k], work):
+        if not propagate(chain, grid, parent, path[k + 1], path[k], work):
             return False
         parent[:] = work.code
     return True

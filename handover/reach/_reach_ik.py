@@ -1,4 +1,4 @@
-"""Inverse kinematics of a chain from many starts, to measure what a map missed."""
+"""Inverse kinematics of a chain from many starts, and where its tool gets furthest."""
 
 import math
 
@@ -55,11 +55,13 @@ def _copy(one, other):
 
 
 @njit(**FULL)
-def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
-    """Write a solution free of self-collision for each pose to `found` (n, dof).
+def starts_taken(chain, poses, scale, touch, work, starts, used):
+    """Write to used (n,) how many starts each pose (n, 12) took, 0 where all failed.
 
-    used: (n,) the number of starts it took, 0 where none led to a solution.
+    A start succeeds where it leads to a solution free of self-collision. starts: seed
+    and largest number of them. scale: as of `pose_error`.
     """
+    seed, attempts = starts
     trial = np.empty_like(work.q)
     for i in range(poses.shape[0]):
         used[i] = 0
@@ -72,7 +74,6 @@ def solve_poses(chain, poses, scale, touch, work, seed, attempts, found, used):
             if touches_itself(touch, work.q, work.frames):
                 continue
             used[i] = k + 1
-            found[i] = work.q
             break
 
 

@@ -37,17 +37,18 @@ class Touch(NamedTuple):
         lanes: (3, m) the same, filled up to full lanes with points there already.
         clear: (n_tables, TABLE, TABLE) True where a cell is proved clear.
         spans: (dof, 2) lower limit of each joint, and cells of a table per unit.
-        axes: (n_pairs, 3) own: separating direction of the last call, in the frame of
-            the first shell's row, where it changes least.
-        way: (3,) own: the same, seen from the base.
-        places: (n_shells, 3) own: centres of the balls.
-        simplex: (16, 3) own work space.
+        axes: (n_pairs, 3) of one thread: separating direction of the last call, in the
+            frame of the first shell's row, where it changes least.
+        direction: (3,) of one thread: the same, seen from the base.
+        places: (n_shells, 3) of one thread: centres of the balls.
+        simplex: (16, 3) working memory of one thread.
         still: (12,) pose of what the base carries.
         tree_i, tree_f: of the robot where a link follows no row of the chain, such
             as one with a joint that mimics; else empty. Then a shell's row is a body.
-        whole: (robot dof,) own: configuration; the chain's joints are overwritten.
+        whole: (robot dof,) of one thread: configuration; the chain's joints are
+            overwritten.
         rows: (dof,) index of each chain joint in it.
-        frames: (n_bodies, 12) own work space.
+        frames: (n_bodies, 12) working memory of one thread.
     """
 
     pair: np.ndarray
@@ -59,7 +60,7 @@ class Touch(NamedTuple):
     clear: np.ndarray
     spans: np.ndarray
     axes: np.ndarray
-    way: np.ndarray
+    direction: np.ndarray
     places: np.ndarray
     simplex: np.ndarray
     still: np.ndarray
@@ -95,7 +96,7 @@ def _place_bodies(touch, q):
 def _touches(touch, q, frames):
     pair, apart, shell, balls = touch.pair, touch.apart, touch.shell, touch.balls
     places, axes, lanes, clear = touch.places, touch.axes, touch.lanes, touch.clear
-    spans, way = touch.spans, touch.way
+    spans, direction = touch.spans, touch.direction
     for s in range(shell.shape[0]):
         _carry(frames, shell[s, 0], balls, s, places)
     for p in range(pair.shape[0]):
@@ -115,12 +116,12 @@ def _touches(touch, q, frames):
                 continue
         # the direction of last time, then that of the balls; GJK where neither will do
         if axes[p, 0] != 0.0 or axes[p, 1] != 0.0 or axes[p, 2] != 0.0:
-            _to_world(frames, shell[a, 0], axes, p, way)
-            if _parted(frames, shell, a, b, lanes, way):
+            _to_world(frames, shell[a, 0], axes, p, direction)
+            if _parted(frames, shell, a, b, lanes, direction):
                 continue
-        way[0], way[1], way[2] = dx, dy, dz
-        if _parted(frames, shell, a, b, lanes, way):
-            _to_row(frames, shell[a, 0], way, axes, p)
+        direction[0], direction[1], direction[2] = dx, dy, dz
+        if _parted(frames, shell, a, b, lanes, direction):
+            _to_row(frames, shell[a, 0], direction, axes, p)
             continue
         if _near(touch, frames, p):
             return True
@@ -168,9 +169,9 @@ def _least(frames, shell, s, lanes, x, y, z):
 
 
 @njit(**WITHIN)
-def _parted(frames, shell, a, b, lanes, way):
+def _parted(frames, shell, a, b, lanes, direction):
     """Say if a direction from shell b to shell a proves them apart."""
-    x, y, z = way[0], way[1], way[2]
+    x, y, z = direction[0], direction[1], direction[2]
     gap = _least(frames, shell, a, lanes, x, y, z)
     gap += _least(frames, shell, b, lanes, -x, -y, -z)
     return gap > 0.0 and gap * gap >= MARGIN * MARGIN * (x * x + y * y + z * z)
@@ -178,7 +179,7 @@ def _parted(frames, shell, a, b, lanes, way):
 
 @njit(**FULL)
 def _near(touch, frames, p):
-    """Say if a pair is not proved apart, by GJK from the direction in `way`."""
+    """Say if a pair is not proved apart, by GJK from `direction`."""
     shell, a, b = touch.shell, touch.pair[p, 0], touch.pair[p, 1]
     frame_a = frames[shell[a, 0]] if shell[a, 0] >= 0 else touch.still
     frame_b = frames[shell[b, 0]] if shell[b, 0] >= 0 else touch.still
@@ -186,17 +187,17 @@ def _near(touch, frames, p):
         touch.points,
         Shell(shell[a, 1], shell[a, 2], frame_a),
         Shell(shell[b, 1], shell[b, 2], frame_b),
-        touch.way,
+        touch.direction,
         MARGIN,
         touch.simplex,
     )
-    _to_row(frames, shell[a, 0], touch.way, touch.axes, p)
+    _to_row(frames, shell[a, 0], touch.direction, touch.axes, p)
     return lower < MARGIN
 
 
 @njit(**WITHIN)
-def _to_world(frames, row, axes, p, way):
-    """Write the direction axes[p] of a row's frame, as seen from the base, to way."""
+def _to_world(frames, row, axes, p, direction):
+    """Write axes[p], of a row's frame, as seen from the base, to `direction`."""
     x, y, z = axes[p, 0], axes[p, 1], axes[p, 2]
     if row >= 0:
         f = frames[row]
@@ -205,13 +206,13 @@ def _to_world(frames, row, axes, p, way):
             f[3] * x + f[4] * y + f[5] * z,
             f[6] * x + f[7] * y + f[8] * z,
         )
-    way[0], way[1], way[2] = x, y, z
+    direction[0], direction[1], direction[2] = x, y, z
 
 
 @njit(**WITHIN)
-def _to_row(frames, row, way, axes, p):
-    """Write the direction `way` of the base's frame, as seen from a row, to axes[p]."""
-    x, y, z = way[0], way[1], way[2]
+def _to_row(frames, row, direction, axes, p):
+    """Write `direction`, of the base's frame, as seen from a row, to axes[p]."""
+    x, y, z = direction[0], direction[1], direction[2]
     if row >= 0:
         f = frames[row]
         x, y, z = (

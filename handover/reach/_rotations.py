@@ -4,13 +4,29 @@ A pose is a row of 12 numbers here: rotation (9, row-major) and origin (3).
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from handover.jit_options import BARE, WITHIN
 
 _HALF_PI = 0.5 * math.pi
 _TURN = 2.0 * math.pi
+
+
+class RotationArrays(NamedTuple):
+    """What the kernels need to know of a rotation grid.
+
+    Attributes:
+        n_side: HEALPix resolution.
+        n_roll: Rolls about the z axis.
+        pixel_frames: (n_pixels, 9) columns e1, e2 and centre of each pixel, row-major.
+    """
+
+    n_side: int
+    n_roll: int
+    pixel_frames: np.ndarray
 
 
 @njit(**WITHIN)

@@ -1,4 +1,4 @@
-"""Build a ReachMap: draw, settle, pack; any number of threads gives the same bytes."""
+"""Build a ReachMap: draw, mark, pack; any number of threads gives the same bytes."""
 
 import os
 import time
@@ -11,8 +11,8 @@ import numpy as np
 from handover.chain import Chain
 from handover.reach import _reach_build as kernels
 from handover.reach import _reach_lookup as lookup
-from handover.reach._reach_build import Cells
-from handover.reach._reach_pack import queue_of, settle_positions
+from handover.reach._reach_build import Build, Cells
+from handover.reach._reach_mark import Queue, mark_positions, queue_of
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_map import ReachMap
@@ -23,7 +23,7 @@ from roadmap.ranges import is_between
 
 Progress = Callable[[str, int, int], None]
 _CHUNK = 1 << 17  # samples drawn at a time
-_POSITIONS = 16  # positions settled at a time
+_POSITIONS = 16  # positions marked at a time
 _BYTES = 9  # of a cell, without its witness
 MAX_BYTES = 6e9  # of a build
 
@@ -35,10 +35,10 @@ class ReachSettings:
     Attributes:
         cell: Side of a position cell, in the chain's unit.
         rotations: Cells of the rotation grid: 72 (60 deg), 576 (30 deg), 1944...
-        samples: Configurations drawn; settling fills in between them.
+        samples: Configurations drawn; propagation fills in between them.
         seed: Same seed, same map.
         sweeps: Most passes over all positions; it ends where one adds next to nothing.
-        keep: A witness pushed from a neighbour replaces a sample where it has at
+        keep: A witness propagated from a neighbour replaces a sample where it has at
             least this part of its quality. Smaller: a smaller file; larger: qualities
             nearer to the best.
         seconds: Draw for at most a third of this, then begin no pass after it; the
@@ -86,10 +86,9 @@ def build_reach_map(
 ) -> ReachMap:
     """Mark the 6-D cells a chain reaches, each with a witness and its dexterity.
 
-    Uniform samples come first. Then every position is settled, best first: a cell's
-    witness is pushed from a neighbour's by a few damped steps, or is its best sample.
-    Cells that no sample hit are reached by pushes too, which is what finds the rare
-    ones at the edge.
+    Uniform samples come first. Then the cells of every position are marked, best
+    first: a cell's witness is propagated from a neighbour's by a few damped steps, or
+    is its best sample. Propagation also finds the rare cells that no sample hit.
 
     Args:
         chain: What reaches; `chain_of(robot)` or a person's arm.
@@ -112,10 +111,10 @@ def build_reach_map(
     reference = best_dexterity(chain, settings.seed)
     threads = threads or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
-        crew = _Crew(pool, threads, chain, grid, settings.seconds)
+        crew = _Crew(pool, threads, (chain, grid, cells), settings.seconds)
         try:
-            drawn = _draw(crew, cells, settings, reference, tell)
-            counts, gains = _sweep(crew, cells, settings, reference, tell)
+            drawn = _draw(crew, settings, reference, tell)
+            counts, gains = _sweep(crew, settings, reference, tell)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -125,6 +124,8 @@ def build_reach_map(
             "check its URDF, or build without self-collision"
         )
     tell("packing", 0, 1)
+    reach = _packed(chain, grid, cells, reference)
+    tell("packing", 1, 1)
     built = {
         "settings": asdict(settings),
         "threads": threads,
@@ -133,44 +134,41 @@ def build_reach_map(
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
         "stopped_early": crew.is_late(),
-    }
-    result = compressed(chain, grid, cells, reference, built)
-    tell("packing", 1, 1)
-    seconds = {
         "seconds": round(time.perf_counter() - begun, 2),
         "cpu_seconds": round(time.process_time() - cpu, 2),
     }
-    return replace(result, built=built | seconds)
+    return replace(reach, built=built)
 
 
 class _Crew:
-    """Threads with working memory of their own."""
+    """Threads that fill the same cells, each with working memory of its own."""
 
     def __init__(
         self,
         pool: ThreadPoolExecutor,
         threads: int,
-        chain: Chain,
-        grid: ReachGrid,
+        filled: tuple[Chain, ReachGrid, Cells],
         seconds: float | None,
     ):
-        self.pool, self.chain, self.grid = pool, chain, grid
-        self.size, self.begun = threads, time.perf_counter()
+        chain, self.grid, self.cells = filled
+        self.pool, self.size, self.begun = pool, threads, time.perf_counter()
         self.seconds = np.inf if seconds is None else seconds
-        n = grid.rotations.n_cells
+        shared = chain.arrays, self.grid.arrays, self.cells
+        n = self.grid.rotations.n_cells
         self._idle = [
-            (work_of(chain), touch_of(chain), queue_of(n)) for _ in range(threads)
+            (Build(*shared, touch_of(chain), work_of(chain)), queue_of(n))
+            for _ in range(threads)
         ]
 
     def run(self, job: Callable, items: list) -> Iterator:
-        """Yield job(item, work, touch, queue) for all items, in order."""
+        """Yield job(item, build, queue) for all items, in order."""
 
         def one(item: object) -> object:
-            own = self._idle.pop()
+            memory = self._idle.pop()
             try:
-                return job(item, *own)
+                return job(item, *memory)
             finally:
-                self._idle.append(own)
+                self._idle.append(memory)
 
         return self.pool.map(one, items)
 
@@ -202,19 +200,16 @@ def _empty_cells(n: int, dof: int) -> Cells:
 
 
 def _draw(
-    crew: _Crew, cells: Cells, settings: ReachSettings, reference: float, tell: Progress
+    crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
 ) -> int:
     """Enter the best sample of every cell; returns how many were drawn."""
     total, done = settings.samples, 0
     n_rotations = crew.grid.rotations.n_cells
 
-    def draw(span: tuple[int, int], work: object, touch: object, _: object) -> tuple:
+    def draw(span: tuple[int, int], build: Build, _: object) -> tuple:
         where = np.empty(span[1] - span[0], np.int32)
         value = np.empty(len(where), np.uint8)
-        kernels.draw_samples(
-            crew.chain.arrays, crew.grid.arrays, cells, touch, work, settings.seed,
-            span[0], reference, where, value,
-        )  # fmt: skip
+        kernels.draw_samples(build, settings.seed, span[0], reference, where, value)
         return span[0], where, value
 
     while done < total and not crew.is_late(1 / 3):
@@ -225,7 +220,7 @@ def _draw(
         def enter(part: int, *_: object, drawn: list = drawn) -> None:
             for start, where, value in drawn:
                 kernels.keep_best(
-                    part, crew.size, n_rotations, start, where, value, cells
+                    part, crew.size, n_rotations, start, where, value, crew.cells
                 )
 
         list(crew.run(enter, list(range(crew.size))))
@@ -235,26 +230,22 @@ def _draw(
 
 
 def _sweep(
-    crew: _Crew, cells: Cells, settings: ReachSettings, reference: float, tell: Progress
+    crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
 ) -> tuple[np.ndarray, list[int]]:
-    """Settle all positions until a pass adds next to nothing."""
+    """Mark the cells of all positions until a pass adds next to nothing."""
     n = crew.grid.rotations.n_cells
-    settled = cells.quality.reshape(-1, n)
+    marked = crew.cells.quality.reshape(-1, n)
     rules = np.array([reference, settings.seed, settings.keep])
     counts, gains = np.zeros(4, np.int64), []
-    changed = cells.sample.reshape(-1, n).any(axis=1)
+    changed = crew.cells.sample.reshape(-1, n).any(axis=1)
 
-    def settle(positions: np.ndarray, *own_room: object) -> np.ndarray:
-        work, touch, queue = own_room
-        own = np.zeros(4, np.int64)
-        settle_positions(
-            crew.chain.arrays, crew.grid.arrays, cells, touch, work, queue, positions,
-            rules, own,
-        )  # fmt: skip
-        return own
+    def mark(positions: np.ndarray, build: Build, queue: Queue) -> np.ndarray:
+        added = np.zeros(4, np.int64)
+        mark_positions(build, queue, positions, rules, added)
+        return added
 
     for sweep in range(settings.sweeps):
-        before = np.count_nonzero(settled, axis=1)
+        before = np.count_nonzero(marked, axis=1)
         groups = crew.grid.colours(changed)
         chunks = [
             [g[k : k + _POSITIONS] for k in range(0, len(g), _POSITIONS)]
@@ -262,13 +253,13 @@ def _sweep(
         ]
         total, done = sum(map(len, chunks)), 0
         for group in chunks:
-            for own in crew.run(settle, group):
-                counts += own
+            for added in crew.run(mark, group):
+                counts += added
                 done += 1
-                tell(f"settling, pass {sweep + 1}", done, total)
+                tell(f"marking cells, pass {sweep + 1}", done, total)
             if sweep and crew.is_late():
                 break
-        after = np.count_nonzero(settled, axis=1)
+        after = np.count_nonzero(marked, axis=1)
         gains.append(int(after.sum() - before.sum()))
         changed = after != before
         if crew.is_late() or gains[-1] < 3e-3 * after.sum():
@@ -276,10 +267,8 @@ def _sweep(
     return counts, gains
 
 
-def compressed(
-    chain: Chain, grid: ReachGrid, cells: Cells, reference: float, built: dict
-) -> ReachMap:
-    """Pack the settled cells of a build into a ReachMap."""
+def _packed(chain: Chain, grid: ReachGrid, cells: Cells, reference: float) -> ReachMap:
+    """Pack the marked cells of a build into a ReachMap."""
     n = grid.rotations.n_cells
     quality = cells.quality.reshape(-1, n)
     count = np.count_nonzero(quality, axis=1)
@@ -301,4 +290,4 @@ def compressed(
         way=way,
         roots=cells.witness[marked[rooted]],
     )
-    return ReachMap(chain, grid, packed, float(reference), built)
+    return ReachMap(chain, grid, packed, float(reference))

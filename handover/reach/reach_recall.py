@@ -8,7 +8,7 @@ import numpy as np
 from handover.chain import Chain
 from handover.reach import _reach_build as kernels
 from handover.reach import _reach_lookup as lookup
-from handover.reach._reach_ik import solve_poses
+from handover.reach._reach_ik import starts_taken
 from handover.reach.extremes import reachable_box, work_of
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
@@ -182,12 +182,12 @@ def solved(
     """Return how many starts each pose (n, 12) took, 0 where none led to a solution."""
     tell = progress or (lambda stage, done, total: None)
     work, touch = work_of(chain), touch_of(chain)
-    found, used = np.empty((len(poses), chain.dof)), np.zeros(len(poses), np.int64)
+    used = np.zeros(len(poses), np.int64)
     for k in range(0, len(poses), _CHUNK):
         part = slice(k, k + _CHUNK)
-        solve_poses(
+        starts_taken(
             chain.arrays, poses[part], reach.grid.arrays.scale, touch, work,
-            seed + k, attempts, found[part], used[part],
+            (seed + k, attempts), used[part],
         )  # fmt: skip
         tell(stage, min(k + _CHUNK, len(poses)), len(poses))
     return used

@@ -19,7 +19,7 @@ _ALIKE = 1e-9  # [m, or of a rotation's entries]
 def touch_of(chain: Chain) -> Touch:
     """Return what self-collision is tested with, for one thread."""
     tables = _tables(chain)
-    own = ("axes", "way", "places", "simplex", "whole", "frames")
+    own = ("axes", "direction", "places", "simplex", "whole", "frames")
     return tables._replace(**{name: getattr(tables, name).copy() for name in own})
 
 
@@ -96,7 +96,7 @@ def _touch(chain: Chain, tree: tuple | None = None, **known: np.ndarray) -> Touc
         **shared,
         spans=frozen(np.stack([chain.limits[:, 0], TABLE / span], axis=1), float),
         axes=np.zeros((len(shared["pair"]), 3)),
-        way=np.zeros(3),
+        direction=np.zeros(3),
         places=np.zeros((len(shared["shell"]), 3)),
         simplex=np.zeros((16, 3)),
         still=np.r_[np.eye(3).ravel(), np.zeros(3)],

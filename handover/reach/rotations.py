@@ -48,6 +48,11 @@ class RotationGrid:
         return frozen(_neighbors(self.centers), np.int32)
 
     @property
+    def arrays(self) -> kernels.RotationArrays:
+        """The grid for the kernels."""
+        return kernels.RotationArrays(self.n_side, self.n_roll, self.pixel_frames)
+
+    @property
     def n_roll(self) -> int:
         """Number of rolls about the z axis."""
         return 6 * self.n_side
@@ -105,12 +110,6 @@ def rotation_grid(n_cells: int = 576) -> RotationGrid:
     turns[:, 2, 2] = 1.0
     centers = (frames[:, None] @ turns[None]).reshape(-1, 3, 3)
     return RotationGrid(n_side, centers, frames.reshape(-1, 9))
-
-
-def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the angles [rad] between rotations (..., 3, 3), broadcast."""
-    gap = ((a - b) ** 2).sum(axis=(-2, -1))  # 8 sin^2(angle / 2)
-    return 2 * np.arcsin(np.sqrt(np.clip(gap / 8, 0.0, 1.0)))
 
 
 def _pixel_frame(pixel: int, k: int) -> np.ndarray:

@@ -1,60 +1,28 @@
 """LiveTargets: every frame the planner goes to the best target that it can reach.
 
-The sentence the project exists for: A* replans toward the top-ranked target of the
-interaction workspace, while the person moves.
+A* replans toward the top-ranked target of the interaction workspace, while the person
+moves.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from handover.human.human import Human
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_choice import ChoiceSettings, TargetChoice
+from handover.targets.settings import LiveSettings
+from handover.targets.target_choice import TargetChoice
 from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
 from odm.answer import Answer
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference
-from roadmap.ranges import check_settings
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
-_DEEPEST = 8  # times as many targets are looked at while the best ones are blocked
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
-
-
-@dataclass(frozen=True)
-class LiveSettings:
-    """How the live thread shares out its work.
-
-    Attributes:
-        ranked: Targets looked at in every frame; more and more while all are blocked.
-        near_m, near_rad: A roadmap node that holds the tool this near to a target
-            serves it until inverse kinematics has found the pose itself. 7.5 cm and 30
-            degrees: half a cell of 15 cm and 60 degrees.
-        attach_every: Frames from one goal that must be attached to the roadmap to the
-            next; some milliseconds each.
-        choice: Margin and patience, see `ChoiceSettings`.
-    """
-
-    ranked: int = 10
-    near_m: float = 0.075
-    near_rad: float = 0.52
-    attach_every: int = 10
-    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
-
-    def __post_init__(self) -> None:
-        """Refuse what is no setting."""
-        ranges = {
-            "ranked": (1, 100_000, ""),
-            "attach_every": (1, 1_000_000, ""),
-            "near_m": (0.0, 1.0, "m"),
-            "near_rad": (0.0, np.pi, "rad"),
-        }
-        check_settings(self, ranges, ("ranked", "attach_every"))
 
 
 @dataclass(frozen=True)
@@ -123,11 +91,11 @@ class LiveTargets:
         s = self.settings = settings or LiveSettings()
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)
-        self.finder = TargetGoals(planner, meet, index, s.near_m, s.near_rad)
+        self.finder = TargetGoals(planner, meet, index, s)
         self.goals: tuple[Goal, ...] = ()
         self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
-        self.offers = TargetOffers(planner, self.finder, s.attach_every)
+        self.offers = TargetOffers(planner, self.finder)
         self._pursued: Goal | None = None
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
@@ -147,7 +115,7 @@ class LiveTargets:
         """
         self.look(human, q)
         answer = self.planner.step(points, q=q, **options)
-        self.heed(answer, q)
+        self.note(answer, q)
         return answer
 
     def look(self, human: Human, q: np.ndarray) -> None:
@@ -214,8 +182,8 @@ class LiveTargets:
         planner = self.planner
         return planner.static.why(q, np.zeros_like(q)) is None
 
-    def heed(self, answer: Answer, q: np.ndarray) -> None:
-        """Note what the planner made of the goals."""
+    def note(self, answer: Answer, q: np.ndarray) -> None:
+        """Update `pursuit` by the planner's answer to these goals."""
         at = answer.goal if self.goals and answer.goal is not None else None
         goal = self._pursued = None if at is None or at < 0 else self.goals[at]
         planner = self.planner
@@ -225,16 +193,16 @@ class LiveTargets:
         if goal is None:
             state = BLOCKED if self.goals or self._targets else NOBODY
             missing = 0.0 if self._targets else self.meet.missing_m
-            told = (state, None, "", 0.0)
+            found = (state, None, "", 0.0)
         else:
             self.counts["changes"] += goal.key != self._last_key
             self._last_key = goal.key
             off = np.abs(difference(self.planner.robot, q, goal.q)).max()
             state = THERE if off <= _ARRIVED else UNDER_WAY
             missing = 0.0
-            told = (state, goal.key, goal.kind, self._worth.get(goal.key, 0.0))
+            found = (state, goal.key, goal.kind, self._worth.get(goal.key, 0.0))
         self.pursuit = Pursuit(
-            *told,
+            *found,
             self._best,
             len(self._targets),
             len(self.goals),
@@ -250,7 +218,7 @@ class LiveTargets:
         ranked, choice = self.settings.ranked, self.settings.choice
         self._blocked = 0 if self._pursued is not None else self._blocked + 1
         more = self._blocked // (choice.patience * choice.goals)
-        return ranked * min(1 + more, _DEEPEST)
+        return ranked * min(1 + more, self.settings.deepest)
 
     def _known(self) -> list[Target]:
         """Return the targets on offer as they are now; those that are none left out."""

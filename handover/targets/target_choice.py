@@ -10,53 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handover.targets.settings import ChoiceSettings
 from handover.targets.target_offers import Offer
-from roadmap.errors import BadInput
-from roadmap.ranges import check_number, is_between
-
-
-@dataclass(frozen=True)
-class ChoiceSettings:
-    """How targets become goals; a frame is one call.
-
-    Attributes:
-        margin: A target replaces the pursued one only if its quality is better by this.
-            0.03: about what a hand that trembles by 2 cm changes.
-        drop: A target this much worse than the best one is no spare: when the pursued
-            one is blocked, better ones are tried first.
-        goals: Targets offered to the planner at once.
-        ahead: Of those, better ones than the pursued that were not reached yet.
-        patience: So many frames a better target is given to be found reachable, before
-            it makes room for the next one.
-        retry: So many frames later one that was never reached may be offered again.
-        spares: Worse targets behind the pursued one, for the moment it is blocked.
-    """
-
-    margin: float = 0.03
-    drop: float = 0.15
-    goals: int = 4
-    ahead: int = 3
-    patience: int = 16
-    retry: int = 200
-    spares: int = 1
-
-    def __post_init__(self) -> None:
-        """Refuse what is no setting."""
-        if not is_between(self.margin, 0, 1):
-            raise BadInput(f"a margin of {self.margin} is none; give 0 to 1 of quality")
-        if not is_between(self.drop, self.margin, 1):
-            raise BadInput(
-                f"a drop of {self.drop} is none; give the margin, {self.margin}, to 1"
-            )
-        counts = {"goals": 1, "ahead": 1, "patience": 1, "retry": 0, "spares": 0}
-        for name, low in counts.items():
-            value = getattr(self, name)
-            check_number(name, value, low, 1_000_000, True, "ChoiceSettings")
-        if not 0 <= self.spares < self.goals or self.ahead > self.goals:
-            raise BadInput(
-                f"{self.ahead} ahead and {self.spares} spares do not fit into "
-                f"{self.goals} goals; give more goals"
-            )
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,13 @@ import numpy as np
 from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_same_robot
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
+from handover.targets.settings import LiveSettings
 from odm.planner.goal_checks import check_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
 
 NODE, EXACT = "node", "exact"
-_BEFORE, _AFTER = 3, 4  # near nodes to start from, before and after the witness
-STARTS = _BEFORE + 1 + _AFTER  # of the inverse kinematics for a target, at most
-MOST = 4  # configurations of one target that are looked for
-_STEPS = 25  # of it, from each: a frame may pay for one start, not for more
-_APART = 0.3  # [rad or m] least difference of two configurations in some joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +40,6 @@ class Goal:
 class TargetGoals:
     """Finds configurations for targets, a little work at a time, and remembers them.
 
-    A target may have up to `MOST`: where the person blocks one, another may be free.
-
     The pose of a target is that of its cell, so what was found once stays true while
     the person moves.
 
@@ -53,7 +47,7 @@ class TargetGoals:
         planner: Its scenery counts.
         meet: The targets; those that fail for good are removed from it.
         index: Nodes of the planner's roadmap by pose; None: made here.
-        near_m, near_rad: How far from a target a node's tool may be [m], [rad].
+        settings: How near a node must be, how many starts, see LiveSettings.
 
     Attributes:
         failed: Cell -> why the robot cannot get there.
@@ -64,8 +58,7 @@ class TargetGoals:
         planner: ReactivePlanner,
         meet: InteractionWorkspace,
         index: NodeIndex | None = None,
-        near_m: float = 0.075,
-        near_rad: float = 0.52,
+        settings: LiveSettings | None = None,
     ) -> None:
         """Know no goal yet."""
         check_same_robot(meet.reach, planner.robot)
@@ -77,7 +70,7 @@ class TargetGoals:
                 f"{len(nodes)}; make it of the same map"
             )
         self.planner, self.meet, self.index = planner, meet, index
-        self.near_m, self.near_rad = near_m, near_rad
+        self.settings = settings or LiveSettings()
         self.failed: dict[int, str] = {}
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
         self._exact: dict[int, list[Goal]] = {}
@@ -106,7 +99,8 @@ class TargetGoals:
     def is_open(self, key: int) -> bool:
         """Whether `work` on a target may still find something."""
         begun = self._begun.get(key, 0)
-        return begun < STARTS and len(self.found(key)) < MOST
+        s = self.settings
+        return begun < s.starts and len(self.found(key)) < s.configurations
 
     def work(self, target: Target) -> Goal | None:
         """Do one start of the inverse kinematics for a target; return what is new.
@@ -121,13 +115,13 @@ class TargetGoals:
         T_base_tool = self._T_base_world @ target.T_world_tool
         begun = self._begun[key] = self._begun.get(key, 0) + 1
         seed = self._seed(key, T_base_tool, begun - 1)
-        why = "inverse kinematics found no way to it"
+        why = "inverse kinematics found no solution"
         if seed is not None:
             found = self.planner.robot.ik(
                 T_base_tool,
                 seed,
                 attempts=1,
-                steps=_STEPS,
+                steps=self.settings.steps,
                 position_tolerance=POSITION_TOLERANCE,
                 rotation_tolerance=ROTATION_TOLERANCE,
             )
@@ -138,8 +132,8 @@ class TargetGoals:
                     goal = Goal(key, one.q, EXACT, *off)
                     self._exact.setdefault(key, []).append(goal)
                     return goal
-        if begun == STARTS and not self.found(key):
-            self.failed[key] = why or "inverse kinematics found no way to it"
+        if begun == self.settings.starts and not self.found(key):
+            self.failed[key] = why or "inverse kinematics found no solution"
             if self._node_of(target) is None:
                 self.meet.remove(target)
         return None
@@ -147,18 +141,19 @@ class TargetGoals:
     def _is_new(self, key: int, q: np.ndarray) -> bool:
         robot = self.planner.robot
         return all(
-            np.abs(difference(robot, q, goal.q)).max() >= _APART
+            np.abs(difference(robot, q, goal.q)).max() >= self.settings.apart
             for goal in self.found(key)
         )
 
     def _seed(
         self, key: int, T_base_tool: np.ndarray, number: int
     ) -> np.ndarray | None:
-        if number == _BEFORE:
+        before, after = self.settings.before, self.settings.after
+        if number == before:
             return self.meet.reach.witness(T_base_tool)
         if key not in self._seeds:
-            self._seeds[key] = self.index.nearest(T_base_tool, _BEFORE + _AFTER)
-        nodes, at = self._seeds[key], number - (number > _BEFORE)
+            self._seeds[key] = self.index.nearest(T_base_tool, before + after)
+        nodes, at = self._seeds[key], number - (number > before)
         return self.index.nodes[nodes[at]] if at < len(nodes) else None
 
     def _node_of(self, target: Target) -> Goal | None:
@@ -166,7 +161,8 @@ class TargetGoals:
         if key not in self._near:
             self._near[key] = None
             T_base_tool = self._T_base_world @ target.T_world_tool
-            for node in self.index.within(T_base_tool, self.near_m, self.near_rad):
+            near = self.settings.near_m, self.settings.near_rad
+            for node in self.index.within(T_base_tool, *near):
                 q = self.index.nodes[node]
                 if self._trouble(q) is None:
                     off = self.index.off(node, T_base_tool)

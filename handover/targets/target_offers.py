@@ -9,14 +9,11 @@ one frame each, before the frame that sets the goals.
 from enum import Enum
 
 from handover.meet.workspace import Target
+from handover.targets.settings import LiveSettings
 from handover.targets.target_goals import EXACT, Goal, TargetGoals
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 
-_TESTS = 16  # configurations tested in a frame, some 13 us each
-_TRUSTED = 8  # frames a test that found none is trusted
-_LOOKUPS = 2  # targets in a frame for which near nodes are looked up
-_EACH = 2  # configurations of one target that are goals at once
 _SOLVE, _PREPARE = "solve", "prepare"
 
 
@@ -34,20 +31,24 @@ class TargetOffers:
     Args:
         planner: Its last frame tells what keeps clear; its goals are prepared here.
         finder: Knows the configurations.
-        attach_every: Frames from one goal joined to the roadmap to the next.
+        settings: How much a frame does, see LiveSettings; None: the finder's.
 
     Attributes:
         attached: Goals joined to the roadmap so far.
     """
 
     def __init__(
-        self, planner: ReactivePlanner, finder: TargetGoals, attach_every: int
+        self,
+        planner: ReactivePlanner,
+        finder: TargetGoals,
+        settings: LiveSettings | None = None,
     ) -> None:
         """Offer nothing."""
-        self.planner, self.finder, self.attach_every = planner, finder, attach_every
+        self.planner, self.finder = planner, finder
+        self.settings = settings or finder.settings
         self.attached = 0
         self._goals: dict[int, list[Goal]] = {}
-        self._frame, self._attached_at = 0, -attach_every
+        self._frame, self._attached_at = 0, -self.settings.attach_every
         self._joined: Goal | None = None  # the last one, where none is kept
         self._clear: dict[int, tuple[int, Goal | None]] = {}  # frame, what was found
         self.begin({})
@@ -61,7 +62,7 @@ class TargetOffers:
         self._frame += 1
         self._targets = targets
         self._job: tuple[str, int, Goal | None] | None = None
-        self._tests, self._lookups = _TESTS, _LOOKUPS
+        self._tests, self._lookups = self.settings.tests, self.settings.lookups
 
     def offer(self, key: int) -> Offer:
         """Offer a target if that is cheap now; else see to it that it will be."""
@@ -91,7 +92,7 @@ class TargetOffers:
             goal = self._clear_of(key)
             if goal is not None and self._is_joined(goal):
                 others = [g for g in before if g is not goal]
-                self._goals[key] = [goal, *others][:_EACH]
+                self._goals[key] = [goal, *others][: self.settings.goals_each]
             else:
                 self._order(key)
 
@@ -101,7 +102,7 @@ class TargetOffers:
         if pursued is not None and not any(goal.kind == EXACT for goal in before):
             goal = self._clear_of(pursued)
             if goal is not None and self._is_joined(goal):
-                self._goals[pursued] = [goal, *before][:_EACH]
+                self._goals[pursued] = [goal, *before][: self.settings.goals_each]
             elif self._job is None:
                 self._order(pursued)
         if self._job is None:
@@ -147,8 +148,8 @@ class TargetOffers:
         """Let this frame's job, if it is still free, be one for a target."""
         goal = self._clear_of(key)
         if goal is not None:
-            rested = self._frame - self._attached_at >= self.attach_every
-            if self._job is None and rested:
+            since = self._frame - self._attached_at
+            if self._job is None and since >= self.settings.attach_every:
                 self._job = _PREPARE, key, goal
             return Offer.COMING
         if key not in self._targets or not self.finder.is_open(key):
@@ -159,8 +160,9 @@ class TargetOffers:
 
     def _clear_of(self, key: int) -> Goal | None:
         """Return a configuration that keeps clear, one that is joined before others."""
-        when, goal = self._clear.get(key, (-_TRUSTED, None))
-        if when == self._frame or (goal is None and self._frame - when < _TRUSTED):
+        trusted = self.settings.trusted
+        when, goal = self._clear.get(key, (-trusted, None))
+        if when == self._frame or (goal is None and self._frame - when < trusted):
             return goal
         known = self.finder.found(key)
         if not known or self._tests < len(known):

@@ -43,7 +43,7 @@ class ReachRequest:
     )
     cell: float = flag(0.05, "Side of a position cell, m.")
     rotations: int = flag(576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...")
-    samples: int | None = flag(None, "Configurations drawn before settling.")
+    samples: int | None = flag(None, "Configurations drawn before cells are marked.")
     seconds: float | None = flag(None, "Stop then; the map depends on the machine.")
     seed: int = flag(1, "Same seed, same map.", min=0)
     threads: int = flag(0, "0: one per core.", min=0)

@@ -9,7 +9,7 @@ from numba import njit
 from numba.core.errors import NumbaError
 
 import handover.jit_options as kernels
-from handover.reach._reach_pack import settle_positions
+from handover.reach._reach_mark import mark_positions
 
 FILES = sorted(Path(kernels.__file__).parent.rglob("_[!_]*.py"))
 
@@ -58,4 +58,4 @@ def test_a_bare_kernel_cannot_make_an_array():
 
     with pytest.raises(NumbaError):
         leaks(3)
-    assert settle_positions.targetoptions["_nrt"] is False
+    assert mark_positions.targetoptions["_nrt"] is False

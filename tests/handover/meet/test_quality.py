@@ -12,7 +12,7 @@ from handover import ArmState, Human, QualitySettings, posture_quality, total_qu
 from handover.human._human_arm import arm_axes
 from handover.human.anthropometry import ARM_RANGES
 from handover.meet import _quality as kernel
-from handover.meet.quality import gravity_torque_unit
+from handover.meet.quality import first_moments
 from handover.meet.settings import PARTS
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
@@ -127,10 +127,10 @@ def test_distances_equal_those_of_dense_samples(rng):
         line = a + share * (b - a)
         axis = rod[:3] + share * (rod[3:6] - rod[:3])
         gap = np.linalg.norm(line[:, None] - axis, axis=2).min() - rod[6]
-        cut = kernel._cut(rod[None], 0, *a, *b)
+        cut = kernel.enters(rod[None], 0, tuple(a), tuple(b))
         if abs(gap) > 2e-3:
             assert cut == (gap < 0)
-        off = kernel._off_capsule(rod[None], 0, *a)
+        off = np.sqrt(kernel.square_to_axis(rod[None], 0, tuple(a))) - rod[6]
         sampled = np.linalg.norm(axis - a, axis=1).min() - rod[6]
         assert off == pytest.approx(sampled, abs=2e-3)
 
@@ -153,7 +153,7 @@ def test_effort_by_hand():
 def test_effort_equals_pinocchios_gravity_torques(side, T, rng):
     human = Human(1.68, T_world_pelvis=T, mass=70.0)
     state = ArmState.of(human, side, SETTINGS).state
-    unit = gravity_torque_unit(human, side)
+    unit = 9.81 * human.mass * float(first_moments(human, side).sum())
     lengths = human.arm(side).lengths
     model, _ = pinocchio_arm(lengths, _segments(70.0, lengths, human))
     shoulder = human.T_world_shoulder(side)[:3, :3]

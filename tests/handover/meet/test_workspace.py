@@ -18,7 +18,7 @@ from handover import (
     wrench,
 )
 from handover.meet import _meet_bounds as bounds
-from handover.meet._meet import NUDGE, UNREACHED, hand_value
+from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.reach.robot_cells import robot_cells
 from roadmap.transforms import pose_of
 
@@ -106,7 +106,7 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
     n = 0
     for _ in range(6):
         meet = meet_of(somebody(rng, 0.8), grasps=6)
-        person, hands, cells, room = meet._person, meet._hands, meet._where, meet._room
+        (person, hands, cells), room = meet._scene, meet._room
         made = meet._tables.bounds(person, meet._bounds)
         bounds.position_bounds(person, hands, cells, made)
         bounds.now_turn(person, made.now)
@@ -115,20 +115,17 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
             for e in range(cells.first[p], cells.first[p + 1]):
                 r = cells.rotation[e]
                 for g in range(6):
-                    true = hand_value(person, hands, r, g, x, y, z, UNREACHED, room)
+                    one = Candidate(r, g, x, y, z)
+                    true = hand_value(person, hands, one, UNREACHED, room)
                     if true < 0:
                         continue
                     n += 1
-                    grip = bounds.grip_bound(
-                        person, hands, made, r, g, x, y, z, 0.0, room.parts
-                    )
+                    grip = bounds.grip_bound(person, hands, made, one, 0.0, room.parts)
                     there = hands.pose[r, g, 9:] + (x, y, z)
                     at = bounds.position_of(person.box, *there)
                     place = made.place[at] if at >= 0 else np.inf
                     for level in (true, np.nextafter(true, 0)):
-                        assert bounds.byte_passes(
-                            person, hands, made, p, r, g, x, y, z, level
-                        )
+                        assert bounds.byte_passes(person, hands, made, p, one, level)
                     gaps = np.array([made.whole[p], place, grip]) - true
                     closest = np.minimum(closest, gaps)
     assert n > 2000 and (closest > 0).all() and closest[2] < 0.02

@@ -240,7 +240,7 @@ def test_a_build_that_is_interrupted_leaves_nothing_running(arm):
 
     def stop(stage, done, total):
         seen.append(stage)
-        if stage.startswith("settling") and done > 1:
+        if stage.startswith("marking") and done > 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -254,7 +254,7 @@ def test_progress_names_every_stage_and_ends_full(arm):
     last = {}
     settings = ReachSettings(cell=0.3, rotations=72, samples=5000)
     build_reach_map(arm, settings, 1, lambda stage, k, n: last.update({stage: k / n}))
-    assert {"drawing samples", "settling, pass 1", "packing"} <= set(last)
+    assert {"drawing samples", "marking cells, pass 1", "packing"} <= set(last)
     assert set(last.values()) == {1.0}
 
 

@@ -5,8 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from handover import rotation_grid
-from handover.reach.rotations import SIZES, angles_between
+from handover.reach.rotations import SIZES
 from roadmap.errors import BadInput
+
+
+def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the angles [rad] between rotations (..., 3, 3), broadcast."""
+    gap = ((a - b) ** 2).sum(axis=(-2, -1))  # 8 sin^2(angle / 2)
+    return 2 * np.arcsin(np.sqrt(np.clip(gap / 8, 0.0, 1.0)))
+
 
 WORST = {72: 57.0, 576: 32.0, 1944: 22.5}
 

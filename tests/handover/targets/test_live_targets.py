@@ -6,16 +6,9 @@ from meet_people import person, workspace
 from small import small_recipe
 
 import odm
-from handover.targets.live_targets import (
-    BLOCKED,
-    NOBODY,
-    THERE,
-    UNDER_WAY,
-    LiveSettings,
-    LiveTargets,
-)
+from handover.targets.live_targets import BLOCKED, NOBODY, THERE, UNDER_WAY, LiveTargets
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_goals import STARTS
+from handover.targets.settings import LiveSettings
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 
@@ -152,7 +145,7 @@ def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
     far = target.T_world_tool.copy()
     far[0, 3] += 5.0
     target = type(target)(**(vars(target) | {"T_world_tool": far}))
-    for _ in range(STARTS):
+    for _ in range(live.settings.starts):
         assert live.finder.is_open(target.key)
         assert live.finder.work(target) is None
     assert not live.finder.is_open(target.key) and target.key in live.finder.failed

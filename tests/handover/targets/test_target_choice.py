@@ -2,7 +2,8 @@
 
 import pytest
 
-from handover.targets.target_choice import ChoiceSettings, TargetChoice
+from handover.targets.settings import ChoiceSettings
+from handover.targets.target_choice import TargetChoice
 from handover.targets.target_offers import Offer
 from roadmap.errors import BadInput
 

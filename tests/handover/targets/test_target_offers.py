@@ -7,9 +7,10 @@ import pytest
 from meet_people import person, workspace
 
 import odm
-from handover.targets.live_targets import LiveSettings, LiveTargets
+from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_goals import MOST, STARTS, TargetGoals
+from handover.targets.settings import LiveSettings
+from handover.targets.target_goals import TargetGoals
 from handover.targets.target_offers import Offer, TargetOffers
 from odm import PlannerSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
@@ -31,7 +32,8 @@ def planner(cell_map):
 
 @pytest.fixture
 def finder(planner, robot_map, index):
-    return TargetGoals(planner, workspace(robot_map, person(0.9)), index, near_m=0.0)
+    meet = workspace(robot_map, person(0.9))
+    return TargetGoals(planner, meet, index, LiveSettings(near_m=0.0))
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_the_configurations_of_a_target_differ_and_all_hold_the_tool_there(
     finder, several
 ):
     robot, found = finder.planner.robot, finder.found(several.key)
-    assert 2 <= len(found) <= MOST
+    assert 2 <= len(found) <= LiveSettings().configurations
     for k, goal in enumerate(found):
         off = tool_pose(robot, goal.q)[:3, 3] - several.T_world_tool[:3, 3]
         assert np.linalg.norm(off) < 2e-4
@@ -76,17 +78,17 @@ def test_the_configurations_of_a_target_differ_and_all_hold_the_tool_there(
 
 def test_a_target_is_offered_after_one_job_a_frame(planner, finder):
     target = finder.meet.best(1)[0]
-    offers = TargetOffers(planner, finder, attach_every=3)
+    offers = TargetOffers(planner, finder, LiveSettings(attach_every=3))
     said = settled(offers, {target.key: target}, target.key)
     assert said[-1] is Offer.MADE and set(said[:-1]) == {Offer.COMING}
-    assert 2 < len(said) <= STARTS + 3
+    assert 2 < len(said) <= finder.settings.starts + 3
     (goal,) = offers.goals((target.key,))
     assert planner.is_prepared(goal.q) and offers.attached == 1
 
 
 def test_what_is_blocked_gives_way_to_another_configuration(planner, finder, several):
     key, targets = several.key, {several.key: several}
-    offers = TargetOffers(planner, finder, attach_every=1)
+    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
     settled(offers, targets, key)
     (first,) = offers.goals((key,))
     # something stands where the arm would be, and not where another one would
@@ -108,10 +110,12 @@ def test_what_is_blocked_gives_way_to_another_configuration(planner, finder, sev
 
 
 def test_a_target_all_of_which_is_blocked_is_not_waited_for(planner, finder, several):
-    offers = TargetOffers(planner, finder, attach_every=1)
+    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
     q = finder.found(several.key)[0].q
     planner.step(ball_round(planner, q), q=planner.cell_map.roadmap.nodes[0])
-    for _ in range(STARTS + 1):  # it may look for more configurations first
+    for _ in range(
+        finder.settings.starts + 1
+    ):  # it may look for more configurations first
         offers.begin({several.key: several})
         said = offers.offer(several.key)
         offers.work(None)
@@ -125,8 +129,8 @@ def test_a_node_is_offered_only_where_the_robot_would_stand_clear(
     planner, robot_map, index
 ):
     meet = workspace(robot_map, person(0.9))
-    finder = TargetGoals(planner, meet, index, near_m=0.2, near_rad=1.0)
-    offers = TargetOffers(planner, finder, attach_every=1)
+    finder = TargetGoals(planner, meet, index, LiveSettings(near_m=0.2, near_rad=1.0))
+    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
     for target in meet.best(200):
         offers.begin({target.key: target})
         node = finder.near_node(target)
@@ -168,7 +172,7 @@ def test_no_frame_does_two_jobs_however_the_person_moves(
         assert done["tested"] <= 60
         joined += [k] * done["attached"]
         jobs.update(done)
-        live.heed(planner.step(human.surface_points(), q=q), q)
+        live.note(planner.step(human.surface_points(), q=q), q)
     assert jobs["solved"] > 5 and jobs["attached"] > 2  # it did work
     assert min(np.diff(joined)) >= 4
 
@@ -178,8 +182,9 @@ def test_what_was_joined_may_be_set_once_where_nothing_is_kept(
 ):
     planner = odm.ReactivePlanner(cell_map)  # keeps no goals
     planner.step(np.zeros((0, 3)), q=cell_map.roadmap.nodes[0])
-    finder = TargetGoals(planner, workspace(robot_map, person(0.9)), index, near_m=0.0)
+    meet = workspace(robot_map, person(0.9))
+    finder = TargetGoals(planner, meet, index, LiveSettings(near_m=0.0))
     target = finder.meet.best(1)[0]
-    offers = TargetOffers(planner, finder, attach_every=5)
+    offers = TargetOffers(planner, finder, LiveSettings(attach_every=5))
     assert settled(offers, {target.key: target}, target.key)[-1] is Offer.MADE
     assert len(offers.goals((target.key,))) == 1

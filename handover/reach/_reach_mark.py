@@ -1,4 +1,4 @@
-"""Settle the cells of one position: which witness each keeps, and how it is stored."""
+"""Mark the cells of one position: which witness each keeps, and how it is stored."""
 
 from typing import NamedTuple
 
@@ -11,28 +11,29 @@ from handover.reach._reach_build import (
     MAX_DEPTH,
     ROOT,
     position_neighbor,
-    push,
+    propagate,
     quality_byte,
 )
+from handover.reach._reach_lookup import ones
 from handover.reach._reach_touch import touches_itself
 
-_SURE = 3  # settled neighbours before a cell that no sample hit is tried
-_TRIES = 5  # pushes to such a cell before it is given up
+_SURE = 3  # marked neighbours before a cell that no sample hit is tried
+_TRIES = 5  # propagations to such a cell before it is given up
 _QUEUE = 24  # entries per cell of a position
 
 
 class Queue(NamedTuple):
-    """The cells of one position that wait, by what they may hope for; work space.
+    """The cells of one position that wait, by the best quality they may get.
 
     Attributes:
         head: (256,) first entry of each quality, -1 for none.
         entries: (2, m) rotation, and the next entry.
-        beside: (6,) first cell of the positions beside, -1 outside of the grid.
+        near: (6,) first cell of the adjacent positions, -1 outside of the grid.
     """
 
     head: np.ndarray
     entries: np.ndarray
-    beside: np.ndarray
+    near: np.ndarray
 
 
 def queue_of(n_rotations: int) -> Queue:
@@ -45,34 +46,29 @@ def queue_of(n_rotations: int) -> Queue:
 
 
 @njit(**BARE)
-def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, counts):
-    """Settle what can be settled at positions no two of which are neighbours.
+def mark_positions(build, queue, positions, rules, counts):
+    """Mark what can be marked at positions no two of which are neighbours.
 
     Best first: a cell's turn comes with the quality of its sample or of the best
-    settled witness beside it. It is pushed there from that neighbour; a sample that is
-    much better becomes a root. Settled cells stay as they are, so that what was pushed
-    from them can be replayed.
+    witness next to it, which is propagated into it; a sample that is much better
+    becomes a root. Marked cells stay as they are, so that what was propagated from
+    them can be replayed.
 
-    rules: (3,) reference of the dexterity, seed, and the part of a sample's quality
-    below which a push does not replace it. counts: (4,) is added to: settled, roots,
-    pushes, witnesses refused for self-collision.
+    Args:
+        build: See `Build`.
+        queue: Working memory.
+        positions: (n,) position cells.
+        rules: (3,) reference of the dexterity, seed, and the part of a sample's
+            quality below which a propagated witness does not replace it.
+        counts: (4,) is added to: cells marked, roots, propagations, witnesses refused
+            for self-collision.
     """
-    n = grid.size[3]
-    head, entries, beside = queue.head, queue.entries, queue.beside
+    grid, cells = build.grid, build.cells
+    n, ways = grid.size[3], grid.neighbors.shape[1]
+    head, entries = queue.head, queue.entries
     for i in range(positions.shape[0]):
         first = positions[i] * n
-        for axis in range(6):
-            near = position_neighbor(grid, positions[i], axis)
-            beside[axis] = near * n if near >= 0 else -1
-        # what a position does must not depend on which ones came before it
-        touch.axes[:] = 0.0
-        used, top = 0, 0
-        for r in range(n):
-            if cells.quality[first + r] == 0:
-                key, _ = hope(grid.neighbors, beside, cells, first, r)
-                if key > 0:
-                    used = _enter(head, entries, used, key, r)
-                    top = max(top, key)
+        used, top = _begin(build, queue, positions[i])
         while top > 0:
             e = head[top]
             if e < 0:
@@ -82,18 +78,14 @@ def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, c
             r = entries[0, e]
             if cells.quality[first + r] != 0:
                 continue
-            key, way = hope(grid.neighbors, beside, cells, first, r)
+            key, way = priority(grid.neighbors, queue.near, cells, first, r)
             if key == top:
-                ways = grid.neighbors.shape[1]
                 parent = -1
                 if way < ways:
                     parent = first + grid.neighbors[r, way]
                 elif way != ROOT:
-                    parent = beside[way - ways] + r
-                cell = first + r
-                _settle(
-                    chain, grid, cells, touch, work, cell, way, parent, rules, counts
-                )
+                    parent = queue.near[way - ways] + r
+                _mark(build, first + r, way, parent, rules, counts)
                 value = int(cells.quality[first + r])
                 if value > 0:
                     for k in range(ways):
@@ -107,10 +99,34 @@ def settle_positions(chain, grid, cells, touch, work, queue, positions, rules, c
                             used = _enter(head, entries, used, value, near)
                             top = max(top, value)
                     continue
-                key, way = hope(grid.neighbors, beside, cells, first, r)
+                key, way = priority(grid.neighbors, queue.near, cells, first, r)
             if key > 0 and used < entries.shape[1]:
                 used = _enter(head, entries, used, key, r)
                 top = max(top, key)
+
+
+@njit(**WITHIN)
+def _begin(build, queue, position):
+    """Enter the cells of a position that are not marked; return entries and best key.
+
+    Nothing is left of the position before: what a position does must not depend on
+    which ones came before it.
+    """
+    grid, cells = build.grid, build.cells
+    n = grid.size[3]
+    first = position * n
+    for axis in range(6):
+        near = position_neighbor(grid, position, axis)
+        queue.near[axis] = near * n if near >= 0 else -1
+    build.touch.axes[:] = 0.0
+    used, top = 0, 0
+    for r in range(n):
+        if cells.quality[first + r] == 0:
+            key, _ = priority(grid.neighbors, queue.near, cells, first, r)
+            if key > 0:
+                used = _enter(queue.head, queue.entries, used, key, r)
+                top = max(top, key)
+    return used, top
 
 
 @njit(**WITHIN)
@@ -122,23 +138,23 @@ def _enter(head, entries, used, key, r):
 
 
 @njit(**WITHIN)
-def hope(neighbors, beside, cells, first, r):
-    """Return the best quality a cell may hope for, 0 for none, and the best way.
+def priority(neighbors, near_positions, cells, first, r):
+    """Return the best quality a cell may get, 0 for none, and the best way to it.
 
     A step in position is shorter than one in rotation and arrives more often, so it
-    counts twice.
+    counts eight times.
     """
     own = int(cells.sample[first + r])
     failed = np.uint32(0)
     if own == 0:
         failed = cells.source[first + r]
-    settled, top, score, way = 0, 0, 0, ROOT
+    marked, top, score, way = 0, 0, 0, ROOT
     n = neighbors.shape[1]
     for k in range(6):
-        if beside[k] >= 0:
-            q = int(cells.quality[beside[k] + r])
+        if near_positions[k] >= 0:
+            q = int(cells.quality[near_positions[k] + r])
             if q > 0:
-                settled += 1
+                marked += 1
                 if 8 * q > score and not (failed >> np.uint32(n + k)) & np.uint32(1):
                     top, score, way = q, 8 * q, n + k
     for k in range(n):
@@ -147,39 +163,29 @@ def hope(neighbors, beside, cells, first, r):
             break
         q = int(cells.quality[first + near])
         if q > 0:
-            settled += 1
+            marked += 1
             if q > score and not (failed >> np.uint32(k)) & np.uint32(1):
                 top, score, way = q, q, k
     if own == 0:
         least = _SURE if way >= n else _SURE + 2
-        if settled < least or _ones(failed) >= min(_TRIES, settled // 2):
+        if marked < least or ones(np.uint64(failed)) >= min(_TRIES, marked // 2):
             return 0, ROOT
     return max(own, top), way
 
 
 @njit(**WITHIN)
-def _ones(bits):
-    n = 0
-    while bits:
-        bits &= bits - np.uint32(1)
-        n += 1
-    return n
-
-
-@njit(**WITHIN)
-def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
+def _mark(build, cell, way, parent, rules, counts):
     """Try the way from `parent`, then the sample; keep whichever gives a witness."""
+    chain, grid, cells, touch, work = build
     least = rules[2] * cells.sample[cell]
-    sampled = cells.sample[cell] > 0
     tried = False
     if parent >= 0 and cells.quality[parent] >= least:
         tried = True
         counts[2] += 1
-        if push(chain, grid, cells.witness[parent], parent, cell, work):
+        if propagate(chain, grid, cells.witness[parent], parent, cell, work):
             jacobian(chain, work.frames, work.jac)
-            value = quality_byte(
-                dexterity(chain, work.q, work.jac, work.weighted, work.gram), rules[0]
-            )
+            measure = dexterity(chain, work.q, work.jac, work.weighted, work.gram)
+            value = quality_byte(measure, rules[0])
             if value >= least:
                 if not touches_itself(touch, work.q, work.frames):
                     depth = cells.depth[parent] + 1
@@ -188,7 +194,7 @@ def _settle(chain, grid, cells, touch, work, cell, way, parent, rules, counts):
                     _keep(cells, cell, value, way, depth, work.code, counts)
                     return
                 counts[3] += 1
-    if sampled:
+    if cells.sample[cell] > 0:
         draw_code(int(rules[1]), cells.source[cell], work.code)
         _keep(cells, cell, cells.sample[cell], ROOT, 0, work.code, counts)
         return
