@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from handover.meet.meet_settings import MeetSettings
 
 from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
+from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
