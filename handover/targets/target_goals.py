@@ -8,7 +8,7 @@ import numpy as np
 from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_same_robot
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
-from odm.planner.goal_checks import check_valid
+from odm.frame.freedom import check_valid
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
 
@@ -180,7 +180,7 @@ class TargetGoals:
     def _trouble(self, q: np.ndarray) -> str | None:
         """Return why q can never be a goal in this place, None if it can."""
         try:
-            check_valid(self.planner, q, "it")
+            check_valid(self.planner.static, q, "it")
         except BadConfiguration as error:
             return str(error)
         return None

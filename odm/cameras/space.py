@@ -91,7 +91,8 @@ class SeenSpace:
         self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)
         self._room = layout.Room(cell_map, self.settings)
         self._own = layout.OwnBalls(self.robot, self.settings.d_self)
-        self._views = layout.views(self)
+        noise = self.settings.noise_m
+        self._views = layout.views(self.cameras, cell_map, self._room, noise)
         self._out = np.zeros((65536, 3))
         self.reset()
 

@@ -59,7 +59,7 @@ class Memory:
     def __init__(self, groups: dict[str, tuple]) -> None:
         """Keep the groups and write the table; it belongs to this thread."""
         object.__setattr__(self, "owner", Owner())
-        self._exchange(**groups)
+        exchange(self, groups)
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse: the table points at the arrays that are there."""
@@ -73,19 +73,23 @@ class Memory:
         """Refuse to be copied or pickled: the table holds addresses."""
         refuse_copy()
 
-    def _exchange(self, **groups: tuple) -> None:
-        """Point at other groups, by name; only `Carrier` and `_make_room` may."""
-        named = {n: groups[n] if n in groups else getattr(self, n) for n in _ORDER}
-        rows = [
-            array
-            for group in named.values()
-            for array in group
-            if isinstance(array, np.ndarray)
-        ]
-        table = _table_of(rows, named["graph"].block.dtype)
-        # what the table points at lives as long as it
-        for name, value in {**groups, "table": table, "_rows": rows}.items():
-            object.__setattr__(self, name, value)
+
+def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
+    """Let a planner's table point at other groups, by name; the others stay.
+
+    For what carries and what makes room; it costs a walk over all arrays.
+    """
+    named = {n: groups[n] if n in groups else getattr(memory, n) for n in _ORDER}
+    rows = [
+        array
+        for group in named.values()
+        for array in group
+        if isinstance(array, np.ndarray)
+    ]
+    table = _table_of(rows, named["graph"].block.dtype)
+    # what the table points at lives as long as it
+    for name, value in {**groups, "table": table, "_rows": rows}.items():
+        object.__setattr__(memory, name, value)
 
 
 def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:

@@ -7,8 +7,8 @@ from small import draw_arm, draw_valid
 import odm
 from odm.close_test import _close as close
 from odm.close_test._arm import make_work
+from odm.frame import _braking as braking
 from odm.obstacles import _occupancy as occupancy
-from odm.planner import _kinematics_door as kinematics_door
 from roadmap.kinematics.forward import difference
 
 
@@ -124,7 +124,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(
     for _ in range(200):
         q = draw_valid(planner, rng)
         work = work_of(small_map)
-        kinematics_door.place_anchor(arm, q, work)
+        braking.place_anchor(arm, q, work)
         now = work.anchor.copy()
         # a point that leans on a sphere of the arm
         i = int(rng.integers(len(now)))
@@ -136,7 +136,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(
         escaped += 1
         before = np.linalg.norm(now - point, axis=1)
         for t in np.linspace(0, 1, 80):
-            kinematics_door.place_anchor(arm, q + t * dq, work)
+            braking.place_anchor(arm, q + t * dq, work)
             gap = np.linalg.norm(work.anchor - point, axis=1)
             least = np.minimum(keep, before - close.ESCAPE_SLACK)
             assert (gap >= least - 1e-9).all()

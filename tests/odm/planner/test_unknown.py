@@ -119,7 +119,7 @@ def test_configurations_that_are_no_numbers_are_refused_by_questions(planner):
 def test_the_kernels_take_what_is_no_number_for_blocked(planner, what, value):
     far = np.array([[-0.85, -0.85, 0.0]])
     planner.step(far, q=HOME)
-    planner._sort()
+    planner.frame.sort()
     m, given = planner.memory, {"q": HOME, "dq": STILL, "radii": planner.radii}
     assert close.motion_clear(m.arm, planner.radii, HOME, STILL, 0.01, m.cloud, False,
                               m.work)  # fmt: skip

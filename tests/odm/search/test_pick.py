@@ -56,7 +56,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         ref = int(planner.memory.goals.fresh_ref[0])
         if ref < 0:
             continue
-        dq = planner._difference(q, goal)
+        dq = planner.frame.difference(q, goal)
         free = judge.part_free(planner.memory.table, points, ref, q, dq)
         assert not free or clear_of(planner, q, dq, points)
         seen += 1

@@ -1,8 +1,9 @@
-"""A path against points that may have come nearer meanwhile: the test of braking."""
+"""Kernels of braking and escape: a path against points to come, and an anchor."""
 
 from numba import njit
 
 from odm.close_test._close import motion_clear
+from roadmap.kinematics._forward import body_frames, place_points
 
 
 @njit(cache=True, nogil=True)
@@ -20,3 +21,10 @@ def first_blocked(arm, radii, extra, path, tolerance, cloud, work, grown, leg):
         if not motion_clear(arm, grown, path[k], leg, tolerance, cloud, False, work):
             return k
     return -1
+
+
+@njit(cache=True, nogil=True)
+def place_anchor(arm, q, work):
+    """Write the sphere centres at q to work.anchor, which an escape starts from."""
+    body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
+    place_points(work.frames[0], arm.body, arm.spheres, work.anchor)
