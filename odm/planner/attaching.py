@@ -9,8 +9,8 @@ from odm.cell_map.cell_map import ROUNDING
 from odm.planner.kept_goals import KeptGoals
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
-from odm.search import _quick as quick
-from odm.search import _types as kinds
+from odm.search import _judge as judge
+from odm.search import _state as kinds
 from odm.search.state import MAX_ATTACHMENTS, point_motion
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Attacher:
             m.goals.direct_stuck[g] = -1.0
         n = len(goals)
         m.goals.count[0] = n
-        m.own.numbers[kinds.N_JOINT_COSTS] = 0 if costs is None else 1
+        m.numbers.joint_costs[0] = 0 if costs is None else 1
         np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.own.h_any)
         if m.way.count[0]:
             same = np.flatnonzero(m.goals.vertex[:n] == kept)
@@ -222,7 +222,7 @@ class Attacher:
             q: (dof,) inside its limits, as `judge` found it.
         """
         m, static = self.planner.memory, self.planner.static
-        segment, beside = int(m.own.numbers[kinds.N_WHERE]), m.beside
+        segment, beside = int(m.numbers.where[0]), m.beside
         beside.q[0] = q
         beside.q[1:] = m.way.q[segment + 1], m.way.q[segment]
         end, begin = beside.q[1:]
@@ -346,7 +346,7 @@ class Attacher:
         planner = self.planner
         ids = self._candidates(_QUICK)[: _LOOKED_AT * _QUICK]
         table, points = planner.memory.table, planner.points
-        n = quick.clear_starts(table, points, q, ids, _QUICK, self._kept)
+        n = judge.clear_starts(table, points, q, ids, _QUICK, self._kept)
         good = []
         for node in self._kept[:n]:
             dq = planner._difference(q, self.roadmap.nodes[node])

@@ -14,7 +14,6 @@ import numpy as np
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.search import _frame as frame
 from odm.search import _step as step
-from odm.search._types import N_BETTER, N_LOOK
 
 if TYPE_CHECKING:
     from odm.planner.planner import ReactivePlanner
@@ -86,11 +85,11 @@ class Calm:
         """
         planner = self.planner
         s, m = planner.settings, planner.memory
-        m.own.numbers[N_LOOK] = 1
+        m.numbers.look[0] = 1
         code = planner.judge(points, q)
         if code != step.LOOK:
             return code
-        m.own.numbers[N_BETTER] = found
+        m.numbers.better[0] = found
         if s.memory_s:
             code = self._look(self.recent.around())
             frame.take_points(m.table, points)
@@ -98,7 +97,7 @@ class Calm:
                 self._bare, self._wary = False, 0
                 step.adopt(m.table)
                 return code
-            m.own.numbers[N_BETTER] = found
+            m.numbers.better[0] = found
         code = step.look(m.table, points, s.margin, s.close_tests, s.looks)
         if code == step.PLANNED and m.spare.count[1] >= m.way.count[1]:
             return step.FOLLOWING  # no better goal: only a shorter way

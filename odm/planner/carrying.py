@@ -13,7 +13,7 @@ from odm.cell_map.payload import (
 )
 from odm.close_test._arm import make_work
 from odm.planner.place import items_in_place
-from odm.search.state import graph_on, joint_sway
+from odm.search.state import exchange, graph_on, joint_sway
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import PAYLOAD, with_payload
 from roadmap.transforms import check_pose
@@ -74,7 +74,7 @@ class Carrier:
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         radii, sway = np.zeros(len(arm.spheres)), joint_sway(arm, robot.dof)
         own = m.own._replace(radii=radii, sway=sway)
-        m._exchange(arm=arm, work=work, own=own, **self._groups)
+        exchange(m, {"arm": arm, "work": work, "own": own, **self._groups})
         planner.hand_changed()
 
     def detach(self) -> None:
@@ -84,7 +84,7 @@ class Carrier:
         planner = self.planner
         planner.static = self.bare
         self.thing, self.robot = None, planner.robot
-        planner.memory._exchange(**self._bare_groups)
+        exchange(planner.memory, self._bare_groups)
         planner.hand_changed()
 
     def set_place(self, points: np.ndarray) -> int:

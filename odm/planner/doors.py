@@ -120,7 +120,7 @@ class Doors:
                 "give metres"
             )
         self.extra = float(extra)
-        self.memory.own.terms[-1] = self.extra
+        self.memory.terms.extra[0] = self.extra
         self._set_radii(*self._sampled)
         if self._approacher is not None:
             self._approacher.legs.forget_fine()

@@ -34,7 +34,7 @@ class Reasons:
         """Remember the frame; `trouble` is a reason known already."""
         self.planner = planner
         self.trouble = trouble
-        self.frame = int(planner.memory.own.numbers[0])
+        self.frame = int(planner.memory.numbers.frame[0])
         self.q = planner._q.copy()
 
     def reason(self) -> tuple[str, Blockers]:
@@ -55,7 +55,7 @@ class Reasons:
 
     @property
     def _is_over(self) -> bool:
-        return self.frame != self.planner.memory.own.numbers[0]
+        return self.frame != self.planner.memory.numbers.frame[0]
 
     @cached_property
     def _unable(self) -> str | None:

@@ -36,9 +36,7 @@ from odm.planner.settings import PlannerSettings
 from odm.planner.unfit import unfit
 from odm.search import _frame as frame
 from odm.search import _step as step
-from odm.search._types import N_BETTER, N_SAME, N_SEGMENT, N_STEP
-from odm.search.invalidation import DirectMap
-from odm.search.state import Memory, lay_out
+from odm.search.state import DirectMap, Memory, exchange, lay_out
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
@@ -264,13 +262,13 @@ class ReactivePlanner(Doors, Questions, Braking):
         code = step.NO_PATH if trouble else self._decide(points, q)
         if code > step.PLANNED:
             return self._hold(begun, marked, closed, trouble, code)
-        way, own = memory.way, memory.own
+        way, numbers = memory.way, memory.numbers
         if code == step.PLANNED and way.count.item(0) > 2:
             self.straightener.run()
-        path = way.q[own.numbers.item(N_SEGMENT) : way.count.item(0)].copy()
+        path = way.q[numbers.segment.item() : way.count.item(0)].copy()
         if code == step.FOLLOWING:  # a new path begins at q
             path[0] = q
-        same = self._moving and own.numbers.item(N_SAME)
+        same = self._moving and numbers.same.item()
         following = code == step.FOLLOWING or same
         self._moving = True
         status = FOLLOWING if following else REPLANNED
@@ -282,11 +280,9 @@ class ReactivePlanner(Doors, Questions, Braking):
         attacher, first = self.attacher, self._new_goals
         self._new_goals = False
         self._stood = self._stood + 1 if same and not first else 0
-        numbers = self._memory.own.numbers
-        due = not self.always_replan and (
-            numbers.item(N_STEP) % step.IMPROVE_EVERY == 0
-        )
-        found = numbers.item(N_BETTER) if due else 0  # looks in a row
+        numbers = self._memory.numbers
+        due = not self.always_replan and (numbers.step.item() % step.IMPROVE_EVERY == 0)
+        found = numbers.better.item() if due else 0  # looks in a row
         stays = self._stood >= (_LINGERS if self._moving else _STAYS)
         look = same and (first or (attacher.quick and stays))
         if look and not attacher.is_fresh(q) and np.isfinite(q).all():
@@ -404,7 +400,7 @@ class ReactivePlanner(Doors, Questions, Braking):
         """Let clouds hold that many points or more; the frame's stay marked."""
         grid, room = self.cell_map.grid, max(room, len(self.memory.cloud.where))
         cloud, pick = grid.new_cloud(room), grid.new_cloud(room)
-        self._memory._exchange(cloud=cloud, pick=pick)
+        exchange(self._memory, {"cloud": cloud, "pick": pick})
         frame.take_points(self._memory.table, self.points)
 
     def _keep(self, points: np.ndarray) -> None:
@@ -455,7 +451,7 @@ class ReactivePlanner(Doors, Questions, Braking):
     ) -> Answer:
         memory = self._memory
         goal = memory.way.count.item(1) if told is None else None
-        counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
+        counted = (memory.cloud.counts.tobytes(), memory.counted.tobytes())
         times = (begun, marked, time.perf_counter_ns())
         certified = WHOLE if closed else VISIBLE
         self.last = Answer(status, path, goal, certified, times, counted, told)

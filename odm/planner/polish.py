@@ -7,7 +7,7 @@ import numpy as np
 from odm.answer import HOLDING
 from odm.close_test import _close as close
 from odm.search import _paths as ways
-from odm.search._types import N_LOOK, N_SEGMENT, NO_WAY
+from odm.search._state import NO_WAY
 
 if TYPE_CHECKING:
     from odm.planner.planner import ReactivePlanner
@@ -29,13 +29,13 @@ class Polisher:
     def run(self, budget: int) -> tuple[int, int]:
         """Test at most `budget` cuts; return how many were found, and the rest."""
         planner = self.planner
-        way, numbers = planner.memory.way, planner.memory.own.numbers
+        way, numbers = planner.memory.way, planner.memory.numbers
         if planner.last is None or planner.last.status == HOLDING or way.count[0] < 3:
             return 0, budget
         planner._sort()
         found = 0
         standing = planner.attacher.is_fresh(planner._q)
-        first = int(numbers[N_SEGMENT]) + (0 if standing else 1)
+        first = int(numbers.segment[0]) + (0 if standing else 1)
         last = int(way.count[0]) - 1
         for gap in range(last - first, 1, -1):
             for i in range(first, last - gap + 1):
@@ -44,7 +44,8 @@ class Polisher:
                 tested, cut = self._try(i, i + gap, standing and i == first)
                 budget -= tested
                 found += cut
-        numbers[N_LOOK] = 1 if found else numbers[N_LOOK]
+        if found:
+            numbers.look[0] = 1
         return found, budget
 
     def _try(self, i: int, j: int, from_start: bool) -> tuple[int, int]:

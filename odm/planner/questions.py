@@ -12,8 +12,7 @@ from odm.checks import as_floats, check_numbers
 from odm.close_test import _close as close
 from odm.obstacles.world_frame import WorldFrame
 from odm.planner import explain
-from odm.search.invalidation import DirectMap
-from odm.search.state import Memory
+from odm.search.state import DirectMap, Memory
 from roadmap.robot.robot import Robot
 from roadmap.transforms import check_pose
 

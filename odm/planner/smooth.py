@@ -17,7 +17,6 @@ from odm.answer import HOLDING
 from odm.close_test import _close as close
 from odm.planner import _smooth as smoothing
 from odm.search import _paths as ways
-from odm.search._types import N_SEGMENT
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import STRAY, TURN_A, TURN_J, blend_length, joint_sway
@@ -156,7 +155,7 @@ class Smoother:
         """Find the first segment and the share of it that stay; False: none is left."""
         planner = self.planner
         m, robot = planner.memory, planner.robot
-        at = int(m.own.numbers[N_SEGMENT])
+        at = int(m.numbers.segment[0])
         if ahead is not None:
             at = int(ways.locate_on_way(m.table, m.way, at, ahead, m.own.out))
             self._at, self._share = at, float(m.own.out[0])

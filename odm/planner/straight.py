@@ -7,7 +7,7 @@ import numpy as np
 from odm.close_test import _close as close
 from odm.search import _paths as ways
 from odm.search import _step as step
-from odm.search._types import N_SAME, N_SEGMENT, N_STEP, NO_ITEM
+from odm.search._state import NO_ITEM
 
 if TYPE_CHECKING:
     from odm.planner.planner import ReactivePlanner
@@ -39,9 +39,9 @@ class Straightener:
         """Take the straight way for one that was just found, where it is free."""
         planner = self.planner
         m, way = planner.memory, planner.memory.way
-        at = int(m.own.numbers[N_SEGMENT])
+        at = int(m.numbers.segment[0])
         last = int(way.count[0]) - 1
-        now = int(m.own.numbers[N_STEP])
+        now = int(m.numbers.step[0])
         if now < self._next or planner.attacher.is_fresh(planner._q):
             return
         q = planner._q.copy()
@@ -60,7 +60,7 @@ class Straightener:
         way.ref[0] = NO_ITEM
         way.count[0] = 2
         ways.certify_whole(way, 0, m.proof)
-        m.own.numbers[N_SEGMENT] = m.own.numbers[N_SAME] = 0
+        m.numbers.segment[0] = m.numbers.same[0] = 0
 
     def _length(self, dq: np.ndarray) -> float:
         return float(np.linalg.norm(dq * self.planner.cell_map.roadmap.weights))
