@@ -21,7 +21,6 @@ from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.search import _frame as kernels
-from odm.search._types import N_FRAME, N_STEP
 from odm.search.state import exchange, lay_out
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
@@ -96,12 +95,12 @@ class Frame:
     @property
     def number(self) -> int:
         """How many frames were taken, the first of which is number 1."""
-        return self.memory.own.numbers.item(N_STEP)
+        return self.memory.numbers.step.item()
 
     @property
     def epoch(self) -> int:
         """Changes whenever points are marked anew: verdicts are good for one epoch."""
-        return self.memory.own.numbers.item(N_FRAME)
+        return self.memory.numbers.frame.item()
 
     def checked(
         self,
@@ -230,7 +229,7 @@ class Frame:
     def set_extra(self, extra: float) -> None:
         """Keep that much more distance than the map's clearance [m]."""
         self.extra = float(extra)
-        self.memory.own.terms[-1] = self.extra
+        self.memory.terms.extra[0] = self.extra
         self.set_sampling(*self.sampled)
 
     def hand_changed(self) -> None:

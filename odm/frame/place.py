@@ -9,7 +9,7 @@ from odm.close_test import _close as close
 from odm.close_test.static import StaticTest
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search import _attach as kernels
-from odm.search._types import Graph
+from odm.search._state import Graph
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference

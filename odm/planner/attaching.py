@@ -9,8 +9,8 @@ from odm.planner.kept_goals import KeptGoals
 from odm.planner.path import Candidates, PathInUse
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
-from odm.search import _quick as quick
-from odm.search import _types as kinds
+from odm.search import _judge as judge
+from odm.search import _state as kinds
 from odm.search.state import MAX_ATTACHMENTS, point_motion
 
 _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
@@ -132,7 +132,7 @@ class Attacher:
             m.goals.direct_stuck[g] = -1.0
         n = len(goals)
         m.goals.count[0] = n
-        m.own.numbers[kinds.N_JOINT_COSTS] = 0 if costs is None else 1
+        m.numbers.joint_costs[0] = 0 if costs is None else 1
         np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.own.h_any)
         path.goals_changed(vertex, m.goals.vertex[:n])
         self._attach_direct(direct)
@@ -359,7 +359,7 @@ class Attacher:
         frame = self.frame
         ids = self._candidates(_QUICK)[: _LOOKED_AT * _QUICK]
         table, points = frame.memory.table, frame.points
-        n = quick.clear_starts(table, points, q, ids, _QUICK, self._chosen)
+        n = judge.clear_starts(table, points, q, ids, _QUICK, self._chosen)
         good = []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])

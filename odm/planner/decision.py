@@ -11,7 +11,6 @@ from odm.planner.attaching import Attacher
 from odm.planner.hysteresis import Hysteresis
 from odm.planner.path import PathInUse
 from odm.search import _step as step
-from odm.search._types import N_BETTER, N_STEP
 
 NEW_GOALS = "new goals"  # and the robot stands
 LINGERS = "lingers"  # the robot has stood for a while
@@ -66,7 +65,7 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path = frame, path
         self.attacher, self.hysteresis = attacher, hysteresis
-        self._numbers = frame.memory.own.numbers
+        self._numbers = frame.memory.numbers
         self.new_goals = False
         self._here = b""  # configuration of the last frame, and of the one before it
         self._before = b""
@@ -79,9 +78,9 @@ class Decision:
         same = here == self._before
         attacher, always = self.attacher, self.hysteresis.always_replan
         numbers = self._numbers
-        due = not always and numbers.item(N_STEP) % step.IMPROVE_EVERY == 0
+        due = not always and numbers.step.item() % step.IMPROVE_EVERY == 0
         # looks in a row that found a better path
-        found = numbers.item(N_BETTER) if due else 0
+        found = numbers.better.item() if due else 0
         if self.new_goals:
             self.new_goals, self._stood = False, 0
             if same:

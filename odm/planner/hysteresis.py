@@ -14,7 +14,6 @@ from odm.planner.obstacle_history import ObstacleHistory
 from odm.planner.path import PathInUse
 from odm.planner.settings import PlannerSettings
 from odm.search import _step as step
-from odm.search._types import N_BETTER
 
 
 class Hysteresis:
@@ -112,7 +111,7 @@ class Hysteresis:
         code = self.path.judge(points, q)
         if code != step.LOOK:
             return code
-        m.own.numbers[N_BETTER] = found
+        m.numbers.better[0] = found
         if s.memory_s:
             code = self._look(self.history.around())
             self.frame.look_at(points)
@@ -120,7 +119,7 @@ class Hysteresis:
                 self._bare, self._wary = False, 0
                 step.adopt(m.table)
                 return code
-            m.own.numbers[N_BETTER] = found
+            m.numbers.better[0] = found
         code = step.look(m.table, points, s.margin, s.close_tests, s.looks)
         if code == step.PLANNED and m.spare.count[1] >= m.way.count[1]:
             return step.FOLLOWING  # no better goal: only a shorter path

@@ -7,7 +7,7 @@ a frame that has the time, and kept for one that has not.
 
 import numpy as np
 
-from odm.search import _types as kinds
+from odm.search import _state as kinds
 
 _KEPT = ("h", "node", "length", "ref", "number", "vertex")
 

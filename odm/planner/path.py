@@ -5,7 +5,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.search import _paths as kernels
 from odm.search import _step as step
-from odm.search._types import N_LOOK, N_SAME, N_SEGMENT, N_WHERE, NO_ITEM, NO_WAY
+from odm.search._state import NO_ITEM, NO_WAY
 
 _ROOM = 0.01  # [m] a robot beside its segment by less needs no test of its own
 
@@ -30,7 +30,7 @@ class PathInUse:
         memory = frame.memory
         self._way, self._proof, self._beside = memory.way, memory.proof, memory.beside
         self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
-        self._count, self._numbers = self._way.count, memory.own.numbers
+        self._count, self._numbers = self._way.count, memory.numbers
         self.followed = False
         self._room_key = b""  # end and begin of a segment, and
         self._has_room = False  # whether it is free with room around it
@@ -47,12 +47,12 @@ class PathInUse:
     @property
     def segment(self) -> int:
         """The segment that the robot was on in the last frame."""
-        return self._numbers.item(N_SEGMENT)
+        return self._numbers.segment.item()
 
     @property
     def is_same(self) -> bool:
         """Whether the path that was taken last leads on as the one before did."""
-        return self._numbers.item(N_SAME) != 0
+        return self._numbers.same.item() != 0
 
     def items(self) -> np.ndarray:
         """Return a view of the items of its segments."""
@@ -80,12 +80,12 @@ class PathInUse:
 
     def rest(self) -> np.ndarray:
         """Return a copy of its corners from the robot's segment on, (k, dof)."""
-        begin = self._numbers.item(N_SEGMENT)
+        begin = self._numbers.segment.item()
         return self.q[begin : self._count.item(0)].copy()
 
     def look_soon(self) -> None:
         """Let the next frame look for a better one, whatever its number."""
-        self._numbers[N_LOOK] = 1
+        self._numbers.look[0] = 1
 
     def judge(self, points: np.ndarray, q: np.ndarray) -> int:
         """Judge it by the frame's points; a code of `odm/search/_step.py`."""
@@ -107,7 +107,7 @@ class PathInUse:
             q: (dof,) inside its limits, as `judge` found it.
         """
         static = self.frame.static
-        segment, beside = self._numbers.item(N_WHERE), self._beside
+        segment, beside = self._numbers.where.item(), self._beside
         beside.q[0] = q
         beside.q[1:] = self.q[segment + 1], self.q[segment]
         end, begin = beside.q[1:]
@@ -139,13 +139,13 @@ class PathInUse:
 
     def go_straight(self, vertex: int, q: np.ndarray, dq: np.ndarray) -> None:
         """Let it be the straight motion from `vertex`, at q, to where it ends."""
-        numbers, last = self._numbers, len(self) - 1
+        last = len(self) - 1
         self.vertex[:2] = vertex, self.vertex[last]
         self.q[0], self.q[1] = q, q + dq
         self.item[0] = NO_ITEM
         self._count[0] = 2
         kernels.certify_whole(self._way, 0, self._proof)
-        numbers[N_SEGMENT] = numbers[N_SAME] = 0
+        self._numbers.segment[0] = self._numbers.same[0] = 0
 
     def write(
         self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]

@@ -46,9 +46,7 @@ from odm.planner.settings import MOST_EXTRA, PlannerSettings
 from odm.planner.shortcuts import Polisher, Straightener
 from odm.planner.smooth import Smoother
 from odm.search import _step as codes
-from odm.search._types import N_STEP
-from odm.search.invalidation import DirectMap
-from odm.search.state import Memory
+from odm.search.state import DirectMap, Memory
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
@@ -86,7 +84,7 @@ class ReactivePlanner:
         s = self.settings = settings or PlannerSettings()
         watch = SensorWatch(s.max_age_s, s.max_range_m)
         frame = self.frame = Frame(cell_map, s.max_points, s.pads, watch)
-        self._memory, self._numbers = frame.memory, frame.memory.own.numbers
+        self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.carrier = Carrier(frame)
         self._last_phase = LastPhase(frame)
         self._path_test = PathTest(frame, self._last_phase)
@@ -357,10 +355,10 @@ class ReactivePlanner:
         why: Reasons | None,
     ) -> Answer:
         memory, (begun, marked) = self._memory, times
-        counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
+        counted = (memory.cloud.counts.tobytes(), memory.counted.tobytes())
         times = (begun, marked, time.perf_counter_ns())
         certified = WHOLE if closed else VISIBLE
-        number = self._numbers.item(N_STEP)
+        number = self._numbers.step.item()
         self.last = Answer(status, path, goal, certified, times, counted, why, number)
         return self.last
 

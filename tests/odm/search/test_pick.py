@@ -5,7 +5,7 @@ from small import draw_arm, draw_valid
 
 import odm
 from odm.search import _judge as judge
-from odm.search._types import EDGE_BASE
+from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
 
 
