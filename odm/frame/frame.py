@@ -21,7 +21,7 @@ from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.search import _frame as kernels
-from odm.search.state import exchange, lay_out
+from odm.search.state import DirectMap, exchange, lay_out
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
 
@@ -47,6 +47,7 @@ class Frame:
     Attributes:
         robot, cell_map, pads, watch: As given.
         memory: The arrays of the compiled loops.
+        direct: The nodes and edges that the points invalidate.
         static: The test of what never moves, with what is in the hand.
         thing: What is in the hand; None for nothing.
         rho, extra: The map's covering radius, and what is kept beyond its m [m].
@@ -74,6 +75,8 @@ class Frame:
         )
         self.thing: CarriedObject | None = None
         self.memory = lay_out(cell_map, max_points)
+        n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
+        self.direct = DirectMap(self.memory, n, m)
         self.q = self.memory.own.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self.set_sampling(None, None)
@@ -85,6 +88,7 @@ class Frame:
         self.points = self._views[0]
         self.classes: np.ndarray | None = None
         self.trouble: str | None = None
+        self.loaded = 0  # how often a memory was loaded
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled, and what holds a frame with it."""
@@ -98,9 +102,9 @@ class Frame:
         return self.memory.numbers.step.item()
 
     @property
-    def epoch(self) -> int:
-        """Changes whenever points are marked anew: verdicts are good for one epoch."""
-        return self.memory.numbers.frame.item()
+    def epoch(self) -> tuple[int, int]:
+        """Another one whenever points are marked anew: so long a verdict holds."""
+        return self.loaded, self.memory.numbers.frame.item()
 
     def checked(
         self,
@@ -199,6 +203,44 @@ class Frame:
         """Lay the frame's points out for the close test, unless they are."""
         if not self.memory.cloud.counts[IS_SORTED]:
             occupancy.sort_points(self.points, self.memory.cloud)
+
+    # --- memory ----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return the frame that was seen last, and the counters of the search."""
+        n, m = self.memory.numbers, self.memory
+        none = np.full(0, np.nan)
+        sampled = [np.nan if value is None else value for value in self.sampled]
+        return {
+            "points": self.points.copy(),
+            "classes": none if self.classes is None else self.classes.copy(),
+            "trouble": np.array(self.trouble or ""),
+            "sampled": np.array(sampled, float),
+            "q": self.q.copy(),
+            "numbers": np.array([array[0] for array in n]),
+            "counted_in": m.direct.frame.copy(),
+        } | {f"watch_{k}": array for k, array in self.watch.save().items()}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take up a frame that was saved; what was known of others is void."""
+        m = self.memory
+        m.search.memo[:] = -1
+        for runs in (m.search.done, m.search.flood, m.search.near_run):
+            runs[:] = 0
+        for array, value in zip(m.numbers, saved["numbers"].tolist(), strict=True):
+            array[0] = value
+        self.loaded += 1
+        self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
+        self.q[:] = saved["q"]
+        classes = saved["classes"]
+        self.classes = classes.copy() if len(classes) == len(saved["points"]) else None
+        self.trouble = str(saved["trouble"]) or None
+        told = [None if np.isnan(value) else value for value in saved["sampled"]]
+        self.set_sampling(*told)
+        m.numbers.frame[0] -= 1  # which marking adds
+        self.replace(saved["points"])
+        self.direct.clear()
+        m.direct.frame[:] = saved["counted_in"]
 
     # --- distances -------------------------------------------------------------
 

@@ -44,6 +44,21 @@ class SensorWatch:
         self.newest: tuple[float, float | None] | None = None
         self.seen_inside: tuple[float, np.ndarray] | None = None
 
+    def save(self) -> dict[str, np.ndarray]:
+        """Return the newest stamp, and the last points inside the grid."""
+        stamp, now = self.newest or (np.nan, np.nan)
+        seen, points = self.seen_inside or (np.nan, np.zeros((0, 3)))
+        now = np.nan if now is None else now
+        return {"times": np.array([stamp, now, seen]), "inside": points.copy()}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Remember what was saved."""
+        stamp, now, seen = saved["times"].tolist()
+        known = None if math.isnan(now) else now
+        self.newest = None if math.isnan(stamp) else (stamp, known)
+        inside = saved["inside"].copy()
+        self.seen_inside = None if math.isnan(seen) else (seen, inside)
+
     @property
     def points_inside(self) -> np.ndarray | None:
         """The points of `seen_inside`, which must be left as they are."""

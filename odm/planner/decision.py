@@ -140,7 +140,7 @@ class Decision:
     def save(self) -> dict[str, np.ndarray]:
         """Return what is remembered of the frame before."""
         return {
-            "here": np.frombuffer(self._here),
+            "here": np.frombuffer(self._here, np.uint8),
             "counts": np.array([self._stood, self.new_goals], np.int64),
         }
 

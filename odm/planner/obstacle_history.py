@@ -101,10 +101,13 @@ class ObstacleHistory:
             "time": self._time.copy(),
             "now": np.array(self._now),
             "next": np.array(self._next),
+            "present": np.zeros((0, 3))
+            if self._points is None
+            else self._points.copy(),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Keep the points that were saved."""
+        """Keep the points that were saved; those of the frame are `present`."""
         self.reset()
         self._time[:] = saved["time"]
         kept, end = np.flatnonzero(np.isfinite(self._time)), 0
@@ -113,3 +116,4 @@ class ObstacleHistory:
             self._count[k] = size
             end += size
         self._now, self._next = float(saved["now"]), int(saved["next"])
+        self._points = saved["present"].copy()

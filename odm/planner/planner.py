@@ -1,7 +1,7 @@
 """ReactivePlanner: the loop's one stateful object; what it owns does the work."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from threading import get_ident
 from typing import NoReturn
 
@@ -42,11 +42,12 @@ from odm.planner.hysteresis import Hysteresis
 from odm.planner.obstacle_history import ObstacleHistory
 from odm.planner.path import Candidates, PathInUse
 from odm.planner.retreat import Retreat
+from odm.planner.saved_memory import Remembers, pack, unpack
 from odm.planner.settings import MOST_EXTRA, PlannerSettings
 from odm.planner.shortcuts import Polisher, Straightener
 from odm.planner.smooth import Smoother
 from odm.search import _step as codes
-from odm.search.state import DirectMap, Memory
+from odm.search.state import Memory
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
@@ -90,8 +91,7 @@ class ReactivePlanner:
         self._path_test = PathTest(frame, self._last_phase)
         self._approacher: Approacher | None = None
         self._p_world_place: np.ndarray | None = None
-        n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
-        self.direct = DirectMap(self.memory, n, m)
+        self.direct = frame.direct
         # what is remembered between frames
         self.path = path = PathInUse(frame)
         self.candidates = Candidates(frame)
@@ -381,8 +381,8 @@ class ReactivePlanner:
         budget = check_number("the budget of polish", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
-        frame, last = self.frame, self.last
-        if frame.trouble is not None or last is None or last.status == HOLDING:
+        frame = self.frame
+        if frame.trouble is not None or not self.path.followed:
             return 0
         if self.always_replan:
             return self._polisher.run(budget)[0]
@@ -401,6 +401,60 @@ class ReactivePlanner:
         self.history.reset()
         self.frame.watch.reset()
         self.last = None
+
+    # --- what it remembers ------------------------------------------------------
+
+    def save_memory(self) -> dict[str, np.ndarray]:
+        """Return all that is remembered between frames, as arrays by name.
+
+        `numpy.savez(file, **planner.save_memory())` writes it to a file. Loaded into
+        a fresh planner on the same map, with the same settings, hand, base and place,
+        it makes that one answer as this one will.
+        """
+        self._memory.owner.check()
+        return pack(self._remembering(), self._setting())
+
+    def load_memory(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Go on as the planner whose memory was saved; see `save_memory`.
+
+        The last frame is that planner's, too, so questions can be asked at once.
+
+        Args:
+            saved: What `save_memory` returned, or what `numpy.load` made of it.
+
+        Raises:
+            BadInput: It is damaged, or was saved with another map, other settings,
+                another hand, base, place or clearance; nothing is changed then.
+        """
+        self._memory.owner.check()
+        unpack(saved, self._remembering(), self._setting())
+        self.last = None
+
+    def _remembering(self) -> dict[str, Remembers]:
+        """Return who owns what is remembered, by name; each has one owner."""
+        return {
+            "attachments": self.attacher,
+            "candidates": self.candidates,
+            "path": self.path,
+            "obstacles": self.history,
+            "hysteresis": self.hysteresis,
+            "decision": self._decision,
+            "straight": self.straightener,
+            "smoothing": self.smoother,
+            "frame": self.frame,
+        }
+
+    def _setting(self) -> dict[str, bytes]:
+        """Return what a memory is good for, by what it is called in messages."""
+        place, hand = self._p_world_place, self.attached
+        return {
+            "map": _told_apart(self.cell_map),
+            "settings": repr((self.settings, self.always_replan)).encode(),
+            "base": self.world.T_world_base.tobytes(),
+            "place": b"" if place is None else place.tobytes(),
+            "hand": b"" if hand is None else hand.tobytes(),
+            "clearance": repr(self.extra).encode(),
+        }
 
     # --- what it is told between frames ----------------------------------------
 
@@ -663,6 +717,14 @@ class ReactivePlanner:
         """Raise BadConfiguration where a goal can never be reached in this place."""
         for k, q in enumerate(goals):
             check_valid(self.static, q, f"goal {k}")
+
+
+def _told_apart(cell_map: CellMap) -> bytes:
+    """Return what tells a map from others, stored or not."""
+    roadmap = cell_map.roadmap
+    arrays = roadmap.nodes, roadmap.edges, cell_map.arm_cells.ptr
+    words = cell_map.robot.fingerprint(), repr(cell_map.recipe)
+    return b"".join([*(w.encode() for w in words), *(a.tobytes() for a in arrays)])
 
 
 def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:
