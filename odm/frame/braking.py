@@ -74,15 +74,9 @@ class PathTest:
             return 0
         if len(self._grown) != len(frame.radii):  # with something in the hand
             self._grown = np.empty(len(frame.radii))
+        np.add(frame.radii, extra, out=self._grown)
+        tolerance = frame.cell_map.motion_tolerance
         leg = first_blocked(
-            m.arm,
-            frame.radii,
-            extra,
-            path,
-            frame.cell_map.motion_tolerance,
-            cloud,
-            m.work,
-            self._grown,
-            self._leg,
+            m.arm, self._grown, path, tolerance, cloud, m.work, self._leg
         )
         return None if leg < 0 else leg

@@ -1,6 +1,7 @@
-"""Changes of a way that would save time: which one to test next."""
+"""Changes of a path that would save time: which one to test next."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,15 +11,38 @@ _R2_U, _R2_V = 0.7548776662466927, 0.5698402909980532
 I, J, FROM_VERTEX, TO_VERTEX, N_CORNERS = 0, 1, 2, 3, 4
 
 
+class Joints(NamedTuple):
+    """What the robot's joints can do, and how corners are rounded."""
+
+    limits: np.ndarray  # (5, dof) speed, acceleration, jerk, motion bound, weight
+    rounding: np.ndarray  # (4,) deviation bound [m]; STRAY, TURN_A, TURN_J
+    continuous: np.ndarray  # (dof,) bool
+
+
+class Rest(NamedTuple):
+    """The part of a path that may be changed."""
+
+    q: np.ndarray  # (k, dof) corners of the path
+    at: int  # its segment at which the part begins,
+    first: float  # and the share of that one which stays
+    last: int  # the last corner
+
+
+class Changed(NamedTuple):
+    """Where a change is written to."""
+
+    path: np.ndarray  # (k, dof) scratch: the path with the change
+    corners: np.ndarray  # (3, dof) the new legs, both ends with them
+    ints: np.ndarray  # (5,) segments, whether they begin at vertices, corners: see I
+
+
 @njit(cache=True, nogil=True)
 def path_time(q, n, robot, rounding):
     """Return about how long the path q[:n] takes [s].
 
     Legs at the speed that the joints allow; in a corner, which is rounded, no faster
     than the joints can turn there, and what it takes to slow down to that and speed up
-    again. `robot` (5, dof) holds the joints' speed, acceleration, jerk, sway and
-    weights; `rounding` how far a blend may stray [m], and STRAY, TURN_A and TURN_J of
-    `roadmap.motion.blending`.
+    again. `robot` and `rounding` are `limits` and `rounding` of Joints.
     """
     dof = q.shape[1]
     time = 0.0
@@ -74,12 +98,14 @@ def _lost(fast, slow, a, j):
 
 
 @njit(cache=True, nogil=True)
-def _cut(q, at, last, first, u, v, robot, corners, ints):
-    """Write a straight leg between two places of the way; False where there is none."""
+def _cut(rest, u, v, weights, new):
+    """Write a straight leg between two places of the path; False for none."""
+    q, at, first, last = rest
+    corners, ints = new.corners, new.ints
     dof = q.shape[1]
     total = begin = 0.0
     for k in range(at, last):
-        length = _length(q, k, robot)
+        length = _length(q, k, weights)
         if k == at:
             begin = first * length
         total += length
@@ -89,7 +115,7 @@ def _cut(q, at, last, first, u, v, robot, corners, ints):
     i = j = -1
     end = 0.0
     for k in range(at, last):
-        length = _length(q, k, robot)
+        length = _length(q, k, weights)
         end += length
         if i < 0 and end > a:
             i = k
@@ -110,8 +136,10 @@ def _cut(q, at, last, first, u, v, robot, corners, ints):
 
 
 @njit(cache=True, nogil=True)
-def _pull(q, at, last, first, u, v, corners, ints):
+def _pull(rest, u, v, new):
     """Write two legs past a corner, nearer to the straight line; False for none."""
+    q, at, first, last = rest
+    corners, ints = new.corners, new.ints
     dof = q.shape[1]
     n = last - at - 1
     if n < 1:
@@ -137,11 +165,11 @@ def _pull(q, at, last, first, u, v, corners, ints):
 
 
 @njit(cache=True, nogil=True)
-def _length(q, k, robot):
+def _length(q, k, weights):
     """Return the weighted length of leg k."""
     total = 0.0
     for m in range(q.shape[1]):
-        d = robot[4, m] * (q[k + 1, m] - q[k, m])
+        d = weights[m] * (q[k + 1, m] - q[k, m])
         total += d * d
     return math.sqrt(total)
 
@@ -157,54 +185,40 @@ def _short_way(corners, n, continuous):
 
 
 @njit(cache=True, nogil=True)
-def next_change(
-    q,
-    at,
-    last,
-    first,
-    drawn,
-    most,
-    worth,
-    robot,
-    rounding,
-    continuous,
-    new,
-    corners,
-    ints,
-):
-    """Look for a change that saves the share `worth` of the rest of a way.
+def next_change(rest, drawn, most, worth, joints, new):
+    """Look for a change that saves the share `worth` of the time for a rest.
 
-    The way's corners are q[at..last]; the share `first` of its first leg stays. At most
-    `most` changes are looked at, from number `drawn` + 1 on; `new` is scratch. Returns
-    (the last number, found): corners (3, dof) and ints (5,) say what was found, by the
-    names above.
+    At most `most` changes are looked at, from number `drawn` + 1 on. Returns (the last
+    number, found); `new` says what was found.
     """
-    before = path_time(q[at:], last - at + 1, robot, rounding)
+    q, at, _, last = rest
+    limits, rounding, continuous = joints
+    path, corners, ints = new
+    before = path_time(q[at:], last - at + 1, limits, rounding)
     for _ in range(most):
         drawn += 1
         u, v = (0.5 + drawn * _R2_U) % 1.0, (0.5 + drawn * _R2_V) % 1.0
-        if drawn % 2:
-            found = _cut(q, at, last, first, u, v, robot, corners, ints)
-        else:
-            found = _pull(q, at, last, first, u, v, corners, ints)
+        found = (
+            _cut(rest, u, v, limits[4], new) if drawn % 2 else _pull(rest, u, v, new)
+        )
         if not found:
             continue
         _short_way(corners, ints[N_CORNERS], continuous)
         n = 0
         for k in range(at, ints[I] + 1):
-            new[n] = q[k]
+            path[n] = q[k]
             n += 1
         for k in range(ints[N_CORNERS]):
-            new[n] = corners[k]
+            path[n] = corners[k]
             n += 1
         for k in range(ints[J] if ints[TO_VERTEX] else ints[J] + 1, last + 1):
-            new[n] = q[k]
+            path[n] = q[k]
             n += 1
-        if path_time(new, n, robot, rounding) < (1.0 - worth) * before:
+        if path_time(path, n, limits, rounding) < (1.0 - worth) * before:
             return drawn, True
     return drawn, False
 
 
-def scratch(room: int, dof: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return new, corners and ints of `next_change` for ways of so many corners."""
-    return np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64)
+def scratch(room: int, dof: int) -> Changed:
+    """Return where changes of paths of so many corners are written to."""
+    return Changed(np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64))

@@ -93,18 +93,17 @@ class Smoother:
         self.frame, self.path, self.attacher = frame, path, attacher
         self.hysteresis, self.comfort = hysteresis, comfort
         robot, cell_map = frame.robot, frame.cell_map
-        self._robot = np.stack(
-            [
-                _PACE * robot.max_velocity,
-                robot.max_acceleration,
-                robot.max_jerk,
-                joint_sway(robot),
-                cell_map.roadmap.weights,
-            ]
-        )
+        limits = [
+            _PACE * robot.max_velocity,
+            robot.max_acceleration,
+            robot.max_jerk,
+            joint_sway(robot),
+            cell_map.roadmap.weights,
+        ]
         deviation = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
-        self._rounding = np.array([deviation, STRAY, TURN_A, TURN_J])
-        self._continuous = frame.memory.own.continuous
+        rounding = np.array([deviation, STRAY, TURN_A, TURN_J])
+        continuous = frame.memory.own.continuous
+        self._joints = smoothing.Joints(np.stack(limits), rounding, continuous)
         self._scratch = smoothing.scratch(len(path.vertex), robot.dof)
         self.reset()
 
@@ -143,23 +142,14 @@ class Smoother:
 
     def _draw(self, most: int) -> Change | None:
         """Return the next change that is worth a test, of at most so many."""
+        rest = smoothing.Rest(self.path.q, self._at, self._share, len(self.path) - 1)
         self._drawn, found = smoothing.next_change(
-            self.path.q,
-            self._at,
-            len(self.path) - 1,
-            self._share,
-            self._drawn,
-            most,
-            _WORTH,
-            self._robot,
-            self._rounding,
-            self._continuous,
-            *self._scratch,
+            rest, self._drawn, most, _WORTH, self._joints, self._scratch
         )
         if not found:
             return None
-        _, corners, ints = self._scratch
-        i, j, a, b, n = ints.tolist()
+        corners = self._scratch.corners
+        i, j, a, b, n = self._scratch.ints.tolist()
         return Change(i, j, bool(a), bool(b), corners[:n].copy())
 
     def _begin(self, ahead: np.ndarray | None) -> bool:
@@ -186,7 +176,7 @@ class Smoother:
     def time(self, path: np.ndarray) -> float:
         """Return about how long a path (k, dof) takes [s], as it is counted here."""
         path = np.ascontiguousarray(path, np.float64)
-        return smoothing.path_time(path, len(path), self._robot, self._rounding)
+        return smoothing.path_time(path, len(path), *self._joints[:2])
 
     def _try(self, change: Change) -> int:
         """Test a change; make it where it is free; return how many were made."""
