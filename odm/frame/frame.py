@@ -207,28 +207,19 @@ class Frame:
     # --- memory ----------------------------------------------------------------
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return the frame that was seen last, and the counters of the search."""
-        n, m = self.memory.numbers, self.memory
-        none = np.full(0, np.nan)
+        """Return the frame that was seen last."""
         sampled = [np.nan if value is None else value for value in self.sampled]
         return {
             "points": self.points.copy(),
-            "classes": none if self.classes is None else self.classes.copy(),
+            "classes": np.zeros(0) if self.classes is None else self.classes.copy(),
             "trouble": np.array(self.trouble or ""),
             "sampled": np.array(sampled, float),
             "q": self.q.copy(),
-            "numbers": np.array([array[0] for array in n]),
-            "counted_in": m.direct.frame.copy(),
+            "counted_in": self.memory.direct.frame.copy(),
         } | {f"watch_{k}": array for k, array in self.watch.save().items()}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Take up a frame that was saved; what was known of others is void."""
-        m = self.memory
-        m.search.memo[:] = -1
-        for runs in (m.search.done, m.search.flood, m.search.near_run):
-            runs[:] = 0
-        for array, value in zip(m.numbers, saved["numbers"].tolist(), strict=True):
-            array[0] = value
+        """Take up a frame that was saved, after the arrays of the state."""
         self.loaded += 1
         self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
         self.q[:] = saved["q"]
@@ -237,10 +228,10 @@ class Frame:
         self.trouble = str(saved["trouble"]) or None
         told = [None if np.isnan(value) else value for value in saved["sampled"]]
         self.set_sampling(*told)
-        m.numbers.frame[0] -= 1  # which marking adds
+        self.memory.numbers.frame[0] -= 1  # which marking adds
         self.replace(saved["points"])
         self.direct.clear()
-        m.direct.frame[:] = saved["counted_in"]
+        self.memory.direct.frame[:] = saved["counted_in"]
 
     # --- distances -------------------------------------------------------------
 

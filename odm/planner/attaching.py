@@ -17,22 +17,6 @@ _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
 _QUICK = 6  # near nodes that a robot in motion may be joined with,
 _PASSED = 3  # and how many of them it is
 _TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
-# what is remembered of a goal, and of a start; the rest belongs to a frame
-_OF_A_GOAL = (
-    "q",
-    "cost",
-    "h",
-    "at",
-    "node",
-    "length",
-    "ref",
-    "stuck",
-    "number",
-    "vertex",
-    "fresh_ref",
-    "direct_stuck",
-)
-_OF_A_START = ("node", "length", "ref", "static", "stuck", "count")
 
 
 class Attacher:
@@ -441,57 +425,22 @@ class Attacher:
     # --- memory ----------------------------------------------------------------
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return goals, start and the items of the pool, all as they are now."""
-        m, n = self.frame.memory, len(self.goals)
-        items, entries = m.pool.used
+        """Return what is remembered of goals and start beside their arrays."""
         state = [self.quick, self.is_stale, self.next_vertex, self.costs is not None]
-        saved = {
+        return {
             "goals": self.goals.copy(),
             "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
             "state": np.array(state, np.int64),
-            "q_fresh": self.q_fresh.copy(),
             "direct_from": self._direct_from.copy(),
-            "to_any_goal": m.own.h_any.copy(),
-            "goals_count": m.goals.count.copy(),
-            "pool_begin": m.pool.begin[:items].copy(),
-            "pool_end": m.pool.end[:items].copy(),
-            "pool_block": m.pool.block[:entries].copy(),
-            "pool_mask": m.pool.mask[:entries].copy(),
-            "pool_sign": m.pool.sign[: 4 * items].copy(),
-        }
-        for name in _OF_A_GOAL:
-            saved[f"goals_{name}"] = getattr(m.goals, name)[:n].copy()
-        for name in _OF_A_START:
-            saved[f"start_{name}"] = getattr(m.fresh, name).copy()
-        return saved | {f"kept_{k}": array for k, array in self.kept.save().items()}
+        } | {f"kept_{k}": array for k, array in self.kept.save().items()}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Take up goals, start and items that were saved."""
-        m = self.frame.memory
+        """Take up goals and a start whose arrays were loaded."""
         quick, stale, vertex, has_costs = saved["state"].tolist()
         self.quick, self.is_stale, self.next_vertex = bool(quick), bool(stale), vertex
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None
-        self.q_fresh[:] = saved["q_fresh"]
+        self._direct_from[:] = saved["direct_from"]
         known = not np.isnan(self.q_fresh).any()
         self._fresh_key = self.q_fresh.tobytes() if known else b""
-        self._direct_from[:] = saved["direct_from"]
-        m.own.h_any[:] = saved["to_any_goal"]
-        m.goals.count[:] = saved["goals_count"]
-        items, entries = len(saved["pool_begin"]), len(saved["pool_block"])
-        m.pool.used[:] = items, entries
-        m.pool.begin[:items], m.pool.end[:items] = (
-            saved["pool_begin"],
-            saved["pool_end"],
-        )
-        m.pool.block[:entries] = saved["pool_block"]
-        m.pool.mask[:entries] = saved["pool_mask"]
-        m.pool.sign[: 4 * items] = saved["pool_sign"]
-        m.goals.at[:] = -1
-        for memo in (m.goals.memo, m.goals.direct_memo, m.fresh.memo):
-            memo[:] = 0  # verdicts of no frame
-        for name in _OF_A_GOAL:
-            getattr(m.goals, name)[: len(self.goals)] = saved[f"goals_{name}"]
-        for name in _OF_A_START:
-            getattr(m.fresh, name)[:] = saved[f"start_{name}"]
         self.kept.load({k[5:]: a for k, a in saved.items() if k.startswith("kept_")})

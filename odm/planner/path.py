@@ -181,31 +181,11 @@ class PathInUse:
             )
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return the path, its proof and what is known beside it."""
-        n = len(self)
-        return {
-            "vertex": self.vertex[:n].copy(),
-            "item": self.items().copy(),
-            "q": self.q[:n].copy(),
-            "begin": self._proof.begin[: max(0, n - 1)].copy(),
-            "end": self._proof.end[: max(0, n - 1)].copy(),
-            "count": self._count.copy(),
-            "beside_q": self._beside.q.copy(),
-            "beside_free": self._beside.free.copy(),
-            "followed": np.array(self.followed),
-        }
+        """Return what is remembered beside its arrays."""
+        return {"followed": np.array(self.followed)}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Take up a path that was saved."""
-        n, legs = len(saved["vertex"]), len(saved["item"])
-        self.vertex[:n], self.q[:n] = saved["vertex"], saved["q"]
-        self.item[:legs] = saved["item"]
-        self._proof.begin[:legs], self._proof.end[:legs] = saved["begin"], saved["end"]
-        self._count[:] = saved["count"]
-        self._beside.q[:], self._beside.free[:] = (
-            saved["beside_q"],
-            saved["beside_free"],
-        )
+        """Go on along a path whose arrays were loaded."""
         self._room_key, self.followed = b"", bool(saved["followed"])
 
 
@@ -242,23 +222,3 @@ class Candidates:
         """Forget cuts and paths: they are another hand's."""
         self.forget_cuts()
         self._past.vertex[:] = -1
-
-    def save(self) -> dict[str, np.ndarray]:
-        """Return cuts, in the slots that they are found in, and paths."""
-        slots = np.flatnonzero(self._short.key >= 0)
-        past = {f"past_{name}": a.copy() for name, a in self._past._asdict().items()}
-        return past | {
-            "slot": slots,
-            "key": self._short.key[slots],
-            "item": self._short.item[slots],
-            "count": self._short.count.copy(),
-        }
-
-    def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Take up cuts and paths that were saved."""
-        self.forget_cuts()
-        self._short.key[saved["slot"]] = saved["key"]
-        self._short.item[saved["slot"]] = saved["item"]
-        self._short.count[:] = saved["count"]
-        for name, array in self._past._asdict().items():
-            array[:] = saved[f"past_{name}"]

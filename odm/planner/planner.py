@@ -42,7 +42,7 @@ from odm.planner.hysteresis import Hysteresis
 from odm.planner.obstacle_history import ObstacleHistory
 from odm.planner.path import Candidates, PathInUse
 from odm.planner.retreat import Retreat
-from odm.planner.saved_memory import Remembers, pack, unpack
+from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
 from odm.planner.settings import MOST_EXTRA, PlannerSettings
 from odm.planner.shortcuts import Polisher, Straightener
 from odm.planner.smooth import Smoother
@@ -431,10 +431,10 @@ class ReactivePlanner:
         self.last = None
 
     def _remembering(self) -> dict[str, Remembers]:
-        """Return who owns what is remembered, by name; each has one owner."""
+        """Return who owns what is remembered, by name; arrays first, frame last."""
         return {
+            "state": StateArrays(self._memory),
             "attachments": self.attacher,
-            "candidates": self.candidates,
             "path": self.path,
             "obstacles": self.history,
             "hysteresis": self.hysteresis,

@@ -6,14 +6,64 @@ another one, answers as that one does, byte for byte.
 """
 
 import hashlib
+import re
 from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
+from odm._groups import FRAME, GOAL, declared, length
+from odm.search.state import KINDS, Memory
 from roadmap.errors import BadInput
 
 _SETTING, _DIGEST = "setting.", "digest"
+NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
+_VERDICTS = ("search", "goals", "fresh")  # their verdicts of a frame are void
+
+
+class StateArrays:
+    """The arrays of the compiled loops that are declared to be remembered.
+
+    Args:
+        memory: The arrays; of the pool and of the goals only what is in use is saved.
+    """
+
+    def __init__(self, memory: Memory) -> None:
+        """Keep the arrays."""
+        self.memory = memory
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return copies of the arrays as "group.name"."""
+        m = self.memory
+        items, entries = m.pool.used.tolist()
+        used = {"items": items, "item_entries": entries, "goals": int(m.goals.count[0])}
+        saved = {}
+        for name, array in m.arrays(GOAL).items():
+            group, _, key = name.partition(".")
+            if group not in NOT_SAVED:
+                axes = declared(KINDS[group])[key].axes
+                saved[name] = array[tuple(_part(axis, used) for axis in axes)].copy()
+        return saved
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Write the arrays; no verdict of a frame is known any more."""
+        void = {
+            name: array
+            for name, array in self.memory.arrays(FRAME).items()
+            if name.partition(".")[0] in _VERDICTS
+        }
+        arrays = self.memory.arrays(GOAL)
+        for name, array in {**void, **{n: arrays[n] for n in saved}}.items():
+            group, _, key = name.partition(".")
+            array[...] = declared(KINDS[group])[key].fill
+            if name in saved:
+                array[tuple(slice(n) for n in saved[name].shape)] = saved[name]
+
+
+def _part(axis: str, used: dict[str, int]) -> slice:
+    """Return how much of an axis is in use; see `odm._groups.Declared`."""
+    names = re.findall("[a-z_]+", axis)
+    return slice(length(axis, used) if names and set(names) <= set(used) else None)
 
 
 class Remembers(Protocol):

@@ -7,8 +7,7 @@ from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 
 import odm
 from odm._groups import GOAL
-from odm.planner.saved_memory import differences
-from odm.search.state import KINDS
+from odm.planner.saved_memory import NOT_SAVED, differences
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 
@@ -171,7 +170,7 @@ def test_a_memory_that_does_not_belong_here_is_refused_and_nothing_changes(
             other.load_memory(saved)
         with pytest.raises(BadInput, match=f"another {name};"):
             planner.load_memory(other.save_memory())
-    for name in ("attachments.pool_begin", "path.count", "digest"):
+    for name in ("state.pool.begin", "path.followed", "digest"):
         broken = {key: array for key, array in saved.items() if key != name}
         with pytest.raises(BadInput, match="damaged"):
             planner.load_memory(broken)
@@ -189,19 +188,15 @@ def test_two_memories_are_compared_by_name(arm3):
     assert not differences(before, planner.save_memory())
     planner.set_goals([HOME])
     changed = differences(before, planner.save_memory())
-    assert "attachments.goals" in changed and "path.q" not in changed
+    assert "attachments.goals" in changed and "state.way.q" not in changed
 
 
-def test_every_group_that_is_remembered_is_known_to_be_saved(arm3):
-    """A new group of the state must be saved, or be named here with a reason."""
-    remembered = odm.ReactivePlanner(arm3).memory.arrays(GOAL)
-    saved = {"pool", "goals", "fresh", "past", "short", "way", "proof", "beside"}
-    saved |= {"own", "numbers"}
-    counted_anew = {"graph", "direct"}
-    of_one_search = {"along", "spare"}
-    groups = {name.partition(".")[0] for name in remembered}
-    assert groups == saved | counted_anew | of_one_search
-    assert groups <= set(KINDS)
+def test_every_array_that_is_declared_to_be_remembered_is_saved(arm3):
+    planner = odm.ReactivePlanner(arm3)
+    saved = {name.removeprefix("state.") for name in planner.save_memory()}
+    remembered = set(planner.memory.arrays(GOAL))
+    left_out = {name.partition(".")[0] for name in remembered - saved}
+    assert left_out == set(NOT_SAVED)
 
 
 def test_frames_are_counted_one_by_one(arm3):
