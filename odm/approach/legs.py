@@ -7,8 +7,6 @@ import numpy as np
 
 from odm.approach.fine_cover import FineTest
 from odm.checks import outside_limits
-from odm.close_test import _close as close
-from odm.close_test._arm import Work
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
 from odm.obstacles.grid import WorkspaceGrid
@@ -80,8 +78,7 @@ class LegTest:
 
     def gap(self, q: np.ndarray, most: float) -> float:
         """Return how far the map's cover is from the points, at most `most` [m]."""
-        m = self.planner.memory
-        return close.separation(m.arm, q, self.cloud, most, m.work)
+        return self.planner.close_test.separation(q, self.cloud, most)
 
     def test(self, q: np.ndarray, dq: np.ndarray, fine_first: bool = False) -> Tested:
         """Test a motion: by the map's cover, and where that says no by the fine one.
@@ -105,18 +102,16 @@ class LegTest:
 
     def by_map(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the cover of the map."""
-        planner, m = self.planner, self.planner.memory
+        planner = self.planner
         if not planner.static.motion_free(q, dq):
             return _scenery(planner.static, q, dq)
         if self.phase is not None:
             return self._by_phase(planner.cover(), q, dq)
-        tolerance = planner.cell_map.motion_tolerance
-        if close.motion_clear(
-            m.arm, planner.radii, q, dq, tolerance, self.cloud, False, m.work
-        ):
+        test = planner.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested()
-        sphere, point = m.work.found[:2].tolist()
-        return _frame(link_of(planner, sphere), point, planner.radii[sphere], m.work)
+        sphere, point = test.blocked_by
+        return _too_near(link_of(planner, sphere), point, test.missing)
 
     def by_fine(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the finer cover."""
@@ -126,11 +121,11 @@ class LegTest:
         if self.phase is not None:
             tested = self._by_phase(fine.cover(), q, dq)
             return tested if tested.failed else Tested(fine=True)
-        if fine.frame_free(q, dq, self.cloud):
+        test = fine.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested(fine=True)
-        sphere, point = fine.work.found[:2].tolist()
-        link = fine.robot.link_names[fine.link[sphere]]
-        return _frame(link, point, fine.radii[sphere], fine.work)
+        sphere, point = test.blocked_by
+        return _too_near(fine.robot.link_names[fine.link[sphere]], point, test.missing)
 
     def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
         hit = self._last_phase.hit(cover, q, dq)
@@ -145,10 +140,6 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
     itself = static.touches_itself(q, dq) is not None
     link = text.split(" would touch ")[0]
     return Tested("self-collision" if itself else "scenery", text, link)
-
-
-def _frame(link: str, point: int, radius: float, work: Work) -> Tested:
-    return _too_near(link, point, float(radius - work.value[1]))
 
 
 def _too_near(link: str, point: int, missing: float) -> Tested:

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm.cell_map._sweep import sweep_space
+from odm.cell_map._sweep import sweep_room
 from odm.cell_map.cell_map import ROUNDING
+from odm.cell_map.sweep import swept_by
 from odm.planner.kept_goals import KeptGoals
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
@@ -47,11 +48,11 @@ class Attacher:
     def resize(self) -> None:
         """Follow the arm, whose spheres are more while it carries something."""
         planner, arm = self.planner, self.planner.memory.arm
-        n = len(arm.spheres)
         safety = planner.cell_map.safety
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-        words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
-        self.scratch = (words, *sweep_space(n, len(arm.tree_i), planner.robot.dof))
+        tolerance = max(planner.cell_map.motion_tolerance, _TOLERANCE)
+        self.swept = swept_by(arm, self.radii, tolerance, planner.cell_map.grid)
+        self.room = sweep_room(arm, self.swept.grid, planner.robot.dof)
         planner.memory.proof.motion[:] = point_motion(arm, planner.robot.dof)
 
     # --- goals -----------------------------------------------------------------
@@ -369,15 +370,12 @@ class Attacher:
         """Add motions to the pool; return the first item, or -1 where that fails."""
         m = self.planner.memory
         return kernels.sweep_into_pool(
-            m.arm,
-            self.radii,
+            self.swept,
             np.ascontiguousarray(q),
             np.ascontiguousarray(dq),
-            max(self.planner.cell_map.motion_tolerance, _TOLERANCE),
-            m.cloud,
             m.graph.region,
             m.pool,
-            *self.scratch,
+            self.room,
         )
 
     def nearest(self, q: np.ndarray, count: int) -> np.ndarray:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm.checks import check_path, check_points
+from odm.close_test.close_test import CloseTest
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.obstacles.world_frame import WorldFrame
-from odm.planner._braking import first_blocked
 from odm.planner.last_phase import Cover, LastPhase, check_classes
 from odm.planner.retreat import find_way_out
 from roadmap.errors import BadInput
@@ -18,8 +18,7 @@ class Braking:
     """Methods of `ReactivePlanner`."""
 
     _ahead: SortedCloud
-    _grown: np.ndarray
-    _leg: np.ndarray
+    close_test: CloseTest
     _world_ahead: WorldFrame
     _last_phase: LastPhase | None
     extra: float
@@ -116,21 +115,7 @@ class Braking:
     def _blocked(
         self, path: np.ndarray, extra: float, points: np.ndarray
     ) -> int | None:
-        m, cell_map = self.memory, self.cell_map
         cloud, bad = self._ahead.of_all(points)
         if bad:
             return 0
-        if len(self._grown) != len(self.radii):  # with something in the hand
-            self._grown = np.empty(len(self.radii))
-        leg = first_blocked(
-            m.arm,
-            self.radii,
-            extra,
-            path,
-            cell_map.motion_tolerance,
-            cloud,
-            m.work,
-            self._grown,
-            self._leg,
-        )
-        return None if leg < 0 else leg
+        return self.close_test.grown(extra).first_blocked(path, cloud)

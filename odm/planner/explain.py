@@ -7,7 +7,6 @@ import numpy as np
 
 from odm.answer import NOTHING, Blockers, Freedom
 from odm.checks import check_numbers, outside_limits
-from odm.close_test import _close as close
 from odm.planner.retreat import find_retreat
 from odm.search import _step as step
 
@@ -155,7 +154,7 @@ def _unpack(
 def nearest(planner: "ReactivePlanner", q: np.ndarray) -> tuple[float, str | None, int]:
     """Return (distance [m], link, point) of the nearest point of the frame at q."""
     gap = planner._nearest(np.ascontiguousarray(q))
-    sphere, point = planner.memory.work.found[:2].tolist()
+    sphere, point = planner.close_test.blocked_by
     if sphere < 0:
         return float("inf"), None, -1
     return gap, link_of(planner, sphere), point
@@ -198,21 +197,11 @@ def is_free(
         text = f"{link_of(planner, hit[0])} would come too near to point {hit[1]}"
         return Freedom(False, "frame", f"{text} by {_cm(hit[2])}")
     planner._sort()
-    m = planner.memory
-    free = close.motion_clear(
-        m.arm,
-        planner.radii,
-        ends[0],
-        dq,
-        planner.cell_map.motion_tolerance,
-        m.cloud,
-        False,
-        m.work,
-    )
-    if free:
+    test = planner.close_test
+    if test.clear(ends[0], dq, planner.memory.cloud):
         return Freedom(True)
-    sphere, point = m.work.found[:2].tolist()
-    t = float(m.work.value[0])
+    sphere, point = test.blocked_by
+    t = test.blocked_at
     text = (
         f"{link_of(planner, sphere)} would come within "
         f"{_cm(planner.keep)} of point "

@@ -18,6 +18,7 @@ from odm.answer import (
 from odm.approach import approach
 from odm.cell_map.cell_map import CellMap
 from odm.checks import FLOAT, check_configuration, check_points, goals_of
+from odm.close_test.close_test import CloseTest
 from odm.close_test.sorted_clouds import SortedCloud, SortedClouds
 from odm.close_test.static import StaticTest
 from odm.obstacles import _occupancy as occupancy
@@ -88,7 +89,6 @@ class ReactivePlanner(Doors, Questions, Braking):
         self.straightener = straight.Straightener(self)
         self._ahead = SortedCloud(cell_map.grid)
         self.coming = SortedClouds(cell_map.grid)
-        self._grown, self._leg = np.empty(0), np.empty(self.robot.dof)
         self._last_phase: LastPhase | None = None
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
@@ -125,6 +125,12 @@ class ReactivePlanner(Doors, Questions, Braking):
     def radii(self) -> np.ndarray:
         """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
         return self._memory.own.radii
+
+    @property
+    def close_test(self) -> CloseTest:
+        """The close test of motions, with what the hand carries."""
+        m = self._memory
+        return CloseTest(m.arm, m.own.radii, self.cell_map.motion_tolerance, m.work)
 
     def take_over(self) -> None:
         """Make the planner this thread's own, while no call of it runs elsewhere.

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm.answer import HOLDING
-from odm.close_test import _close as close
 from odm.search import _paths as ways
 from odm.search._state import NO_WAY
 
@@ -60,16 +59,7 @@ class Polisher:
         if known == NO_WAY or known >= 0 or not self._shorter(q_a, i, j):
             return 0, 0
         dq = planner._difference(q_a, way.q[j])
-        if not close.motion_clear(
-            m.arm,
-            planner.radii,
-            q_a,
-            dq,
-            planner.cell_map.motion_tolerance,
-            m.cloud,
-            False,
-            m.work,
-        ):
+        if not planner.close_test.clear(q_a, dq, m.cloud):
             return 1, 0
         item = -1
         if planner.static.motion_free(q_a, dq):

@@ -9,7 +9,7 @@ from odm.answer import Freedom
 from odm.approach import approach
 from odm.cell_map.cell_map import CellMap
 from odm.checks import as_floats, check_numbers
-from odm.close_test import _close as close
+from odm.close_test.close_test import CloseTest
 from odm.obstacles.world_frame import WorldFrame
 from odm.planner import explain
 from odm.search.state import DirectMap, Memory
@@ -26,6 +26,7 @@ class Questions:
     direct: DirectMap
     trouble: str | None
     world: WorldFrame
+    close_test: CloseTest
     _approacher: "approach.Approacher | None"
 
     def is_free(
@@ -95,16 +96,10 @@ class Questions:
         """
         self.memory.owner.check()
         q = check_numbers(self.robot, q)
-        m = self.memory
         if self.trouble is not None:
             return False
         self._sort()
-        still, tolerance = np.zeros_like(q), self.cell_map.motion_tolerance
-        return bool(
-            close.motion_clear(
-                m.arm, self.radii, q, still, tolerance, m.cloud, False, m.work
-            )
-        )
+        return self.close_test.clear(q, np.zeros_like(q), self.memory.cloud)
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
@@ -132,6 +127,5 @@ class Questions:
         return self.direct.edges().copy()
 
     def _nearest(self, q: np.ndarray) -> float:
-        memory = self.memory
         self._sort()
-        return close.separation(memory.arm, q, memory.cloud, np.inf, memory.work)
+        return self.close_test.separation(q, self.memory.cloud)

@@ -8,7 +8,6 @@ import numpy as np
 from odm.checks import check_numbers, check_points
 from odm.close_test import _close as close
 from odm.obstacles._cloud import N_OCCUPIED
-from odm.planner import _kinematics_door as kinematics_door
 from roadmap.errors import BadInput
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def find_way_out(
         raise BadInput(
             f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
         )
-    m, robot = planner.memory, planner.robot
+    robot = planner.robot
     q = check_numbers(robot, q)
     coming = [(t, check_points(p, None, None, planner.rho)) for t, p in coming]
     if not np.isfinite([t for t, _ in coming]).all():
@@ -96,7 +95,7 @@ def find_way_out(
     clouds = planner.coming.of([ahead.points(p).copy() for _, p in coming])
     times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
     ample = planner.keep + _AMPLE
-    here = m.arm, m.work
+    test = planner.close_test
 
     def duration(way: np.ndarray) -> float:
         return max(np.abs(way / (speed_scale * robot.max_velocity)).max(), 1e-9)
@@ -107,7 +106,7 @@ def find_way_out(
         gap = ample
         for t, cloud in zip(times, clouds, strict=True):
             at = q + min(1.0, t / needed) * way
-            gap = min(gap, close.separation(here[0], at, cloud, gap, here[1]))
+            gap = min(gap, test.separation(at, cloud, gap))
             if gap <= least:
                 break
         return gap
@@ -131,15 +130,14 @@ def find_way_out(
 def _place_anchor(planner: "ReactivePlanner", q: np.ndarray) -> bool:
     """Remember where the spheres are at q; return whether a point is too near."""
     m = planner.memory
-    kinematics_door.place_anchor(m.arm, q, m.work)
+    close.place_anchor(m.arm, q, m.work)
     return bool(planner._nearest(q) < planner.keep)
 
 
 def _is_clear(
     planner: "ReactivePlanner", q: np.ndarray, way: np.ndarray, escape: bool
 ) -> bool:
-    m, tolerance = planner.memory, planner.cell_map.motion_tolerance
     way = np.ascontiguousarray(way)
-    return close.motion_clear(
-        m.arm, planner.radii, q, way, tolerance, m.cloud, escape, m.work
-    ) and planner.static.motion_free(q, way)
+    cloud = planner.memory.cloud
+    free = planner.close_test.clear(q, way, cloud, escape)
+    return free and planner.static.motion_free(q, way)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from odm.answer import HOLDING
-from odm.close_test import _close as close
 from odm.planner import _smooth as smoothing
 from odm.search import _paths as ways
 from roadmap.graph.roadmap import Roadmap
@@ -96,8 +95,8 @@ class Smoother:
         cell_map = planner.cell_map
         stray = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
         self._rounding = np.array([stray, STRAY, TURN_A, TURN_J])
-        self._continuous = own.continuous
-        self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
+        self._terms = smoothing.Terms(self._robot, self._rounding, own.continuous)
+        self._scratch = smoothing.new_scratch(len(way.vertex), robot.dof)
         self.reset()
 
     def reset(self) -> None:
@@ -132,18 +131,9 @@ class Smoother:
     def _draw(self, most: int) -> Change | None:
         """Return the next change that is worth a test, of at most so many."""
         way = self.planner.memory.way
+        rest = smoothing.Rest(way.q, self._at, int(way.count[0]) - 1, self._share)
         self._drawn, found = smoothing.next_change(
-            way.q,
-            self._at,
-            int(way.count[0]) - 1,
-            self._share,
-            self._drawn,
-            most,
-            _WORTH,
-            self._robot,
-            self._rounding,
-            self._continuous,
-            *self._scratch,
+            rest, self._terms, self._scratch, self._drawn, most, _WORTH
         )
         if not found:
             return None
@@ -200,13 +190,8 @@ class Smoother:
     def _clear(self, legs: list, more: float) -> bool:
         """Whether motions (q, dq) keep so much more distance than they must [m]."""
         planner = self.planner
-        m, cloud = planner.memory, planner.calm_cloud()
-        tolerance = planner.cell_map.motion_tolerance
-        radii = planner.radii + more
-        return all(
-            close.motion_clear(m.arm, radii, q, leg, tolerance, cloud, False, m.work)
-            for q, leg in legs
-        )
+        cloud, test = planner.calm_cloud(), planner.close_test.grown(more)
+        return all(test.clear(q, leg, cloud) for q, leg in legs)
 
     def _saves(self, change: Change) -> float:
         """Return the share of the time for the rest of the way that a change saves."""

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm.close_test import _close as close
 from odm.search import _paths as ways
 from odm.search import _step as step
 from odm.search._state import NO_ITEM
@@ -48,11 +47,8 @@ class Straightener:
         dq = planner._difference(q, way.q[last])
         if step.rest_length(m.table, way, at, q) < _WORTH * self._length(dq):
             return
-        tolerance = planner.cell_map.motion_tolerance
-        cloud = planner.calm_cloud()
-        if not close.motion_clear(
-            m.arm, planner.radii, q, dq, tolerance, cloud, False, m.work
-        ) or not planner.static.motion_free(q, dq):
+        free = planner.close_test.clear(q, dq, planner.calm_cloud())
+        if not (free and planner.static.motion_free(q, dq)):
             self._next = now + _WAIT
             return
         way.vertex[:2] = m.goals.count[2], way.vertex[last]
