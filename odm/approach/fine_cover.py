@@ -12,12 +12,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from odm.close_test import _close as close
 from odm.close_test._arm import make_work
 from odm.close_test.arm import arm_of
+from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
-from odm.obstacles._cloud import Cloud
 from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.loading.held_link import with_payload
@@ -135,9 +134,8 @@ class FineTest:
         links = [self.robot.link_names[k] for k in self.link]
         return Cover(self.arm, self.radii, links, self.work)
 
-    def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
-        """Test q + t dq against points; where False, `work` says which one."""
+    @property
+    def close_test(self) -> CloseTest:
+        """The close test of motions with the fine cover."""
         tolerance = self.frame.cell_map.motion_tolerance
-        return close.motion_clear(
-            self.arm, self.radii, q, dq, tolerance, cloud, False, self.work
-        )
+        return CloseTest(self.arm, self.radii, tolerance, self.work)

@@ -6,7 +6,6 @@ import numpy as np
 
 from odm.approach.fine_cover import FineTest
 from odm.checks import outside_limits
-from odm.close_test._arm import Work
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
@@ -99,15 +98,16 @@ class LegTest:
 
     def by_map(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the cover of the map."""
-        frame, work = self.frame, self.frame.memory.work
+        frame = self.frame
         if not frame.static.motion_free(q, dq):
             return _scenery(frame.static, q, dq)
         if self.phase is not None:
             return self._by_phase(frame.cover(), q, dq)
-        if frame.motion_clear(q, dq, self.cloud):
+        test = frame.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested()
-        sphere, point = work.found[:2].tolist()
-        return _frame(frame.static.link_of(sphere), point, frame.radii[sphere], work)
+        sphere, point = test.blocked_by
+        return _too_near(frame.static.link_of(sphere), point, test.missing)
 
     def by_fine(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the finer cover."""
@@ -117,11 +117,11 @@ class LegTest:
         if self.phase is not None:
             tested = self._by_phase(fine.cover(), q, dq)
             return tested if tested.failed else Tested(fine=True)
-        if fine.frame_free(q, dq, self.cloud):
+        test = fine.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested(fine=True)
-        sphere, point = fine.work.found[:2].tolist()
-        link = fine.robot.link_names[fine.link[sphere]]
-        return _frame(link, point, fine.radii[sphere], fine.work)
+        sphere, point = test.blocked_by
+        return _too_near(fine.robot.link_names[fine.link[sphere]], point, test.missing)
 
     def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
         hit = self._last_phase.hit(cover, q, dq)
@@ -136,10 +136,6 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
     itself = static.touches_itself(q, dq) is not None
     link = text.split(" would touch ")[0]
     return Tested("self-collision" if itself else "scenery", text, link)
-
-
-def _frame(link: str, point: int, radius: float, work: Work) -> Tested:
-    return _too_near(link, point, float(radius - work.value[1]))
 
 
 def _too_near(link: str, point: int, missing: float) -> Tested:

@@ -122,10 +122,8 @@ class Auditor:
         )  # fmt: skip
         cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
         work = make_work(len(cell_map.arm.spheres), n_bodies, dof)
-        kernels.audit_pairs(
-            self.asked, cell_map.arm, self.solids, self.library, pairs, CAP, cloud,
-            work, found,
-        )  # fmt: skip
+        audited = kernels.Audited(self.asked, cell_map.arm, cloud, work)
+        kernels.audit_pairs(audited, self.solids, self.library, pairs, CAP, found)
         return found
 
     def case(self, pairs: kernels.Pairs, found: kernels.Found, k: int) -> Case:

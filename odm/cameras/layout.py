@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from odm.cameras._cubes import pack
+from odm.cameras._cubes import Cells, pack
 from odm.cameras._seen import BEYOND
 from odm.cameras.camera import DepthCamera
 from odm.cameras.settings import SeenSettings
@@ -62,6 +62,19 @@ class Room:
         self.flat, self.flat_before = self.state.reshape(-1), before.reshape(-1)
         self.state8 = self.flat.view(np.uint64)
         self.before8 = self.flat_before.view(np.uint64)
+
+    def cells(self) -> Cells:
+        """Return the arrays of the present frame as compiled loops take them."""
+        names = ("blocked", "inner", "closed", "full", "beyond")
+        sets = {name: getattr(self, name) for name in names}
+        return Cells(
+            **sets,
+            state=self.state,
+            hit=self.hit,
+            eighths=self.eighths,
+            origin=self.origin,
+            h=self.h,
+        )
 
     def swap(self) -> None:
         """Let what is seen now be what was seen before."""

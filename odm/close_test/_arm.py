@@ -42,6 +42,15 @@ class Work(NamedTuple):
     value: np.ndarray = array("f8", "2", FRAME)  # t and distance of what was found
 
 
+class Clearance(NamedTuple):
+    """What a close test works with: the robot, and the distance it must keep."""
+
+    arm: Arm
+    radii: np.ndarray  # (n,) sphere radius + covering radius + clearance [m]
+    tolerance: float  # no piece of a motion is inflated by more [m]
+    work: Work
+
+
 def make_work(n_spheres: int, n_bodies: int, dof: int) -> Work:
     """Return scratch for a robot of this size."""
     return new(Work, {"spheres": n_spheres, "bodies": n_bodies, "dof": dof})

@@ -6,7 +6,6 @@ import numpy as np
 
 from odm.checks import check_classes, check_path, check_points
 from odm.close_test.sorted_clouds import SortedCloud
-from odm.frame._braking import first_blocked
 from odm.frame.frame import Frame
 from odm.frame.last_phase import LastPhase
 from roadmap.errors import BadInput
@@ -24,7 +23,6 @@ class PathTest:
         """Lay out room for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
-        self._grown, self._leg = np.empty(0), np.empty(frame.robot.dof)
 
     def blocked_leg(
         self,
@@ -68,15 +66,7 @@ class PathTest:
     def _blocked(
         self, path: np.ndarray, extra: float, points: np.ndarray
     ) -> int | None:
-        frame, m = self.frame, self.frame.memory
         cloud, bad = self._ahead.of_all(points)
         if bad:
             return 0
-        if len(self._grown) != len(frame.radii):  # with something in the hand
-            self._grown = np.empty(len(frame.radii))
-        np.add(frame.radii, extra, out=self._grown)
-        tolerance = frame.cell_map.motion_tolerance
-        leg = first_blocked(
-            m.arm, self._grown, path, tolerance, cloud, m.work, self._leg
-        )
-        return None if leg < 0 else leg
+        return self.frame.close_test.grown(extra).first_blocked(path, cloud)

@@ -11,8 +11,8 @@ import numpy as np
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import CarriedObject
 from odm.checks import FLOAT, check_classes, check_configuration, check_points
-from odm.close_test import _close as close
 from odm.close_test._arm import Arm, Work
+from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
@@ -284,6 +284,12 @@ class Frame:
         """Return the motion from q_a to q_b; continuous joints go the short way."""
         return np.ascontiguousarray(difference(self.robot, q_a, q_b))
 
+    @property
+    def close_test(self) -> CloseTest:
+        """The close test of motions, with what the hand carries."""
+        m = self.memory
+        return CloseTest(m.arm, m.own.radii, self.cell_map.motion_tolerance, m.work)
+
     def motion_clear(
         self,
         q: np.ndarray,
@@ -301,23 +307,10 @@ class Frame:
             more: More distance than must be kept [m].
             escape: Only points that are too near now may be near; see `_close.py`.
         """
-        m = self.memory
-        if cloud is None:
-            self.sort()
-            cloud = m.cloud
-        radii = m.own.radii + more if more else m.own.radii
-        return bool(
-            close.motion_clear(
-                m.arm,
-                radii,
-                q,
-                dq,
-                self.cell_map.motion_tolerance,
-                cloud,
-                escape,
-                m.work,
-            )
-        )
+        test = self.close_test
+        if more:
+            test = test.grown(more)
+        return test.clear(q, dq, self._laid_out(cloud), escape)
 
     def separation(
         self, q: np.ndarray, cloud: object = None, most: float = np.inf
@@ -326,16 +319,18 @@ class Frame:
 
         None for `cloud`: the frame's points.
         """
-        m = self.memory
-        if cloud is None:
-            self.sort()
-            cloud = m.cloud
-        return close.separation(m.arm, q, cloud, most, m.work)
+        return self.close_test.separation(q, self._laid_out(cloud), most)
+
+    def _laid_out(self, cloud: object) -> object:
+        if cloud is not None:
+            return cloud
+        self.sort()
+        return self.memory.cloud
 
     def nearest(self, q: np.ndarray) -> tuple[float, str | None, int]:
         """Return (distance [m], link, point) of the frame's nearest point at q."""
         gap = self.separation(np.ascontiguousarray(q))
-        sphere, point = self.memory.work.found[:2].tolist()
+        sphere, point = self.close_test.blocked_by
         if sphere < 0:
             return float("inf"), None, -1
         return gap, self.static.link_of(sphere), point

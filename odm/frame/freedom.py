@@ -71,12 +71,11 @@ def is_free(
         return Freedom(False, "frame", f"{text} by {in_cm(hit[2])}")
     if frame.motion_clear(ends[0], dq):
         return Freedom(True)
-    work = frame.memory.work
-    sphere, point = work.found[:2].tolist()
-    t = float(work.value[0])
+    test = frame.close_test
+    sphere, point = test.blocked_by
     text = (
         f"{frame.static.link_of(sphere)} would come within {in_cm(frame.keep)} "
-        f"of point {point} at {t:.0%} of the motion"
+        f"of point {point} at {test.blocked_at:.0%} of the motion"
     )
     return Freedom(False, "frame", text)
 

@@ -13,8 +13,8 @@ All other points are heeded as ever: by the arm, the gripper and the payload.
 import numpy as np
 
 from odm.checks import CONTACT, OBJECT
-from odm.close_test import _close as close
 from odm.close_test._arm import Arm
+from odm.close_test.close_test import CloseTest
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Cover, Frame
 from odm.obstacles.grid import WorkspaceGrid
@@ -75,13 +75,11 @@ class LastPhase:
         )
         tolerance = self.frame.cell_map.motion_tolerance
         for spheres, grown, of, k in tests:
-            if not close.motion_clear(
-                spheres, grown, q, dq, tolerance, self._clouds[k], False, cover.work
-            ):
-                found, point = cover.work.found[:2].tolist()
-                missing = float(grown[found] - cover.work.value[1])
+            test = CloseTest(spheres, grown, tolerance, cover.work)
+            if not test.clear(q, dq, self._clouds[k]):
+                found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
-                return sphere, int(self._index[k][point]), missing
+                return sphere, int(self._index[k][point]), test.missing
         return None
 
     def _heeding(self, cover: Cover) -> tuple[np.ndarray, Arm, np.ndarray]:

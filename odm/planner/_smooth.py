@@ -11,29 +11,32 @@ _R2_U, _R2_V = 0.7548776662466927, 0.5698402909980532
 I, J, FROM_VERTEX, TO_VERTEX, N_CORNERS = 0, 1, 2, 3, 4
 
 
-class Joints(NamedTuple):
-    """What the robot's joints can do, and how corners are rounded."""
-
-    limits: np.ndarray  # (5, dof) speed, acceleration, jerk, motion bound, weight
-    rounding: np.ndarray  # (4,) deviation bound [m]; STRAY, TURN_A, TURN_J
-    continuous: np.ndarray  # (dof,) bool
-
-
 class Rest(NamedTuple):
-    """The part of a path that may be changed."""
+    """What of a path may change: its corners q[at..last]."""
 
-    q: np.ndarray  # (k, dof) corners of the path
-    at: int  # its segment at which the part begins,
-    first: float  # and the share of that one which stays
-    last: int  # the last corner
+    q: np.ndarray  # (n, dof)
+    at: int
+    last: int
+    first: float  # share of the first leg that stays
 
 
-class Changed(NamedTuple):
-    """Where a change is written to."""
+class Terms(NamedTuple):
+    """What tells the time of a path."""
 
-    path: np.ndarray  # (k, dof) scratch: the path with the change
-    corners: np.ndarray  # (3, dof) the new legs, both ends with them
-    ints: np.ndarray  # (5,) segments, whether they begin at vertices, corners: see I
+    # (5, dof) the joints' speed, acceleration, jerk, motion bound and weights
+    robot: np.ndarray
+    # how far a blend may be off [m], and STRAY, TURN_A and TURN_J of
+    # `roadmap.motion.blending`
+    rounding: np.ndarray
+    continuous: np.ndarray  # (dof,)
+
+
+class Scratch(NamedTuple):
+    """Room for a change and what comes of it."""
+
+    new: np.ndarray  # (n, dof) the changed path
+    corners: np.ndarray  # (3, dof) of the change
+    ints: np.ndarray  # (5,) by the names above
 
 
 @njit(cache=True, nogil=True)
@@ -42,7 +45,7 @@ def path_time(q, n, robot, rounding):
 
     Legs at the speed that the joints allow; in a corner, which is rounded, no faster
     than the joints can turn there, and what it takes to slow down to that and speed up
-    again. `robot` and `rounding` are `limits` and `rounding` of Joints.
+    again. `robot` and `rounding` are those of Terms.
     """
     dof = q.shape[1]
     time = 0.0
@@ -98,14 +101,14 @@ def _lost(fast, slow, a, j):
 
 
 @njit(cache=True, nogil=True)
-def _cut(rest, u, v, weights, new):
-    """Write a straight leg between two places of the path; False for none."""
-    q, at, first, last = rest
-    corners, ints = new.corners, new.ints
+def _cut(rest, u, v, robot, scratch):
+    """Write a straight leg between two places of the path; False: there is none."""
+    q, at, last, first = rest
+    corners, ints = scratch.corners, scratch.ints
     dof = q.shape[1]
     total = begin = 0.0
     for k in range(at, last):
-        length = _length(q, k, weights)
+        length = _length(q, k, robot)
         if k == at:
             begin = first * length
         total += length
@@ -115,7 +118,7 @@ def _cut(rest, u, v, weights, new):
     i = j = -1
     end = 0.0
     for k in range(at, last):
-        length = _length(q, k, weights)
+        length = _length(q, k, robot)
         end += length
         if i < 0 and end > a:
             i = k
@@ -136,10 +139,10 @@ def _cut(rest, u, v, weights, new):
 
 
 @njit(cache=True, nogil=True)
-def _pull(rest, u, v, new):
+def _pull(rest, u, v, scratch):
     """Write two legs past a corner, nearer to the straight line; False for none."""
-    q, at, first, last = rest
-    corners, ints = new.corners, new.ints
+    q, at, last, first = rest
+    corners, ints = scratch.corners, scratch.ints
     dof = q.shape[1]
     n = last - at - 1
     if n < 1:
@@ -165,11 +168,11 @@ def _pull(rest, u, v, new):
 
 
 @njit(cache=True, nogil=True)
-def _length(q, k, weights):
+def _length(q, k, robot):
     """Return the weighted length of leg k."""
     total = 0.0
     for m in range(q.shape[1]):
-        d = weights[m] * (q[k + 1, m] - q[k, m])
+        d = robot[4, m] * (q[k + 1, m] - q[k, m])
         total += d * d
     return math.sqrt(total)
 
@@ -185,40 +188,41 @@ def _short_way(corners, n, continuous):
 
 
 @njit(cache=True, nogil=True)
-def next_change(rest, drawn, most, worth, joints, new):
-    """Look for a change that saves the share `worth` of the time for a rest.
+def next_change(rest, terms, scratch, drawn, most, worth):
+    """Look for a change that saves the share `worth` of the rest of a path.
 
     At most `most` changes are looked at, from number `drawn` + 1 on. Returns (the last
-    number, found); `new` says what was found.
+    number, found): `scratch` says what was found.
     """
-    q, at, _, last = rest
-    limits, rounding, continuous = joints
-    path, corners, ints = new
-    before = path_time(q[at:], last - at + 1, limits, rounding)
+    q, at, last, _ = rest
+    robot, rounding, continuous = terms
+    new, corners, ints = scratch
+    before = path_time(q[at:], last - at + 1, robot, rounding)
     for _ in range(most):
         drawn += 1
         u, v = (0.5 + drawn * _R2_U) % 1.0, (0.5 + drawn * _R2_V) % 1.0
-        found = (
-            _cut(rest, u, v, limits[4], new) if drawn % 2 else _pull(rest, u, v, new)
-        )
+        if drawn % 2:
+            found = _cut(rest, u, v, robot, scratch)
+        else:
+            found = _pull(rest, u, v, scratch)
         if not found:
             continue
         _short_way(corners, ints[N_CORNERS], continuous)
         n = 0
         for k in range(at, ints[I] + 1):
-            path[n] = q[k]
+            new[n] = q[k]
             n += 1
         for k in range(ints[N_CORNERS]):
-            path[n] = corners[k]
+            new[n] = corners[k]
             n += 1
         for k in range(ints[J] if ints[TO_VERTEX] else ints[J] + 1, last + 1):
-            path[n] = q[k]
+            new[n] = q[k]
             n += 1
-        if path_time(path, n, limits, rounding) < (1.0 - worth) * before:
+        if path_time(new, n, robot, rounding) < (1.0 - worth) * before:
             return drawn, True
     return drawn, False
 
 
-def scratch(room: int, dof: int) -> Changed:
-    """Return where changes of paths of so many corners are written to."""
-    return Changed(np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64))
+def new_scratch(room: int, dof: int) -> Scratch:
+    """Return scratch for paths of so many corners."""
+    return Scratch(np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64))

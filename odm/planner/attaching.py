@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from odm.cell_map._sweep import sweep_space
+from odm.cell_map._sweep import sweep_room
 from odm.cell_map.cell_map import ROUNDING
+from odm.cell_map.sweep import swept_by
 from odm.frame.frame import Frame
 from odm.planner.kept_goals import KeptGoals
 from odm.planner.path import Candidates, PathInUse
@@ -70,11 +71,11 @@ class Attacher:
     def _resize(self) -> None:
         """Follow the arm, whose spheres are more while it carries something."""
         frame, arm = self.frame, self.frame.memory.arm
-        n = len(arm.spheres)
         safety = frame.cell_map.safety
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-        words = np.zeros(frame.cell_map.grid.n_blocks, np.uint64)
-        self.scratch = (words, *sweep_space(n, len(arm.tree_i), frame.robot.dof))
+        tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
+        self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
+        self.room = sweep_room(arm, self.swept.grid, frame.robot.dof)
         frame.memory.proof.motion[:] = point_motion(arm, frame.robot.dof)
 
     def hand_changed(self) -> None:
@@ -366,15 +367,12 @@ class Attacher:
         """Add motions to the pool; return the first item, or -1 where that fails."""
         m = self.frame.memory
         return kernels.sweep_into_pool(
-            m.arm,
-            self.radii,
+            self.swept,
             np.ascontiguousarray(q),
             np.ascontiguousarray(dq),
-            max(self.frame.cell_map.motion_tolerance, _TOLERANCE),
-            m.cloud,
             m.graph.region,
             m.pool,
-            *self.scratch,
+            self.room,
         )
 
     def nearest(self, q: np.ndarray, count: int) -> np.ndarray:

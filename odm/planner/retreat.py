@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm.checks import check_numbers, check_points
+from odm.close_test import _close as close
 from odm.close_test.sorted_clouds import SortedClouds
-from odm.frame._braking import place_anchor
 from odm.frame.frame import Frame
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.planner.attaching import Attacher
@@ -138,7 +138,7 @@ class Retreat:
     def _place_anchor(self, q: np.ndarray) -> bool:
         """Remember where the spheres are at q; return whether a point is too near."""
         m = self.frame.memory
-        place_anchor(m.arm, q, m.work)
+        close.place_anchor(m.arm, q, m.work)
         return bool(self.frame.separation(q) < self.frame.keep)
 
     def _is_clear(self, q: np.ndarray, dq: np.ndarray, escape: bool) -> bool:

@@ -103,8 +103,8 @@ class Smoother:
         deviation = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
         rounding = np.array([deviation, STRAY, TURN_A, TURN_J])
         continuous = frame.memory.own.continuous
-        self._joints = smoothing.Joints(np.stack(limits), rounding, continuous)
-        self._scratch = smoothing.scratch(len(path.vertex), robot.dof)
+        self._terms = smoothing.Terms(np.stack(limits), rounding, continuous)
+        self._scratch = smoothing.new_scratch(len(path.vertex), robot.dof)
         self.reset()
 
     def reset(self) -> None:
@@ -142,9 +142,9 @@ class Smoother:
 
     def _draw(self, most: int) -> Change | None:
         """Return the next change that is worth a test, of at most so many."""
-        rest = smoothing.Rest(self.path.q, self._at, self._share, len(self.path) - 1)
+        rest = smoothing.Rest(self.path.q, self._at, len(self.path) - 1, self._share)
         self._drawn, found = smoothing.next_change(
-            rest, self._drawn, most, _WORTH, self._joints, self._scratch
+            rest, self._terms, self._scratch, self._drawn, most, _WORTH
         )
         if not found:
             return None
@@ -176,7 +176,7 @@ class Smoother:
     def time(self, path: np.ndarray) -> float:
         """Return about how long a path (k, dof) takes [s], as it is counted here."""
         path = np.ascontiguousarray(path, np.float64)
-        return smoothing.path_time(path, len(path), *self._joints[:2])
+        return smoothing.path_time(path, len(path), *self._terms[:2])
 
     def _try(self, change: Change) -> int:
         """Test a change; make it where it is free; return how many were made."""

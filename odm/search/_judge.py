@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
 from odm.obstacles._cloud import IS_SORTED
@@ -23,10 +24,10 @@ from odm.search._state import EDGE_BASE, NO_ITEM, NO_WAY, TO_END, view
 @njit(cache=True, nogil=True)
 def near_free(state, cloud, q, dq):
     """Run the close test of a motion against the points of a cloud."""
-    arm, radii, work = view(state, "arm"), view(state, "own").radii, view(state, "work")
-    tolerance = view(state, "terms").tolerance[0]
+    radii, tolerance = view(state, "own").radii, view(state, "terms").tolerance[0]
     view(state, "stats").close[0] += 1
-    return motion_clear(arm, radii, q, dq, tolerance, cloud, False, work)
+    clearance = Clearance(view(state, "arm"), radii, tolerance, view(state, "work"))
+    return motion_clear(clearance, q, dq, cloud, False)
 
 
 @njit(cache=True, nogil=True)
