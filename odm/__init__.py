@@ -6,10 +6,10 @@ from odm.cell_map.build import build_map
 from odm.cell_map.cell_map import CellMap, load_map
 from odm.cell_map.payload import CarriedObject, carried_object
 from odm.cell_map.recipe import Recipe, load_recipe
+from odm.checks import AVOID, CONTACT, OBJECT
 from odm.obstacles.robot_surface import RobotSurface, robot_surface
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
-from odm.planner.last_phase import AVOID, CONTACT, OBJECT
 from odm.planner.planner import PlannerSettings, ReactivePlanner
 
 __all__ = [

@@ -50,6 +50,7 @@ class Answer:
         goal: Index of the goal the path leads to, None when holding.
         certified: "whole surface" where the caller said that the points cover closed
             shapes; else "visible surface": what was not sampled is not heeded.
+        frame: Number of the frame, from 1 on; `step` counts every one that it takes.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """
@@ -61,6 +62,7 @@ class Answer:
         "_times",
         "_told",
         "certified",
+        "frame",
         "goal",
         "path",
         "status",
@@ -75,6 +77,7 @@ class Answer:
         times: tuple[int, int, int],
         counted: tuple[bytes, bytes],
         explain: "Explains | None" = None,
+        frame: int = 0,
     ) -> None:
         """Keep the values; `explain` is asked when the reason or the retreat is.
 
@@ -85,6 +88,7 @@ class Answer:
         self.path = path
         self.goal = goal
         self.certified = certified
+        self.frame = frame
         self._times = times
         self._counted = counted
         self._explain = explain

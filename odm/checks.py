@@ -1,7 +1,6 @@
 """What enters a frame is checked here, once, and politely."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,10 +8,9 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import is_between
 from roadmap.robot.robot import Robot
 
-if TYPE_CHECKING:
-    pass
-
 MAX_GOALS = 32
+AVOID, CONTACT, OBJECT = 0, 1, 2  # classes of points
+CLASSES = ("avoid", "contact", "object")
 FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
 
 
@@ -45,6 +43,29 @@ def check_points(
             "rho of the map; sample more densely or build a map with a larger rho"
         )
     return points
+
+
+def check_classes(classes: object, n: int) -> np.ndarray | None:
+    """Return the classes of n points as (n,) int8, None for `avoid` alone.
+
+    Raises:
+        BadInput: Wrong number, or a class that there is not.
+    """
+    if classes is None:
+        return None
+    array = np.asarray(classes)
+    if array.shape != (n,) or array.dtype.kind not in "iu":
+        raise BadInput(
+            f"classes have shape {array.shape} and dtype {array.dtype} for {n} points; "
+            "give one integer for each: odm.AVOID, odm.CONTACT or odm.OBJECT"
+        )
+    if n and not (0 <= array.min() and array.max() < len(CLASSES)):
+        bad = array[(array < 0) | (array >= len(CLASSES))][0]
+        raise BadInput(
+            f"a point has class {bad}; the classes are 0 (avoid), 1 (contact) and 2 "
+            "(object)"
+        )
+    return array.astype(np.int8)
 
 
 def as_floats(name: str, values: object) -> np.ndarray:

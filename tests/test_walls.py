@@ -16,6 +16,7 @@ ORDER = {
         "close_test",
         "cell_map",
         "search",
+        "frame",
         "approach",
         "planner",
         "execution",

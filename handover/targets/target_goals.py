@@ -8,7 +8,7 @@ from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_sam
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
-from odm.planner.goal_checks import check_valid
+from odm.frame.freedom import check_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
@@ -173,7 +173,7 @@ class TargetGoals:
     def _trouble(self, q: np.ndarray) -> str | None:
         """Return why q can never be a goal in this place, None if it can."""
         try:
-            check_valid(self.planner, q, "it")
+            check_valid(self.planner.static, q, "it")
         except BadConfiguration as error:
             return str(error)
         return None

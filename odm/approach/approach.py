@@ -9,7 +9,6 @@ gives the same bytes.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +17,12 @@ from odm.approach.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.approach.legs import LegTest, Tested
 from odm.approach.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
 from odm.checks import check_configuration
+from odm.frame.frame import Frame
+from odm.frame.freedom import is_free
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.kinematics.inverse import checked_pose
 from roadmap.ranges import is_between
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 _SAME = 0.1  # [rad or m] solutions nearer than this count as one
 _CLASS = 0.01  # [m] clearances within this are equal: the better posture goes first
@@ -47,23 +45,21 @@ class _Search:
 
 
 class Approacher:
-    """Looks for approaches with one planner; see `ReactivePlanner.approach`.
+    """Looks for approaches in the present frame; see `ReactivePlanner.approach`.
 
     Args:
-        planner: Its map, scenery and last frame count.
+        frame: Its map, scenery and points count.
         settings: See ApproachSettings.
     """
 
-    def __init__(
-        self, planner: "ReactivePlanner", settings: ApproachSettings | None = None
-    ) -> None:
+    def __init__(self, frame: Frame, settings: ApproachSettings | None = None) -> None:
         """Compute the tool's pose at every node of the roadmap."""
-        self.planner = planner
+        self.frame = frame
         self.settings = settings or ApproachSettings()
-        self.tool = ToolKinematics(planner.robot)
-        self._nodes = planner.cell_map.roadmap.nodes
+        self.tool = ToolKinematics(frame.robot)
+        self._nodes = frame.cell_map.roadmap.nodes
         self._near = NearPoses(self.tool.tools(self._nodes))
-        self.legs = LegTest(planner, self.settings.fine)
+        self.legs = LegTest(frame, self.settings.fine)
 
     def run(
         self,
@@ -74,19 +70,19 @@ class Approacher:
         phase: str | None = None,
     ) -> Approach:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
-        planner = self.planner
-        planner.memory.owner.check()
+        frame = self.frame
+        frame.memory.owner.check()
         T = checked_pose(T_base_tool)
         line = self._line(T, q, distance, direction)
         self.legs.look(phase)
-        nothing = np.empty((0, planner.robot.dof))
-        if planner.trouble is not None:
-            text = f"the last frame could not be used: {planner.trouble}"
+        nothing = np.empty((0, frame.robot.dof))
+        if frame.trouble is not None:
+            text = f"the last frame could not be used: {frame.trouble}"
             return Approach(nothing, reason=text)
         search, before = _Search(), self.tool.descents
         self.legs.motions = 0
         if q is not None:
-            q = np.ascontiguousarray(check_configuration(planner.robot, q, None))
+            q = np.ascontiguousarray(check_configuration(frame.robot, q, None))
             found = self._from_start(line, q.copy(), search)
         else:
             found = self._from_end(line, search)
@@ -103,19 +99,19 @@ class Approacher:
         As `ReactivePlanner.is_free`, but where the map's cover says no the finer one
         decides, if the settings allow that.
         """
-        planner = self.planner
-        free = planner.is_free(q_a, q_b)
+        frame = self.frame
+        free = is_free(frame, q_a, q_b)
         if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
             return free
         self.legs.look()
         q_a = np.array(q_a, float)
-        tested = self.legs.by_fine(q_a, planner._difference(q_a, q_b))
+        tested = self.legs.by_fine(q_a, frame.difference(q_a, q_b))
         return Freedom(not tested.failed, tested.failed or None, tested.text)
 
     # --- inside ----------------------------------------------------------------
 
     def _line(self, T, q, distance, direction) -> Line:
-        robot = self.planner.robot
+        robot = self.frame.robot
         if q is not None:
             if direction is not None:
                 raise BadInput(
@@ -180,7 +176,7 @@ class Approacher:
 
     def _starts_free(self, q: np.ndarray, search: _Search) -> bool:
         """Test the pre-pose by the map's cover: the planner must get there by it."""
-        free = self.planner.is_free(q, q)
+        free = is_free(self.frame, q, q)
         self.legs.motions += 1
         if not free:
             text = (
@@ -202,7 +198,7 @@ class Approacher:
         """
         n, rounds = self.settings.seeds, self.settings.rounds
         near = self._near.nearest(target, 4 * n * rounds)
-        here = self.planner._q
+        here = self.frame.q
         first = [here] if np.isfinite(here).all() else []
         chosen = [
             [self._nodes[k] for k in near[r :: 4 * rounds]] for r in range(rounds)
@@ -218,7 +214,7 @@ class Approacher:
             if not reached:
                 nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
                 continue
-            robot = self.planner.robot
+            robot = self.frame.robot
             if tried and np.abs(difference(robot, tried, q)).max(axis=1).min() < _SAME:
                 continue
             tried.append(q)
@@ -255,7 +251,7 @@ class Approacher:
                 search.failed(float(way.s[k]), text)
                 return None
             dq = np.ascontiguousarray(
-                difference(self.planner.robot, way.q[k], way.q[k + 1])
+                difference(self.frame.robot, way.q[k], way.q[k + 1])
             )
             tested = self.legs.test(way.q[k].copy(), dq, fine)
             if tested.failed:

@@ -9,24 +9,18 @@ keep the map's spheres. The close test runs with this cover as with the other.
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm.close_test import _close as close
 from odm.close_test._arm import make_work
 from odm.close_test.arm import arm_of
+from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
-from odm.obstacles._cloud import Cloud
-from odm.obstacles.surfaces import rounded_covering
-from odm.planner.last_phase import Cover
+from odm.frame.frame import Cover, Frame
 from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import PARENT, Robot
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
 
@@ -96,26 +90,26 @@ class FineTest:
     """The four tests' scenery and frame parts with the fine cover.
 
     Args:
-        planner: Its scenery, points and safety terms count.
+        frame: Its hand, scenery and safety terms count.
 
     Attributes:
         excess: By link with a fine cover, how far a sphere sticks out at most [m].
     """
 
-    def __init__(self, planner: "ReactivePlanner") -> None:
+    def __init__(self, frame: Frame) -> None:
         """Cover the outermost links; takes seconds the first time."""
-        self.planner = planner
-        self.robot, self.excess = fine_robot(planner.robot)
-        thing = planner.carrier.thing
+        self.frame = frame
+        self.robot, self.excess = fine_robot(frame.robot)
+        thing = frame.thing
         if thing is not None:
             self.robot = with_payload(self.robot, thing.spheres, thing.shell, [])
-        cell_map = planner.cell_map
+        cell_map = frame.cell_map
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
         )
         self.arm = arm_of(self.robot)
-        self.static.set_extra(planner.extra)
-        self.balls = self.arm.spheres[:, 3] + cell_map.safety.m + planner.extra
+        self.static.set_extra(frame.extra)
+        self.balls = self.arm.spheres[:, 3] + cell_map.safety.m + frame.extra
         self.radii = np.zeros(len(self.balls))
         moving = np.flatnonzero(self.robot.sphere_body > 0)
         order = np.argsort(self.robot.sphere_body[moving], kind="stable")
@@ -126,28 +120,22 @@ class FineTest:
         self._place: object = None
 
     def follow(self) -> None:
-        """Take over the planner's scenery of the place and how points are sampled."""
-        planner = self.planner
-        if self._place is not planner.static.place_points:
-            self._place = planner.static.place_points
+        """Take over the frame's scenery of the place and how points are sampled."""
+        frame = self.frame
+        if self._place is not frame.static.place_points:
+            self._place = frame.static.place_points
             self.static.set_place(self._place)
-        if self._sampled != planner._sampled:
-            self._sampled = planner._sampled
-            declared, rounding = planner._sampled
-            rho = planner.rho if declared is None else declared
-            self.radii[:] = [
-                ball + rounded_covering(rho, rounding or 0.0, ball)
-                for ball in self.balls
-            ]
+        if self._sampled != frame.sampled:
+            self._sampled = frame.sampled
+            self.radii[:] = [ball + frame.covering(ball) for ball in self.balls]
 
     def cover(self) -> Cover:
         """Return the spheres for `LastPhase`."""
         links = [self.robot.link_names[k] for k in self.link]
         return Cover(self.arm, self.radii, links, self.work)
 
-    def frame_free(self, q: np.ndarray, dq: np.ndarray, cloud: Cloud) -> bool:
-        """Test q + t dq against points; where False, `work` says which one."""
-        tolerance = self.planner.cell_map.motion_tolerance
-        return close.motion_clear(
-            self.arm, self.radii, q, dq, tolerance, cloud, False, self.work
-        )
+    @property
+    def close_test(self) -> CloseTest:
+        """The close test of motions with the fine cover."""
+        tolerance = self.frame.cell_map.motion_tolerance
+        return CloseTest(self.arm, self.radii, tolerance, self.work)

@@ -1,22 +1,16 @@
 """All four tests of a motion, by the map's cover and by a finer one."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm.approach.fine_cover import FineTest
 from odm.checks import outside_limits
-from odm.close_test import _close as close
-from odm.close_test._arm import Work
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
+from odm.frame.frame import Cover, Frame
+from odm.frame.last_phase import LastPhase
 from odm.obstacles.grid import WorkspaceGrid
-from odm.planner.explain import link_of
-from odm.planner.last_phase import Cover, LastPhase
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 
 @dataclass(frozen=True)
@@ -35,7 +29,7 @@ class LegTest:
     """Tests motions against limits, the robot itself, scenery and the frame's points.
 
     Args:
-        planner: Its map, scenery and last frame count.
+        frame: Its map, scenery and points count.
         use_fine: Let the finer cover decide where the map's says no.
 
     Attributes:
@@ -43,23 +37,23 @@ class LegTest:
         cloud: The points of the frame that `look` took.
     """
 
-    def __init__(self, planner: "ReactivePlanner", use_fine: bool) -> None:
+    def __init__(self, frame: Frame, use_fine: bool) -> None:
         """Lay out room for points."""
-        self.planner, self.use_fine, self.motions = planner, use_fine, 0
-        grid = planner.cell_map.grid
+        self.frame, self.use_fine, self.motions = frame, use_fine, 0
+        grid = frame.cell_map.grid
         # smaller blocks than the map's: dense points of a bin are told apart sooner
         halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
         self._sorted = SortedCloud(halved)
-        self.cloud = self._sorted.of(planner.points)
+        self.cloud = self._sorted.of(frame.points)
         self._fine: FineTest | None = None
-        self._last_phase = LastPhase(planner, halved)
+        self._last_phase = LastPhase(frame, halved)
         self.phase: str | None = None
 
     @property
     def fine(self) -> FineTest:
         """The finer cover; made at the first use, which takes seconds."""
         if self._fine is None:
-            self._fine = FineTest(self.planner)
+            self._fine = FineTest(self.frame)
         return self._fine
 
     def forget_fine(self) -> None:
@@ -67,28 +61,27 @@ class LegTest:
         self._fine = None
 
     def look(self, phase: str | None = None) -> None:
-        """Take the planner's points, scenery and sampling as they are now.
+        """Take the frame's points, scenery and sampling as they are now.
 
-        With a phase, what may touch what is as `odm.planner.last_phase` says.
+        With a phase, what may touch what is as `odm.frame.last_phase` says.
         """
-        planner, self.phase = self.planner, phase
-        self.cloud = self._sorted.of(planner.points)
+        frame, self.phase = self.frame, phase
+        self.cloud = self._sorted.of(frame.points)
         if phase is not None:
-            self._last_phase.look(phase, planner.points, planner.classes)
+            self._last_phase.look(phase, frame.points, frame.classes)
         if self.use_fine:
             self.fine.follow()
 
     def gap(self, q: np.ndarray, most: float) -> float:
         """Return how far the map's cover is from the points, at most `most` [m]."""
-        m = self.planner.memory
-        return close.separation(m.arm, q, self.cloud, most, m.work)
+        return self.frame.separation(q, self.cloud, most)
 
     def test(self, q: np.ndarray, dq: np.ndarray, fine_first: bool = False) -> Tested:
         """Test a motion: by the map's cover, and where that says no by the fine one.
 
         With `fine_first`, where the leg before needed it, the other way round.
         """
-        robot = self.planner.robot
+        robot = self.frame.robot
         self.motions += 1
         for end in (q, q + dq):
             trouble = outside_limits(robot, end, 0.0)
@@ -105,18 +98,16 @@ class LegTest:
 
     def by_map(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the cover of the map."""
-        planner, m = self.planner, self.planner.memory
-        if not planner.static.motion_free(q, dq):
-            return _scenery(planner.static, q, dq)
+        frame = self.frame
+        if not frame.static.motion_free(q, dq):
+            return _scenery(frame.static, q, dq)
         if self.phase is not None:
-            return self._by_phase(planner.cover(), q, dq)
-        tolerance = planner.cell_map.motion_tolerance
-        if close.motion_clear(
-            m.arm, planner.radii, q, dq, tolerance, self.cloud, False, m.work
-        ):
+            return self._by_phase(frame.cover(), q, dq)
+        test = frame.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested()
-        sphere, point = m.work.found[:2].tolist()
-        return _frame(link_of(planner, sphere), point, planner.radii[sphere], m.work)
+        sphere, point = test.blocked_by
+        return _too_near(frame.static.link_of(sphere), point, test.missing)
 
     def by_fine(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the finer cover."""
@@ -126,11 +117,11 @@ class LegTest:
         if self.phase is not None:
             tested = self._by_phase(fine.cover(), q, dq)
             return tested if tested.failed else Tested(fine=True)
-        if fine.frame_free(q, dq, self.cloud):
+        test = fine.close_test
+        if test.clear(q, dq, self.cloud):
             return Tested(fine=True)
-        sphere, point = fine.work.found[:2].tolist()
-        link = fine.robot.link_names[fine.link[sphere]]
-        return _frame(link, point, fine.radii[sphere], fine.work)
+        sphere, point = test.blocked_by
+        return _too_near(fine.robot.link_names[fine.link[sphere]], point, test.missing)
 
     def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
         hit = self._last_phase.hit(cover, q, dq)
@@ -145,10 +136,6 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
     itself = static.touches_itself(q, dq) is not None
     link = text.split(" would touch ")[0]
     return Tested("self-collision" if itself else "scenery", text, link)
-
-
-def _frame(link: str, point: int, radius: float, work: Work) -> Tested:
-    return _too_near(link, point, float(radius - work.value[1]))
 
 
 def _too_near(link: str, point: int, missing: float) -> Tested:

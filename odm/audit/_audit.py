@@ -7,7 +7,9 @@ import numpy as np
 from numba import njit
 
 from odm.audit._exact import Convexes, core_distance, winding
+from odm.close_test._arm import Arm, Clearance, Work
 from odm.close_test._close import motion_clear
+from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from roadmap.kinematics._forward import body_frames
 
@@ -50,6 +52,25 @@ class Asked(NamedTuple):
     close: bool  # True: ask the close test instead of the cells
     tolerance: float  # of the close test
     radii: np.ndarray  # of the close test
+
+
+class Audited(NamedTuple):
+    """The map under audit, and scratch of one thread."""
+
+    asked: Asked
+    arm: Arm
+    cloud: Cloud
+    work: Work
+
+
+class Coming(NamedTuple):
+    """An obstacle that comes in; at distance s its origin is line[:3] + s line[3:]."""
+
+    obstacle: int  # its row in the library
+    local: np.ndarray  # (n, 3) its samples, in its own frame
+    frame: np.ndarray  # (12,) its pose where it was looked at last
+    line: np.ndarray  # (6,)
+    points: np.ndarray  # (n, 3) its samples there
 
 
 class Pairs(NamedTuple):
@@ -133,8 +154,9 @@ def turn(a, b, spin, frame):
 
 
 @njit(cache=True, nogil=True)
-def asked_free(asked, arm, motion, points, cloud, work):
+def asked_free(audited, motion, points):
     """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
+    asked, arm, cloud, work = audited
     clear(cloud)
     mark_points(points, cloud)
     n_nodes = asked.nodes.shape[0]
@@ -144,9 +166,8 @@ def asked_free(asked, arm, motion, points, cloud, work):
             q, dq = asked.nodes[-1 - motion], np.zeros(asked.nodes.shape[1])
         else:
             q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
-        return motion_clear(
-            arm, asked.radii, q, dq, asked.tolerance, cloud, False, work
-        )
+        clearance = Clearance(arm, asked.radii, asked.tolerance, work)
+        return motion_clear(clearance, q, dq, cloud, False)
     words = cloud.words
     ptr, block, mask = asked.ptr, asked.block, asked.mask
     if motion < 0:
@@ -237,12 +258,14 @@ def shifted(local, frame, out):
 
 
 @njit(cache=True, nogil=True)
-def approach(solids, frames, library, pairs, k, frame, line):
-    """Write the obstacle's turned pose to `frame`, and to `line` (6,) its way in.
+def approach(solids, frames, library, pairs, k, frame):
+    """Return the obstacle of pair k as it comes in; its pose is kept in `frame`.
 
-    At distance s the obstacle's origin is line[:3] + s line[3:]; its aim point is then
-    at the robot's target point, s along the approach.
+    At distance s its aim point is at the robot's target point, s along the approach.
     """
+    which = pairs.obstacle[k]
+    local = library.points[library.point_ptr[which] : library.point_ptr[which + 1]]
+    line = np.empty(6)
     target = solids.targets[pairs.target[k]]
     f = frames[solids.target_part[pairs.target[k]]]
     aim = library.aims[pairs.aim[k]]
@@ -262,23 +285,31 @@ def approach(solids, frames, library, pairs, k, frame, line):
         offset = frame[3 * c] * aim[0] + frame[3 * c + 1] * aim[1]
         offset += frame[3 * c + 2] * aim[2]
         line[c] = p + f[9 + c] + pairs.shift[k, c] - offset
+    return Coming(which, local, frame, line, np.empty(local.shape))
 
 
 @njit(cache=True, nogil=True)
-def free_at(s, asked, arm, motion, local, frame, line, points, cloud, work):
-    """Move the obstacle to distance s of its line and ask the map."""
+def move_to(s, coming):
+    """Move an obstacle to distance s of its line."""
     for c in range(3):
-        frame[9 + c] = line[c] + s * line[3 + c]
-    shifted(local, frame, points)
-    return asked_free(asked, arm, motion, points, cloud, work)
+        coming.frame[9 + c] = coming.line[c] + s * coming.line[3 + c]
+    shifted(coming.local, coming.frame, coming.points)
 
 
 @njit(cache=True, nogil=True)
-def audit_pairs(asked, arm, solids, library, pairs, cap, cloud, work, found):
+def free_at(s, audited, motion, coming):
+    """Move the obstacle to distance s of its line and ask the map."""
+    move_to(s, coming)
+    return asked_free(audited, motion, coming.points)
+
+
+@njit(cache=True, nogil=True)
+def audit_pairs(audited, solids, library, pairs, cap, found):
     """Ask and measure all pairs; results go to `found`."""
+    asked, arm, cloud, _ = audited
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
-    q, line = np.empty(asked.nodes.shape[1]), np.empty(6)
+    q = np.empty(asked.nodes.shape[1])
     nearest = np.empty(1, np.int64)
     for k in range(pairs.motion.shape[0]):
         motion, which = pairs.motion[k], pairs.obstacle[k]
@@ -288,23 +319,20 @@ def audit_pairs(asked, arm, solids, library, pairs, cap, cloud, work, found):
             q[:] = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, frames)
         frame = found.frame[k]
-        approach(solids, frames, library, pairs, k, frame, line)
-        local = library.points[library.point_ptr[which] : library.point_ptr[which + 1]]
-        points = np.empty(local.shape)
-        job = (asked, arm, motion, local, frame, line, points, cloud, work)
+        coming = approach(solids, frames, library, pairs, k, frame)
         bisect = math.isnan(pairs.start[k])
         s = FAR if bisect else pairs.start[k]
-        free = free_at(s, *job)
+        free = free_at(s, audited, motion, coming)
         found.boundary[k] = False
-        if bisect and free and not free_at(NEAR, *job):
+        if bisect and free and not free_at(NEAR, audited, motion, coming):
             low, high = NEAR, FAR
             for _ in range(STEPS):
                 middle = 0.5 * (low + high)
-                if free_at(middle, *job):
+                if free_at(middle, audited, motion, coming):
                     high = middle
                 else:
                     low = middle
-            found.boundary[k] = free_at(high, *job)
+            found.boundary[k] = free_at(high, audited, motion, coming)
         found.free[k] = free
         found.part[k] = -1
         found.distance[k], found.gap[k] = np.nan, 0.0

@@ -15,7 +15,7 @@ from odm.audit.audit_library import (
     draw_specimens,
     library_of,
 )
-from odm.audit.audit_report import AuditReport, Case, Tally
+from odm.audit.audit_report import AuditReport, Case
 from odm.audit.audit_targets import audit_solids
 from odm.audit.exact import Obstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
@@ -25,6 +25,8 @@ from roadmap.kinematics.forward import difference
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 # the last two fifths of a chunk: children of its nearest pairs, in generations
 PARENTS, CHILDREN, GENERATIONS = 8, 5, 20
+N_WORST = 8  # cases of a report
+EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
 CAP = 0.1  # [m] larger separations are not resolved
 Progress = Callable[[str, int, int], None]
 
@@ -120,10 +122,8 @@ class Auditor:
         )  # fmt: skip
         cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
         work = make_work(len(cell_map.arm.spheres), n_bodies, dof)
-        kernels.audit_pairs(
-            self.asked, cell_map.arm, self.solids, self.library, pairs, CAP, cloud,
-            work, found,
-        )  # fmt: skip
+        audited = kernels.Audited(self.asked, cell_map.arm, cloud, work)
+        kernels.audit_pairs(audited, self.solids, self.library, pairs, CAP, found)
         return found
 
     def case(self, pairs: kernels.Pairs, found: kernels.Found, k: int) -> Case:
@@ -152,6 +152,73 @@ class Auditor:
         """Return the samples of a case's obstacle where it stood, (n, 3) [m]."""
         T = case.T_base_obstacle
         return self.specimens[case.specimen].points @ T[:3, :3].T + T[:3, 3]
+
+
+class Tally:
+    """Sums chunks up, in their order."""
+
+    def __init__(self, auditor: Auditor) -> None:
+        """Start from nothing."""
+        self.auditor = auditor
+        self.m = auditor.cell_map.safety.m
+        self.complete = True
+        self.count = dict.fromkeys(("pairs", "free", "boundary", "bad", "open"), 0)
+        self.worst: list[Case] = []
+        self.families = {name: [0, 0, 0, np.inf] for name in FAMILIES}
+
+    def add(self, pairs: kernels.Pairs, found: kernels.Found) -> None:
+        """Count a chunk."""
+        low = np.where(found.free, found.distance, np.inf)
+        bad = low + found.gap < self.m
+        unsure = (low < self.m) & ~bad & (found.gap > EXACT_GAP)
+        bad |= (low < self.m) & ~unsure
+        count = self.count
+        count["pairs"] += len(low)
+        count["free"] += int(found.free.sum())
+        count["boundary"] += int(found.boundary.sum())
+        count["bad"] += int(bad.sum())
+        count["open"] += int(unsure.sum())
+        self._keep_worst(pairs, found, low)
+        names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
+        for i, name in enumerate(FAMILIES):
+            own = names[pairs.obstacle] == i
+            row = self.families[name]
+            row[0] += int(own.sum())
+            row[1] += int(found.free[own].sum())
+            row[2] += int(bad[own].sum())
+            row[3] = min(row[3], float(low[own].min(initial=np.inf)))
+
+    def _keep_worst(self, pairs, found, low):
+        """Keep the nearest pair of each of the nearest motions."""
+        order = np.argsort(low, kind="stable")[: 50 * N_WORST]
+        order = order[np.isfinite(low[order])]
+        _, first = np.unique(pairs.motion[order], return_index=True)
+        for k in order[np.sort(first)[:N_WORST]]:
+            self.worst.append(self.auditor.case(pairs, found, int(k)))
+        nearest = {}
+        for case in sorted(self.worst, key=lambda c: c.distance):
+            nearest.setdefault(case.motion, case)
+        self.worst = list(nearest.values())[:N_WORST]
+
+    def report(self, sabotage: str | None, seconds: float) -> AuditReport:
+        """Return the sums."""
+        count, auditor = self.count, self.auditor
+        return AuditReport(
+            asked="close test" if auditor.close else "cells",
+            pairs=count["pairs"],
+            free=count["free"],
+            boundary=count["boundary"],
+            violations=count["bad"],
+            unresolved=count["open"],
+            smallest=self.worst[0].distance if self.worst else np.inf,
+            m=self.m,
+            worst=tuple(self.worst),
+            families={k: tuple(v) for k, v in self.families.items()},
+            seed=auditor.seed,
+            seconds=seconds,
+            sabotage=sabotage,
+            complete=self.complete,
+        )
 
 
 def audit(

@@ -1,18 +1,8 @@
 """What an audit found: cases that can be run again, and sums over all pairs."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-from odm.audit import _audit as kernels
-from odm.audit.audit_library import FAMILIES
-
-if TYPE_CHECKING:
-    from odm.audit.audit import Auditor
-
-N_WORST = 8
-EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,70 +111,3 @@ class AuditReport:
 def _number(distance: float) -> float | None:
     """Return a distance as JSON knows it: none where nothing was called free."""
     return distance if np.isfinite(distance) else None
-
-
-class Tally:
-    """Sums chunks up, in their order."""
-
-    def __init__(self, auditor: "Auditor") -> None:
-        """Start from nothing."""
-        self.auditor = auditor
-        self.m = auditor.cell_map.safety.m
-        self.complete = True
-        self.count = dict.fromkeys(("pairs", "free", "boundary", "bad", "open"), 0)
-        self.worst: list[Case] = []
-        self.families = {name: [0, 0, 0, np.inf] for name in FAMILIES}
-
-    def add(self, pairs: kernels.Pairs, found: kernels.Found) -> None:
-        """Count a chunk."""
-        low = np.where(found.free, found.distance, np.inf)
-        bad = low + found.gap < self.m
-        unsure = (low < self.m) & ~bad & (found.gap > EXACT_GAP)
-        bad |= (low < self.m) & ~unsure
-        count = self.count
-        count["pairs"] += len(low)
-        count["free"] += int(found.free.sum())
-        count["boundary"] += int(found.boundary.sum())
-        count["bad"] += int(bad.sum())
-        count["open"] += int(unsure.sum())
-        self._keep_worst(pairs, found, low)
-        names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
-        for i, name in enumerate(FAMILIES):
-            own = names[pairs.obstacle] == i
-            row = self.families[name]
-            row[0] += int(own.sum())
-            row[1] += int(found.free[own].sum())
-            row[2] += int(bad[own].sum())
-            row[3] = min(row[3], float(low[own].min(initial=np.inf)))
-
-    def _keep_worst(self, pairs, found, low):
-        """Keep the nearest pair of each of the nearest motions."""
-        order = np.argsort(low, kind="stable")[: 50 * N_WORST]
-        order = order[np.isfinite(low[order])]
-        _, first = np.unique(pairs.motion[order], return_index=True)
-        for k in order[np.sort(first)[:N_WORST]]:
-            self.worst.append(self.auditor.case(pairs, found, int(k)))
-        nearest = {}
-        for case in sorted(self.worst, key=lambda c: c.distance):
-            nearest.setdefault(case.motion, case)
-        self.worst = list(nearest.values())[:N_WORST]
-
-    def report(self, sabotage: str | None, seconds: float) -> AuditReport:
-        """Return the sums."""
-        count, auditor = self.count, self.auditor
-        return AuditReport(
-            asked="close test" if auditor.close else "cells",
-            pairs=count["pairs"],
-            free=count["free"],
-            boundary=count["boundary"],
-            violations=count["bad"],
-            unresolved=count["open"],
-            smallest=self.worst[0].distance if self.worst else np.inf,
-            m=self.m,
-            worst=tuple(self.worst),
-            families={k: tuple(v) for k, v in self.families.items()},
-            seed=auditor.seed,
-            seconds=seconds,
-            sabotage=sabotage,
-            complete=self.complete,
-        )

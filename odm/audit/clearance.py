@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm.audit import _clearance as kernels
-from odm.audit._audit import Solids
+from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
 from odm.audit.audit_library import draw_arms
 from odm.audit.exact import flat_frames, gather
-from odm.cell_map._sweep import sweep_nodes
+from odm.cell_map._sweep import Lists, sweep_nodes
 from odm.cell_map.cell_map import ROUNDING, CellMap
+from odm.cell_map.sweep import swept_by
 from odm.close_test._arm import make_work
 from roadmap.robot.robot import Robot
 
@@ -75,24 +76,29 @@ def clearance_tax(
     robot = cell_map.robot
     work = make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
     rng = np.random.default_rng([seed, 2])
-    common = (cell_map.arm, cells.solids)
+    audited = Audited(cells.asked, cell_map.arm, cloud, work)
     pairs = cells.draw(0, n)._replace(
         motion=-1 - rng.integers(0, cell_map.roadmap.n_nodes, n)
     )
     nodes = np.empty((n, 4))
-    kernels.node_taxes(
-        cells.asked, *common, _ball_solids(robot), cells.library, pairs,
-        safety.m, safety.rho, cloud, work, nodes,
-    )  # fmt: skip
+    kernels.node_overheads(
+        audited,
+        cells.solids,
+        _ball_solids(robot),
+        cells.library,
+        pairs,
+        (safety.m, safety.rho),
+        nodes,
+    )
     pairs = cells.draw(1, n_edges)._replace(
         motion=rng.integers(0, cell_map.roadmap.n_edges, n_edges)
     )
     words = np.array([_still_words(cell_map, cells, e) for e in pairs.motion])
     edges = np.empty((n_edges, 3))
-    kernels.edge_taxes(
-        cells.asked, close.asked, *common, cells.library, pairs, words, _STILL, cloud,
-        work, edges,
-    )  # fmt: skip
+    still = kernels.StillCells(words, _STILL)
+    kernels.edge_overheads(
+        audited, close.asked, cells.solids, cells.library, pairs, still, edges
+    )
     return _summary(nodes, edges, safety.m)
 
 
@@ -147,10 +153,8 @@ def _still_words(cell_map: CellMap, auditor: Auditor, edge: int) -> np.ndarray:
     counts = np.empty(_STILL, np.int64)
     blocks, masks = np.empty(room, np.uint32), np.empty(room, np.uint64)
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-    end = sweep_nodes(
-        arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii, q,
-        0.5 * safety.mu, grid.origin, grid.h, grid.blocks, counts, blocks, masks,
-    )  # fmt: skip
+    swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
+    end = sweep_nodes(swept, q, Lists(counts, blocks, masks))
     words = np.zeros(grid.n_blocks, np.uint64)
     np.bitwise_or.at(words, blocks[:end], masks[:end])
     return words

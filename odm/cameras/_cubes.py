@@ -16,13 +16,30 @@ Let `e` be half the diagonal of an eighth of a cell, the covering radius that is
   runs between two points of that ball, so it never needs theirs.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from odm.cameras._seen import FREE, OCCUPIED, SHADOW, WHOLE, place_cube
+from odm.cameras._seen import FREE, OCCUPIED, SHADOW, WHOLE, Sight, place_cube
 from odm.cameras._windows import least
 
 FULL = 255
+
+
+class Cells(NamedTuple):
+    """All cells; sets of them have a bit each, (nx, ny, words), else (nx, ny, nz)."""
+
+    blocked: np.ndarray
+    inner: np.ndarray  # full with full neighbours
+    closed: np.ndarray  # full without a look at `eighths`
+    full: np.ndarray  # all eighths are blocked
+    beyond: np.ndarray  # out of the robot's reach
+    state: np.ndarray  # what is seen
+    hit: np.ndarray  # eighths with a point
+    eighths: np.ndarray  # blocked eighths of all cells that are not `closed`
+    origin: np.ndarray  # (3,) of the grid [m]
+    h: float  # side of a cell [m]
 
 
 @njit(cache=True, nogil=True)
@@ -107,29 +124,31 @@ def beside_free(state, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def open_eighths(pose, lens, near, origin, h, x, y, z, wanted, scratch):
+def open_eighths(sight, corner, h, wanted, scratch):
     """Return those of the `wanted` eighths of a cell that a camera sees to be free."""
-    quarter = 0.25 * h
+    near, quarter = sight.table, 0.25 * h
     free = 0
     for k in range(8):
         if (wanted >> k) & 1 == 0:
             continue
-        px = origin[0] + h * x + quarter * (1 + 2 * (k >> 2))
-        py = origin[1] + h * y + quarter * (1 + 2 * ((k >> 1) & 1))
-        pz = origin[2] + h * z + quarter * (1 + 2 * (k & 1))
-        how, limit = place_cube(pose, lens, near, px, py, pz, quarter, scratch[0, 0, 0])
+        px = corner[0] + quarter * (1 + 2 * (k >> 2))
+        py = corner[1] + quarter * (1 + 2 * ((k >> 1) & 1))
+        pz = corner[2] + quarter * (1 + 2 * (k & 1))
+        how, limit = place_cube(sight, (px, py, pz), quarter, scratch[0, 0, 0])
         if how == WHOLE and least(near, scratch, 0, 0, 0) > limit:
             free |= 1 << k
     return free
 
 
 @njit(cache=True, nogil=True)
-def choose_eighths(blocked, closed, beyond, full, state, hit, eighths, shadow):
+def choose_eighths(cells, shadow):
     """Choose the blocked eighths of the cells that are not in `closed`.
 
     All of them; but without `shadow`, those of an OCCUPIED cell that have no point in
     them are free, and such cells leave `closed` and `full`.
     """
+    blocked, closed, full = cells.blocked, cells.closed, cells.full
+    beyond, state, hit, eighths = cells.beyond, cells.state, cells.hit, cells.eighths
     one = np.uint64(1)
     for x in range(blocked.shape[0]):
         for y in range(blocked.shape[1]):
@@ -151,15 +170,16 @@ def choose_eighths(blocked, closed, beyond, full, state, hit, eighths, shadow):
 
 
 @njit(cache=True, nogil=True)
-def clear_eighths(
-    view, blocked, closed, beyond, full, state, hit, eighths, origin, h, scratch
-):
+def clear_eighths(view, cells, scratch):
     """Free the eighths a camera sees to be free, in seen cells beside free ones.
 
     Cells with free eighths leave `full`; those without a blocked one become FREE and
     leave `blocked`.
     """
-    pose, lens, near = view.pose, view.lens, view.near
+    sight = Sight(view.pose, view.lens, view.near)
+    blocked, closed, full = cells.blocked, cells.closed, cells.full
+    beyond, state, hit, eighths = cells.beyond, cells.state, cells.hit, cells.eighths
+    origin, h = cells.origin, cells.h
     n = 0
     for x in range(blocked.shape[0]):
         for y in range(blocked.shape[1]):
@@ -181,9 +201,8 @@ def clear_eighths(
                     if wanted == 0 or not beside_free(state, x, y, z):
                         continue
                     n += 1
-                    free = open_eighths(
-                        pose, lens, near, origin, h, x, y, z, wanted, scratch
-                    )
+                    corner = origin[0] + h * x, origin[1] + h * y, origin[2] + h * z
+                    free = open_eighths(sight, corner, h, wanted, scratch)
                     if free == 0:
                         continue
                     left = eighths[x, y, z] & ~free
@@ -196,20 +215,16 @@ def clear_eighths(
 
 
 @njit(cache=True, nogil=True)
-def write_points(blocked, inner, closed, beyond, eighths, origin, h, dense, out):
+def write_points(cells, dense, out):
     """Write the points of all blocked cells in reach; return how many there are.
 
-    Args:
-        blocked: (nx, ny, words) all blocked cells.
-        inner: Those that are full with full neighbours.
-        closed: Those that are full without a look at `eighths`.
-        beyond: Cells out of reach.
-        eighths: (nx, ny, nz) blocked eighths of all cells that are not `closed`.
-        origin: Of the grid [m].
-        h: Side of a cell [m].
-        dense: Whether inner cells get all their eighths, too.
-        out: (room, 3) points; more than fit are counted, not written.
+    With `dense` inner cells get all their eighths, too. More points than fit into `out`
+    (room, 3) are counted, not written.
     """
+    blocked, inner, closed, beyond = (
+        cells.blocked, cells.inner, cells.closed, cells.beyond
+    )  # fmt: skip
+    eighths, origin, h = cells.eighths, cells.origin, cells.h
     n = 0
     room = out.shape[0]
     quarter = 0.25 * h

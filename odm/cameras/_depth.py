@@ -11,6 +11,7 @@ Two tables of half the image's size are made, the least of 2 x 2 readings each:
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,23 @@ TILE_BITS = 4
 TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
 NOTHING = 65535
 N_VALID, N_OWN, N_FLYING, N_OUTSIDE = 0, 1, 2, 3
+
+
+class SelfFilter(NamedTuple):
+    """The robot's spheres, whose points go."""
+
+    balls: np.ndarray  # (n, 4) what list_balls wrote
+    owner: np.ndarray  # (n,) what counts a removal by each ball
+    removed: np.ndarray  # (owners,) own points
+    is_on: bool  # False: own points stay
+
+
+class Hits(NamedTuple):
+    """Where points are."""
+
+    hit: np.ndarray  # (cells,) a bit for each eighth of a cell that has a point
+    shape: np.ndarray  # (3,) cells of the grid
+    counts: np.ndarray  # (4,) valid readings, own, flying, points outside the grid
 
 
 @njit(cache=True, nogil=True)
@@ -137,9 +155,9 @@ def is_lone(image, v, u):
 
 
 @njit(cache=True, nogil=True)
-def own_ball(x, y, z, balls, item, begin, end):
-    """Return the first of the listed balls that a point lies in, or -1."""
-    for k in range(begin, end):
+def own_ball(x, y, z, balls, item, part):
+    """Return the first ball of a part of a list that holds a point, or -1."""
+    for k in range(part[0], part[1]):
         n = item[k]
         dx, dy, dz = x - balls[n, 0], y - balls[n, 1], z - balls[n, 2]
         if dx * dx + dy * dy + dz * dz <= balls[n, 3]:
@@ -148,33 +166,33 @@ def own_ball(x, y, z, balls, item, begin, end):
 
 
 @njit(cache=True, nogil=True)
-def read_image(
-    image, fours, view, balls, owner, filtered, jump, hit, shape, counts, removed
-):
+def eighth_at(x, y, z, shape):
+    """Return the cell and the eighth of it at a place [eighths]; cell -1: outside."""
+    if not (x >= 0.0 and y >= 0.0 and z >= 0.0):
+        return np.int64(-1), np.int64(0)
+    if not (x < 2.0 * shape[0] and y < 2.0 * shape[1] and z < 2.0 * shape[2]):
+        return np.int64(-1), np.int64(0)
+    ix, iy, iz = int(x), int(y), int(z)
+    bit = ((ix & 1) << 2) | ((iy & 1) << 1) | (iz & 1)
+    return ((ix >> 1) * shape[1] + (iy >> 1)) * shape[2] + (iz >> 1), bit
+
+
+@njit(cache=True, nogil=True)
+def read_image(image, fours, view, own, jump, hits):
     """Fill `near[0]` and `seen[0]` of a camera, and mark what its points hit.
 
-    Args:
-        image: (height, width) uint16.
-        fours: (height, width / 4) uint64 the same, or without rows.
-        view: Camera; its tiles are listed where `filtered`.
-        balls: (n, 4) robot's spheres grown by d_self: what list_balls wrote.
-        owner: (n,) what counts a removal by each ball.
-        filtered: Whether points in balls go.
-        jump: Flying pixels are farther than this from their neighbours; 0: kept.
-        hit: (cells,) gets a bit for each eighth of a cell that has a point.
-        shape: (3,) cells of the grid.
-        counts: (4,) valid readings, own ones, flying ones, points outside the grid.
-        removed: (owners,) own points.
+    `image` (height, width) is uint16, `fours` the same, four pixels at a time, or
+    without rows. Flying pixels are farther than `jump` from their neighbours; 0: kept.
+    Where the filter is on, the view's tiles must have been listed.
     """
     height, width = image.shape
-    lens, g = view.lens, view.to_eighths
-    scale, middle_x = lens[4], lens[2]
-    slope_x, slope_y = 1.0 / lens[0], 1.0 / lens[1]
+    shape = (hits.shape[0], hits.shape[1], hits.shape[2])
+    g, slope_x, slope_y = view.to_eighths, 1.0 / view.lens[0], 1.0 / view.lens[1]
+    middle_x, middle_y, scale = view.lens[2], view.lens[3], view.lens[4]
     g0, g3, g6, g9, g10, g11 = g[0], g[3], g[6], g[9], g[10], g[11]
-    n_y, n_z = shape[1], shape[2]
-    top_x, top_y, top_z = 2.0 * shape[0], 2.0 * n_y, 2.0 * n_z
     start, item, reach = view.tile_start, view.tile_item, view.tile_depth
-    across = (width + TILE - 1) // TILE
+    balls, owner, removed, is_filtered = own
+    hit, across = hits.hit, (width + TILE - 1) // TILE
     n_valid = n_own = n_flying = n_outside = 0
     last_cell, last_bit = np.int64(-1), np.int64(-1)
     all_near, all_seen = view.near[0], view.seen[0]
@@ -182,7 +200,7 @@ def read_image(
     all_seen[:] = NOTHING
     for v in range(height):
         row, near, seen = image[v], all_near[v >> 1], all_seen[v >> 1]
-        y = (v - lens[3]) * slope_y
+        y = (v - middle_y) * slope_y
         ax, ay, az = g[1] * y + g[2], g[4] * y + g[5], g[7] * y + g[8]
         tiles = (v >> TILE_BITS) * across
         for begin in range(0, width, 4):
@@ -204,32 +222,25 @@ def read_image(
                     continue
                 if raw < near[j]:
                     near[j] = raw
-                z = scale * raw
-                x = (u - middle_x) * slope_x
-                if filtered:
-                    t = tiles + (u >> TILE_BITS)
-                    if reach[t, 0] <= z <= reach[t, 1]:
-                        own = own_ball(
-                            x * z, y * z, z, balls, item, start[t], start[t + 1]
-                        )
-                        if own >= 0:
-                            n_own += 1
-                            removed[owner[own]] += 1
-                            continue
+                z, x = scale * raw, (u - middle_x) * slope_x
+                t = tiles + (u >> TILE_BITS)
+                if is_filtered and reach[t, 0] <= z <= reach[t, 1]:
+                    part = start[t], start[t + 1]
+                    ball = own_ball(x * z, y * z, z, balls, item, part)
+                    if ball >= 0:
+                        n_own += 1
+                        removed[owner[ball]] += 1
+                        continue
                 if raw < seen[j]:
                     seen[j] = raw
-                gx = z * (g0 * x + ax) + g9
-                gy = z * (g3 * x + ay) + g10
+                gx, gy = z * (g0 * x + ax) + g9, z * (g3 * x + ay) + g10
                 gz = z * (g6 * x + az) + g11
-                inside = gx >= 0.0 and gy >= 0.0 and gz >= 0.0
-                if inside and gx < top_x and gy < top_y and gz < top_z:
-                    ix, iy, iz = int(gx), int(gy), int(gz)
-                    bit = ((ix & 1) << 2) | ((iy & 1) << 1) | (iz & 1)
-                    cell = ((ix >> 1) * n_y + (iy >> 1)) * n_z + (iz >> 1)
-                    if cell != last_cell or bit != last_bit:
-                        hit[cell] |= np.uint8(1 << bit)
-                        last_cell, last_bit = cell, bit
-                else:
+                cell, bit = eighth_at(gx, gy, gz, shape)
+                if cell < 0:
                     n_outside += 1
+                elif cell != last_cell or bit != last_bit:
+                    hit[cell] |= np.uint8(1 << bit)
+                    last_cell, last_bit = cell, bit
+    counts = hits.counts
     counts[N_VALID], counts[N_OWN] = n_valid, n_own
     counts[N_FLYING], counts[N_OUTSIDE] = n_flying, n_outside

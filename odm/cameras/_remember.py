@@ -1,6 +1,7 @@
 """What cells that are not seen now still count as: memory, growing with its age."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -9,6 +10,33 @@ from odm.cameras._seen import FREE, UNSEEN
 
 WAS_FREE, WAS_BLOCKED = 1, 2  # last content of a cell that is not seen now
 GO_FREE, GO_OCCUPIED, GO_ON = 0, 1, 2  # policies
+
+
+class Kept(NamedTuple):
+    """What cells held when they were seen last; see `note_content`."""
+
+    kept8: np.ndarray  # (n / 8,) `kept`, eight cells at a time
+    kept: np.ndarray  # (n,)
+    since: np.ndarray  # (n,) [s]
+
+
+class Ageing(NamedTuple):
+    """What becomes of a content that is remembered."""
+
+    memory_s: float  # how long it is kept [s]
+    speed: float  # at which it may have moved [m/s]
+    h: float  # side of a cell [m]
+    policy: int  # what an expired content becomes
+
+
+class Sources(NamedTuple):
+    """Cells by how many cells they are dilated, most first.
+
+    Those dilated by j cells, at most k, are cells[ptr[k - j]:ptr[k - j + 1]].
+    """
+
+    cells: np.ndarray  # (n,)
+    ptr: np.ndarray  # (k + 2,)
 
 
 @njit(cache=True, nogil=True)
@@ -38,24 +66,14 @@ def note_content(state8, before8, state, before, kept, since, when):
 
 
 @njit(cache=True, nogil=True)
-def list_sources(kept8, kept, since, now, memory_s, speed, h, policy, sources, ptr):
+def list_sources(content, now, ageing, sources):
     """List remembered cells by how many cells they are dilated; drop the expired.
 
-    Args:
-        kept8: (n / 8,) `kept` eight cells at a time.
-        kept: See note_content.
-        since: See note_content.
-        now: [s].
-        memory_s: How long a content is kept [s].
-        speed: At which it may have moved [m/s].
-        h: Side of a cell [m].
-        policy: What an expired content becomes.
-        sources: (n,) gets the cells, those to be dilated most first.
-        ptr: (k + 2,) those dilated by j cells are sources[ptr[k - j]:ptr[k - j + 1]].
-
-    Returns:
-        Number of sources.
+    `now` [s]. Returns the number of sources.
     """
+    kept8, kept, since = content
+    memory_s, speed, h, policy = ageing
+    cells, ptr = sources
     most = ptr.shape[0] - 2
     for j in range(ptr.shape[0]):
         ptr[j] = 0
@@ -78,7 +96,7 @@ def list_sources(kept8, kept, since, now, memory_s, speed, h, policy, sources, p
                     ptr[most - j + 1] += 1
                 else:
                     at = ptr[most - j]
-                    sources[at] = c
+                    cells[at] = c
                     ptr[most - j] = at + 1
         if turn == 0:
             for j in range(most + 1):

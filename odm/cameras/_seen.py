@@ -19,7 +19,9 @@ of O.
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from odm.cameras._windows import cover, least, none_above
@@ -29,6 +31,22 @@ CUT = 3  # a hidden block with cells that are not: it reaches behind the camera
 UNSEEN, FREE, SHADOW, OCCUPIED, REMEMBERED, UNKNOWN, BEYOND = 0, 1, 2, 3, 4, 5, 6
 NEAREST = 0.02  # [m] a cube nearer than that to the camera's plane is not looked at
 NOTHING = 65535
+
+
+class Sight(NamedTuple):
+    """From where a camera looks, and what it saw."""
+
+    pose: np.ndarray  # (12,) from base frame to camera
+    lens: np.ndarray  # (11,) see `odm.cameras.view`
+    table: np.ndarray  # (levels, rows, columns) of readings
+
+
+class Images(NamedTuple):
+    """Where the images of all cubes of a grid lie."""
+
+    kind: np.ndarray  # (nx, ny, nz) HIDDEN, PARTLY, WHOLE or CUT
+    rect: np.ndarray  # (nx, ny, nz, 5) squares that cover it; see `_windows.py`
+    limit: np.ndarray  # (nx, ny, nz) reading that must be exceeded behind it
 
 
 @njit(cache=True, nogil=True)
@@ -59,7 +77,7 @@ def clip_image(left, right, low, high, lens, table, out):
 
 
 @njit(cache=True, nogil=True)
-def place_cube(pose, lens, table, px, py, pz, half, out):
+def place_cube(sight, center, half, out):
     """Write where a cube's image lies.
 
     A corner (dx, dy, dz) from the centre (x, y, z), in the camera's frame, is seen
@@ -67,18 +85,16 @@ def place_cube(pose, lens, table, px, py, pz, half, out):
     that has the sign of each of its terms.
 
     Args:
-        pose: (12,) from base frame to camera.
-        lens: (11,) see `odm.cameras.view`.
-        table: (levels, rows, columns) of readings; its shape counts.
-        px: Centre along x [m].
-        py: Along y [m].
-        pz: Along z [m].
+        sight: The camera; the shape of its table counts.
+        center: (px, py, pz) [m].
         half: Half of the cube's side [m].
-        out: (5,) squares of the table that cover it; see windows.py.
+        out: (5,) squares of the table that cover it; see `_windows.py`.
 
     Returns:
         HIDDEN, PARTLY or WHOLE, and the reading that must be exceeded behind it.
     """
+    pose, lens, table = sight
+    px, py, pz = center
     z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
     deep = half * (abs(pose[6]) + abs(pose[7]) + abs(pose[8]))
     if z - deep < NEAREST:
@@ -111,11 +127,13 @@ def place_cube(pose, lens, table, px, py, pz, half, out):
 
 
 @njit(cache=True, nogil=True)
-def place_cubes(pose, lens, table, origin, side, kind, rect, limit, limit_low):
-    """Place all cubes of a grid with `kind` (nx, ny, nz); see place_cube.
+def place_cubes(sight, origin, side, images, limit_low):
+    """Place all cubes of a grid; see place_cube.
 
-    `limit_low` gets a reading that is in front of the whole cube.
+    `limit_low` (nx, ny, nz) gets a reading that is in front of the whole cube.
     """
+    pose, lens = sight.pose, sight.lens
+    kind, rect, limit = images
     nx, ny, nz = kind.shape
     half = 0.5 * side
     thick = side * (abs(pose[6]) + abs(pose[7]) + abs(pose[8]))
@@ -125,9 +143,7 @@ def place_cubes(pose, lens, table, origin, side, kind, rect, limit, limit_low):
             py = origin[1] + side * j + half
             for k in range(nz):
                 pz = origin[2] + side * k + half
-                how, behind = place_cube(
-                    pose, lens, table, px, py, pz, half, rect[i, j, k]
-                )
+                how, behind = place_cube(sight, (px, py, pz), half, rect[i, j, k])
                 kind[i, j, k] = how
                 limit[i, j, k] = behind
                 z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
@@ -161,7 +177,7 @@ def see_cells(view, state, shadow):
     near, seen, top_near, top_seen = view.near, view.seen, view.top_near, view.top_seen
     kind, rect = view.block_kind, view.block_rect
     limit, low = view.block_limit, view.block_low
-    cell_kind, cell_rect, cell_limit = view.cell_kind, view.cell_rect, view.cell_limit
+    cells = Images(view.cell_kind, view.cell_rect, view.cell_limit)
     nbx, nby, nbz = kind.shape
     for x in range(nbx):
         for y in range(nby):
@@ -182,14 +198,14 @@ def see_cells(view, state, shadow):
                         ):
                             fill_block(state, x, y, z, SHADOW)
                             continue
-                see_block(
-                    near, seen, cell_kind, cell_rect, cell_limit, state, x, y, z, shadow
-                )
+                see_block(near, seen, cells, state, (x, y, z), shadow)
 
 
 @njit(cache=True, nogil=True)
-def see_block(near, seen, kind, rect, limits, state, x, y, z, shadow):
+def see_block(near, seen, cells, state, block, shadow):
     """Look at the 64 cells of a block one by one."""
+    kind, rect, limits = cells
+    x, y, z = block
     for i in range(4 * x, 4 * x + 4):
         for j in range(4 * y, 4 * y + 4):
             for k in range(4 * z, 4 * z + 4):

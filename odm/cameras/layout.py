@@ -1,11 +1,12 @@
 """Memory of a SeenSpace, laid out once."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-from odm.cameras._cubes import pack
+from odm.cameras._cubes import Cells, pack
 from odm.cameras._seen import BEYOND
+from odm.cameras.camera import DepthCamera
 from odm.cameras.settings import SeenSettings
 from odm.cameras.view import View, lay_out_view
 from odm.cell_map.cell_map import CellMap
@@ -14,9 +15,6 @@ from odm.obstacles.grid import bounding_ball
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kinematics
 from roadmap.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from odm.cameras.space import SeenSpace
 
 _MOST_PAYLOAD = 64
 _NO_PAYLOAD = np.zeros((0, 4))
@@ -65,6 +63,19 @@ class Room:
         self.state8 = self.flat.view(np.uint64)
         self.before8 = self.flat_before.view(np.uint64)
 
+    def cells(self) -> Cells:
+        """Return the arrays of the present frame as compiled loops take them."""
+        names = ("blocked", "inner", "closed", "full", "beyond")
+        sets = {name: getattr(self, name) for name in names}
+        return Cells(
+            **sets,
+            state=self.state,
+            hit=self.hit,
+            eighths=self.eighths,
+            origin=self.origin,
+            h=self.h,
+        )
+
     def swap(self) -> None:
         """Let what is seen now be what was seen before."""
         self._take(1 - self._now)
@@ -104,7 +115,6 @@ class OwnBalls:
         self._balls = np.zeros((n, 4))
         self.names = (*robot.link_names, "payload")
         self.removed = np.zeros(len(self.names), np.int64)
-        self.most = n
         self._use(len(robot.spheres))
 
     def _use(self, n: int) -> None:
@@ -177,17 +187,29 @@ def needs_all_cubes(cell_map: CellMap, radius: float) -> bool:
     return 2.0 * radius > least + radius + cell_map.safety.m
 
 
-def views(space: "SeenSpace") -> list[View]:
-    """Return the views of all cameras, or refuse one of them."""
-    if not space.cameras:
+def views(
+    cameras: Sequence[DepthCamera], cell_map: CellMap, room: Room, noise_m: float
+) -> list[View]:
+    """Return the views of all cameras, or refuse one of them.
+
+    Args:
+        cameras: One or more, none inside the robot's base.
+        cell_map: Its robot, grid and rho count.
+        room: Its cells that are out of reach are not looked at.
+        noise_m: Of a reading [m].
+
+    Raises:
+        BadInput: No camera, or one in the base.
+    """
+    if not cameras:
         raise BadInput("no camera was given; give at least one DepthCamera")
-    own, found = space._own, []
-    robot = space.robot
+    robot, found = cell_map.robot, []
     base = robot.sphere_body == 0
     centers = robot.spheres[base, :3]
     frame = robot.tree_f[0]
     centers = centers @ frame[:9].reshape(3, 3).T + frame[9:12]
-    for camera in space.cameras:
+    most, rho = len(robot.spheres) + _MOST_PAYLOAD, cell_map.safety.rho
+    for camera in cameras:
         eye = camera.T_base_camera[:3, 3]
         far = np.linalg.norm(centers - eye, axis=1) - robot.spheres[base, 3]
         if len(far) and far.min() <= 0.0:
@@ -196,10 +218,8 @@ def views(space: "SeenSpace") -> list[View]:
                 f"{camera.name} at {np.round(eye, 3)} m is inside {link} of the robot; "
                 "check its pose T_base_camera"
             )
-        noise, rho = space.settings.noise_m, space.cell_map.safety.rho
-        beyond = space._room.blank == BEYOND
-        grid = space.cell_map.grid
-        found.append(lay_out_view(camera, grid, beyond, own.most, noise, rho))
+        beyond = room.blank == BEYOND
+        found.append(lay_out_view(camera, cell_map.grid, beyond, most, noise_m, rho))
     return found
 
 

@@ -91,7 +91,8 @@ class SeenSpace:
         self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)
         self._room = layout.Room(cell_map, self.settings)
         self._own = layout.OwnBalls(self.robot, self.settings.d_self)
-        self._views = layout.views(self)
+        noise = self.settings.noise_m
+        self._views = layout.views(self.cameras, cell_map, self._room, noise)
         self._out = np.zeros((65536, 3))
         self.reset()
 
@@ -208,10 +209,10 @@ class SeenSpace:
                 )
             jump = max(1, round(s.flying_m / camera.scale)) if s.flying_m else 0
             fours = image.view(np.uint64) if camera.width % 4 == 0 else _NO_FOURS
-            depth.read_image(
-                image, fours, view, own.balls, own.owner, s.d_self is not None, jump,
-                room.hit.reshape(-1), room.shape, room.once, own.removed,
-            )  # fmt: skip
+            is_on = s.d_self is not None
+            balls = depth.SelfFilter(own.balls, own.owner, own.removed, is_on)
+            hits = depth.Hits(room.hit.reshape(-1), room.shape, room.once)
+            depth.read_image(image, fours, view, balls, jump, hits)
             room.counts += room.once
             if room.once[depth.N_VALID] == 0:
                 return (
@@ -238,10 +239,10 @@ class SeenSpace:
             room.state8, room.before8, room.flat, room.flat_before, room.kept,
             room.since, before,
         )  # fmt: skip
-        remember.list_sources(
-            room.kept8, room.kept, room.since, self._clock, s.memory_s, s.speed,
-            room.h, s.policy_code, room.sources, room.ptr,
-        )  # fmt: skip
+        content = remember.Kept(room.kept8, room.kept, room.since)
+        ageing = remember.Ageing(s.memory_s, s.speed, room.h, s.policy_code)
+        sources = remember.Sources(room.sources, room.ptr)
+        remember.list_sources(content, self._clock, ageing, sources)
         remember.grow_sources(
             room.sources, room.ptr, room.shape, room.bits2, room.spare2
         )
@@ -264,22 +265,14 @@ class SeenSpace:
         room, s = self._room, self.settings
         cubes.list_inner(room.blocked, room.closed)
         room.full[:] = room.blocked
-        cubes.choose_eighths(
-            room.blocked, room.closed, room.beyond, room.full, room.state, room.hit,
-            room.eighths, s.shadow,
-        )  # fmt: skip
+        cells = room.cells()
+        cubes.choose_eighths(cells, s.shadow)
         for view in self._views if s.shadow else ():
-            cubes.clear_eighths(
-                view, room.blocked, room.closed, room.beyond, room.full, room.state,
-                room.hit, room.eighths, room.origin, room.h, room.scratch,
-            )  # fmt: skip
+            cubes.clear_eighths(view, cells, room.scratch)
         cubes.list_inner(room.full, room.inner)
         room.swap()
         while True:
-            n = cubes.write_points(
-                room.blocked, room.inner, room.closed, room.beyond, room.eighths,
-                room.origin, room.h, self._dense, self._out,
-            )  # fmt: skip
+            n = cubes.write_points(cells, self._dense, self._out)
             if n <= len(self._out):
                 return self._out[:n]
             self._out = np.zeros((2 * n, 3))

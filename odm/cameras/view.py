@@ -72,20 +72,11 @@ def lay_out_view(
     block_kind, block_rect, block_limit, block_low = _tables(blocks)
     cell_kind, cell_rect, cell_limit, cell_low = _tables(cells)
     origin = np.array(grid.origin)
-    seen.place_cubes(
-        pose,
-        lens,
-        near,
-        origin,
-        4 * grid.h,
-        block_kind,
-        block_rect,
-        block_limit,
-        block_low,
-    )
-    seen.place_cubes(
-        pose, lens, near, origin, grid.h, cell_kind, cell_rect, cell_limit, cell_low
-    )
+    sight = seen.Sight(pose, lens, near)
+    images = seen.Images(block_kind, block_rect, block_limit)
+    seen.place_cubes(sight, origin, 4 * grid.h, images, block_low)
+    images = seen.Images(cell_kind, cell_rect, cell_limit)
+    seen.place_cubes(sight, origin, grid.h, images, cell_low)
     cell_kind[beyond] = seen.HIDDEN
     nx, ny, nz = blocks
     cut = cell_kind.reshape(nx, 4, ny, 4, nz, 4).any(axis=(1, 3, 5))

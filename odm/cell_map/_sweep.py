@@ -9,12 +9,61 @@ balls of radius sqrt((R + sag)^2 + s^2 / 4) at the samples cover the whole sweep
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
+
+
+class Grid(NamedTuple):
+    """Cells of side h from `origin` on, shape[a] blocks of four cells along axis a."""
+
+    origin: np.ndarray  # (3,) [m]
+    h: float  # [m]
+    shape: np.ndarray  # (3,)
+
+
+class Swept(NamedTuple):
+    """What is swept, and into which cells."""
+
+    arm: Arm
+    radii: np.ndarray  # (n,) with rho and clearance [m]
+    # largest inflation of a piece [m]; negative leaves the motion bound out, for the
+    # audit of the audit only
+    tolerance: float
+    grid: Grid
+
+
+class Room(NamedTuple):
+    """Work space of one sweep at a time; see `sweep_room`."""
+
+    words: np.ndarray  # (n_blocks,) zero between sweeps
+    frames: np.ndarray  # (n_bodies, 12)
+    speed: np.ndarray  # (n,)
+    bend: np.ndarray  # (n,)
+    point: np.ndarray  # (dof,)
+    rates: np.ndarray  # (2, n_bodies)
+    centers: np.ndarray  # (2 ** MAX_LEVEL + 1, n, 3)
+
+
+class Lists(NamedTuple):
+    """Cells of items one after the other, as blocks and masks."""
+
+    counts: np.ndarray  # (k,) entries of an item
+    block: np.ndarray
+    mask: np.ndarray
+
+
+class ItemCells(NamedTuple):
+    """Cells of items; item i owns the entries ptr[i] to ptr[i + 1]."""
+
+    ptr: np.ndarray
+    block: np.ndarray
+    mask: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -24,16 +73,17 @@ def gap(cell, at):
 
 
 @njit(cache=True, nogil=True)
-def mark_ball(x, y, z, radius, origin, h, shape, words):
-    """Set the bits of the cells whose cube comes within `radius` of a point.
+def mark_ball(center, radius, grid, words):
+    """Set the bits of the cells whose cube comes within `radius` of a point (3,).
 
     The words of a column of blocks are gathered in registers and written once.
     Returns False where a cell would lie outside the grid.
     """
-    inv = 1.0 / h
-    gx, gy, gz = (x - origin[0]) * inv, (y - origin[1]) * inv, (z - origin[2]) * inv
+    origin, inv = grid.origin, 1.0 / grid.h
+    gx, gy = (center[0] - origin[0]) * inv, (center[1] - origin[1]) * inv
+    gz = (center[2] - origin[2]) * inv
     r = radius * inv
-    nbx, nby, nbz = shape[0], shape[1], shape[2]
+    nbx, nby, nbz = grid.shape[0], grid.shape[1], grid.shape[2]
     if gx - r < 0.0 or gy - r < 0.0 or gz - r < 0.0:
         return False
     if gx + r >= 4 * nbx or gy + r >= 4 * nby or gz + r >= 4 * nbz:
@@ -92,237 +142,152 @@ def longest_chord(centers, i, step, pieces):
 
 
 @njit(cache=True, nogil=True)
-def place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers):
-    """Write the centres of all spheres at t = k / pieces to centers[k]."""
+def place_samples(arm, q, dq, pieces, room):
+    """Write the centres of all spheres at t = k / pieces to room.centers[k]."""
     for k in range(pieces + 1):
         for j in range(dq.shape[0]):
-            point[j] = q[j] + dq[j] * k / pieces
-        body_frames(tree_i, tree_f, point, frames)
-        place_points(frames, body, spheres, centers[k])
+            room.point[j] = q[j] + dq[j] * k / pieces
+        body_frames(arm.tree_i, arm.tree_f, room.point, room.frames)
+        place_points(room.frames, arm.body, arm.spheres, room.centers[k])
 
 
 @njit(cache=True, nogil=True)
-def sweep_motion(
-    tree_i,
-    tree_f,
-    spheres,
-    body,
-    reach,
-    radii,
-    q,
-    dq,
-    tolerance,
-    origin,
-    h,
-    shape,
-    words,
-    scratch,
-    centers,
-):
-    """Mark in `words` all cells of the motion q + t dq; False: outside the grid.
+def sweep_motion(swept, q, dq, room):
+    """Mark in room.words all cells of the motion q + t dq; False: outside the grid.
 
-    `radii` (n,) already hold rho and clearance; spheres of body 0 are left out, they
-    never move. A negative tolerance leaves the motion bound out: for the audit of the
-    audit only. `scratch` and `centers` are work space, see `sweep_space`.
+    Spheres of body 0 are left out, they never move.
     """
-    n = spheres.shape[0]
-    frames, speed, bend, point, rates = scratch
-    motion_bounds(tree_i, tree_f, reach, dq, rates, speed, bend)
+    arm, radii, tolerance, _ = swept
+    motion_bounds(
+        arm.tree_i, arm.tree_f, arm.reach, dq, room.rates, room.speed, room.bend
+    )
     finest = 0
-    for i in range(n):
-        level, _ = sample_level(radii[i], speed[i], bend[i], abs(tolerance))
+    for i in range(radii.shape[0]):
+        level, _ = sample_level(radii[i], room.speed[i], room.bend[i], abs(tolerance))
         finest = max(finest, level)
     pieces = 1 << finest
-    place_samples(tree_i, tree_f, spheres, body, q, dq, pieces, frames, point, centers)
-    for i in range(n):
-        if body[i] == 0:
+    place_samples(arm, q, dq, pieces, room)
+    for i in range(radii.shape[0]):
+        if arm.body[i] == 0:
             continue
-        if speed[i] == 0.0 or tolerance < 0.0:
+        if room.speed[i] == 0.0 or tolerance < 0.0:
             pieces_i = 0
         else:
             # by the true chords, fewer pieces do than by the bound on the speed
             pieces_i = 1
             while True:
                 dt = 1.0 / pieces_i
-                tube = radii[i] + SAG_SHARE * bend[i] * dt * dt / 8.0
-                half = 0.5 * longest_chord(centers, i, pieces // pieces_i, pieces)
+                tube = radii[i] + SAG_SHARE * room.bend[i] * dt * dt / 8.0
+                step = pieces // pieces_i
+                half = 0.5 * longest_chord(room.centers, i, step, pieces)
                 if math.sqrt(tube * tube + half * half) - radii[i] <= tolerance:
                     break
                 if pieces_i == pieces:
                     break
                 pieces_i *= 2
-        if not mark_samples(
-            centers, i, radii[i], bend[i], pieces, pieces_i, origin, h, shape, words
-        ):
+        if not mark_samples(swept, i, pieces, pieces_i, room):
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def mark_samples(centers, i, radius, bend, pieces, pieces_i, origin, h, shape, words):
+def mark_samples(swept, i, pieces, pieces_i, room):
     """Mark the balls of sphere i at its pieces_i + 1 samples; 0: at the first only."""
     step = pieces
-    tube = radius
+    tube = swept.radii[i]
     if pieces_i > 0:
         step = pieces // pieces_i
-        tube += SAG_SHARE * bend / (8.0 * pieces_i * pieces_i)
+        tube += SAG_SHARE * room.bend[i] / (8.0 * pieces_i * pieces_i)
     before = 0.0
     for k in range(0, pieces + 1 if pieces_i > 0 else 1, step):
-        c = centers[k, i]
+        c = room.centers[k, i]
         after = 0.0
         if pieces_i > 0 and k < pieces:
-            d = centers[k + step, i]
+            d = room.centers[k + step, i]
             after = (d[0] - c[0]) ** 2 + (d[1] - c[1]) ** 2 + (d[2] - c[2]) ** 2
         ball = math.sqrt(tube * tube + 0.25 * max(before, after))
-        if not mark_ball(c[0], c[1], c[2], ball, origin, h, shape, words):
+        if not mark_ball(c, ball, swept.grid, room.words):
             return False
         before = after
     return True
 
 
 @njit(cache=True, nogil=True)
-def sweep_space(n_spheres, n_bodies, dof):
-    """Return (scratch, centers) for sweep_motion."""
-    scratch = (
+def sweep_room(arm, grid, dof):
+    """Return the work space for sweeps of this robot into this grid."""
+    n, n_bodies = arm.spheres.shape[0], arm.tree_i.shape[0]
+    return Room(
+        np.zeros(grid.shape[0] * grid.shape[1] * grid.shape[2], np.uint64),
         np.empty((n_bodies, 12)),
-        np.empty(n_spheres),
-        np.empty(n_spheres),
+        np.empty(n),
+        np.empty(n),
         np.empty(dof),
         np.empty((2, n_bodies)),
+        np.empty(((1 << MAX_LEVEL) + 1, n, 3)),
     )
-    return scratch, np.empty(((1 << MAX_LEVEL) + 1, n_spheres, 3))
 
 
 @njit(cache=True, nogil=True)
-def take_words(words, blocks, masks, start):
+def take_words(words, lists, start):
     """Move the non-zero words to lists from `start` on, clear them; return the end."""
     end = start
     for b in range(words.shape[0]):
         if words[b] != 0:
-            if end >= blocks.shape[0]:
+            if end >= lists.block.shape[0]:
                 return -1
-            blocks[end] = b
-            masks[end] = words[b]
+            lists.block[end] = b
+            lists.mask[end] = words[b]
             words[b] = 0
             end += 1
     return end
 
 
 @njit(cache=True, nogil=True)
-def remove_words(ptr, blocks, masks, item, words):
-    """Clear from `words` the cells of a stored item."""
-    for k in range(ptr[item], ptr[item + 1]):
-        words[blocks[k]] &= ~masks[k]
+def remove_words(nodes, node, words):
+    """Clear from `words` the cells of a node."""
+    for k in range(nodes.ptr[node], nodes.ptr[node + 1]):
+        words[nodes.block[k]] &= ~nodes.mask[k]
 
 
 @njit(cache=True, nogil=True)
-def sweep_nodes(
-    tree_i,
-    tree_f,
-    spheres,
-    body,
-    reach,
-    radii,
-    q,
-    tolerance,
-    origin,
-    h,
-    shape,
-    counts,
-    blocks,
-    masks,
-):
+def sweep_nodes(swept, q, lists):
     """Sweep configurations `q` (k, dof) into lists; returns the number of entries.
 
     -1: the lists are too short; -2: a cell lies outside the grid.
     """
-    words = np.zeros(shape[0] * shape[1] * shape[2], np.uint64)
-    scratch, centers = sweep_space(spheres.shape[0], tree_i.shape[0], q.shape[1])
+    room = sweep_room(swept.arm, swept.grid, q.shape[1])
     still = np.zeros(q.shape[1])
     end = 0
     for k in range(q.shape[0]):
-        if not sweep_motion(
-            tree_i,
-            tree_f,
-            spheres,
-            body,
-            reach,
-            radii,
-            q[k],
-            still,
-            tolerance,
-            origin,
-            h,
-            shape,
-            words,
-            scratch,
-            centers,
-        ):
+        if not sweep_motion(swept, q[k], still, room):
             return -2
         start = end
-        end = take_words(words, blocks, masks, start)
+        end = take_words(room.words, lists, start)
         if end < 0:
             return -1
-        counts[k] = end - start
+        lists.counts[k] = end - start
     return end
 
 
 @njit(cache=True, nogil=True)
-def sweep_edges(
-    tree_i,
-    tree_f,
-    spheres,
-    body,
-    reach,
-    radii,
-    q,
-    dq,
-    ends,
-    tolerance,
-    origin,
-    h,
-    shape,
-    node_ptr,
-    node_blocks,
-    node_masks,
-    counts,
-    blocks,
-    masks,
-):
+def sweep_edges(swept, q, dq, ends, nodes, lists):
     """Sweep motions q[k] + t dq[k], less the cells of their two end nodes.
 
     `ends` (k, 2) are node ids, or -1 to keep all cells. Returns as sweep_nodes.
     """
-    words = np.zeros(shape[0] * shape[1] * shape[2], np.uint64)
-    scratch, centers = sweep_space(spheres.shape[0], tree_i.shape[0], q.shape[1])
+    room = sweep_room(swept.arm, swept.grid, q.shape[1])
     end = 0
     for k in range(q.shape[0]):
-        if not sweep_motion(
-            tree_i,
-            tree_f,
-            spheres,
-            body,
-            reach,
-            radii,
-            q[k],
-            dq[k],
-            tolerance,
-            origin,
-            h,
-            shape,
-            words,
-            scratch,
-            centers,
-        ):
+        if not sweep_motion(swept, q[k], dq[k], room):
             return -2
         for side in range(2):
             if ends[k, side] >= 0:
-                remove_words(node_ptr, node_blocks, node_masks, ends[k, side], words)
+                remove_words(nodes, ends[k, side], room.words)
         start = end
-        end = take_words(words, blocks, masks, start)
+        end = take_words(room.words, lists, start)
         if end < 0:
             return -1
-        counts[k] = end - start
+        lists.counts[k] = end - start
     return end
 
 
@@ -345,3 +310,34 @@ def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
     for b in range(n_blocks, 0, -1):
         t_ptr[b] = t_ptr[b - 1]
     t_ptr[0] = 0
+
+
+@njit(cache=True, nogil=True)
+def merge_lists(a, b, out):
+    """Write to `out` the union of two layers' cells, item by item.
+
+    Blocks ascend within an item, in the result too. Returns the number of entries;
+    the room must do for both layers one after the other.
+    """
+    end = 0
+    out.ptr[0] = 0
+    for item in range(a.ptr.shape[0] - 1):
+        i, i_end = a.ptr[item], a.ptr[item + 1]
+        j, j_end = b.ptr[item], b.ptr[item + 1]
+        while i < i_end or j < j_end:
+            if j >= j_end or (i < i_end and a.block[i] < b.block[j]):
+                out.block[end] = a.block[i]
+                out.mask[end] = a.mask[i]
+                i += 1
+            elif i >= i_end or b.block[j] < a.block[i]:
+                out.block[end] = b.block[j]
+                out.mask[end] = b.mask[j]
+                j += 1
+            else:
+                out.block[end] = a.block[i]
+                out.mask[end] = a.mask[i] | b.mask[j]
+                i += 1
+                j += 1
+            end += 1
+        out.ptr[item + 1] = end
+    return end

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odm.cell_map._sweep import ItemCells, merge_lists
 from odm.cell_map.cell_map import CellMap, PayloadLayer
 from odm.cell_map.recipe import PayloadRecipe, Recipe
 from odm.cell_map.sweep import Progress, both_views, sweep_roadmap
 from odm.close_test.arm import arm_of
 from odm.close_test.static import StaticTest
 from odm.obstacles import shapes
-from odm.obstacles._world_frame import merge_lists
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
 from roadmap.arrays import frozen
@@ -64,8 +64,8 @@ def loaded_map(cell_map: CellMap) -> CellMap:
     room = len(arm.block) + len(payload.block)
     ptr = np.zeros_like(arm.ptr)
     block, mask = np.empty(room, arm.block.dtype), np.empty(room, np.uint64)
-    own = (payload.ptr, payload.block, payload.mask)
-    end = merge_lists(arm.ptr, arm.block, arm.mask, *own, ptr, block, mask)
+    layers = (ItemCells(c.ptr, c.block, c.mask) for c in (arm, payload))
+    end = merge_lists(*layers, ItemCells(ptr, block, mask))
     cells = both_views(ptr, block[:end], mask[:end], cell_map.grid.n_blocks)
     robot = envelope_robot(cell_map.robot, payload)
     return replace(cell_map, robot=robot, arm_cells=cells, payload=None, hash="")

@@ -44,14 +44,12 @@ def sweep_roadmap(
         BuildRefused: A swept cell lies outside the grid.
     """
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-    swept = (arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii)
-    place = (0.5 * safety.mu, grid.origin, grid.h, grid.blocks)
+    swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
     block_type = np.uint16 if grid.n_blocks <= 65535 else np.uint32
     tell = progress or (lambda stage, done, total: None)
 
     def sweep_nodes(part: slice, *out: np.ndarray) -> int:
-        q = roadmap.nodes[part]
-        return sweep.sweep_nodes(*swept, q, place[0], *place[1:], *out)
+        return sweep.sweep_nodes(swept, roadmap.nodes[part], sweep.Lists(*out))
 
     with ThreadPoolExecutor(threads or None) as pool:
         nodes = _collect(pool, sweep_nodes, roadmap.n_nodes, block_type, tell, "nodes")
@@ -60,8 +58,8 @@ def sweep_roadmap(
 
         def sweep_edges(part: slice, *out: np.ndarray) -> int:
             q = roadmap.nodes[ends[part, 0]]
-            job = (q, dq[part], ends[part], place[0], *place[1:], *nodes)
-            return sweep.sweep_edges(*swept, *job, *out)
+            lists = sweep.Lists(*out)
+            return sweep.sweep_edges(swept, q, dq[part], ends[part], nodes, lists)
 
         edges = _collect(pool, sweep_edges, roadmap.n_edges, block_type, tell, "edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
@@ -71,6 +69,22 @@ def sweep_roadmap(
     lists = both_views(ptr, block, mask, grid.n_blocks)
     tell("both views", 1, 1)
     return lists
+
+
+def swept_by(
+    arm: Arm, radii: np.ndarray, tolerance: float, grid: WorkspaceGrid
+) -> sweep.Swept:
+    """Return what compiled sweeps take.
+
+    Args:
+        arm: The robot.
+        radii: (n,) of its spheres, grown [m].
+        tolerance: Largest inflation of a piece of a motion [m].
+        grid: Where.
+    """
+    return sweep.Swept(
+        arm, radii, tolerance, sweep.Grid(grid.origin, grid.h, grid.blocks)
+    )
 
 
 def both_views(
@@ -91,7 +105,7 @@ def _collect(
     block_type: type,
     tell: Progress,
     stage: str,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> sweep.ItemCells:
     """Run `job` over chunks of n items; return ptr, blocks, masks in item order."""
     parts = [slice(k, min(k + CHUNK, n)) for k in range(0, n, CHUNK)]
 
@@ -124,4 +138,4 @@ def _collect(
     columns = list(zip(*(results or [none]), strict=True))
     counts, blocks, masks = (np.concatenate(c) for c in columns)
     ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return ptr, blocks, masks
+    return sweep.ItemCells(ptr, blocks, masks)

@@ -4,53 +4,53 @@ from typing import NamedTuple
 
 import numpy as np
 
+from odm._groups import FRAME, array, new
+
 
 class Arm(NamedTuple):
     """The moving robot, its spheres sorted by body."""
 
-    tree_i: np.ndarray  # (n_bodies, 3)
-    tree_f: np.ndarray  # (n_bodies, 17)
-    spheres: np.ndarray  # (n, 4) centre in body frame, radius
-    body: np.ndarray  # (n,)
-    reach: np.ndarray  # (n, n_bodies)
-    body_ptr: np.ndarray  # (n_bodies + 1,) spheres of a body
-    bound: np.ndarray  # (n_bodies, 4) ball round the centres of a body's spheres
+    tree_i: np.ndarray = array("i4", "bodies 3")
+    tree_f: np.ndarray = array("f8", "bodies 17")
+    spheres: np.ndarray = array("f8", "spheres 4")  # centre in body frame, radius
+    body: np.ndarray = array("i4", "spheres")
+    reach: np.ndarray = array("f8", "spheres bodies")
+    body_ptr: np.ndarray = array("i8", "bodies+1")  # spheres of a body
+    # ball round the centres of a body's spheres
+    bound: np.ndarray = array("f8", "bodies 4")
 
 
 class Work(NamedTuple):
     """Scratch of the close test, one per planner."""
 
-    frames: np.ndarray  # (3, n_bodies, 12)
-    point: np.ndarray  # (dof,)
-    speed: np.ndarray  # (n,)
-    bend: np.ndarray  # (n,)
-    rates: np.ndarray  # (2, n_bodies)
-    body_speed: np.ndarray  # (n_bodies,)
-    body_radius: np.ndarray  # (n_bodies,)
-    bottom: np.ndarray  # (n_bodies,) level at which the chord test decides
-    early: np.ndarray  # (n_bodies,) level from which it may free a body
-    stack: np.ndarray  # (64, 2) level, index
-    masks: np.ndarray  # (64, n_bodies) bodies still open
-    anchor: np.ndarray  # (n, 3) centres at the start of an escape
-    found: np.ndarray  # (4,) int64: sphere, point, tests, evaluations
-    value: np.ndarray  # (2,) t and distance of what was found
+    frames: np.ndarray = array("f8", "3 bodies 12", FRAME)
+    point: np.ndarray = array("f8", "dof", FRAME)
+    speed: np.ndarray = array("f8", "spheres", FRAME)
+    bend: np.ndarray = array("f8", "spheres", FRAME)
+    rates: np.ndarray = array("f8", "2 bodies", FRAME)
+    body_speed: np.ndarray = array("f8", "bodies", FRAME)
+    body_radius: np.ndarray = array("f8", "bodies", FRAME)
+    # level at which the chord test decides, and from which it may free a body
+    bottom: np.ndarray = array("i8", "bodies", FRAME)
+    early: np.ndarray = array("i8", "bodies", FRAME)
+    stack: np.ndarray = array("i8", "64 2", FRAME)  # level, index
+    masks: np.ndarray = array("b1", "64 bodies", FRAME)  # bodies still open
+    # centres at the start of an escape
+    anchor: np.ndarray = array("f8", "spheres 3", FRAME)
+    # sphere, point, tests, evaluations
+    found: np.ndarray = array("i8", "4", FRAME)
+    value: np.ndarray = array("f8", "2", FRAME)  # t and distance of what was found
+
+
+class Clearance(NamedTuple):
+    """What a close test works with: the robot, and the distance it must keep."""
+
+    arm: Arm
+    radii: np.ndarray  # (n,) sphere radius + covering radius + clearance [m]
+    tolerance: float  # no piece of a motion is inflated by more [m]
+    work: Work
 
 
 def make_work(n_spheres: int, n_bodies: int, dof: int) -> Work:
     """Return scratch for a robot of this size."""
-    return Work(
-        frames=np.zeros((3, n_bodies, 12)),
-        point=np.zeros(dof),
-        speed=np.zeros(n_spheres),
-        bend=np.zeros(n_spheres),
-        rates=np.zeros((2, n_bodies)),
-        body_speed=np.zeros(n_bodies),
-        body_radius=np.zeros(n_bodies),
-        bottom=np.zeros(n_bodies, np.int64),
-        early=np.zeros(n_bodies, np.int64),
-        stack=np.zeros((64, 2), np.int64),
-        masks=np.zeros((64, n_bodies), np.bool_),
-        anchor=np.zeros((n_spheres, 3)),
-        found=np.zeros(4, np.int64),
-        value=np.zeros(2),
-    )
+    return new(Work, {"spheres": n_spheres, "bodies": n_bodies, "dof": dof})

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from odm.obstacles._cloud import N_OCCUPIED
-from roadmap.kinematics._forward import body_frames, motion_bounds
+from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
@@ -29,8 +29,9 @@ def box_distance2(x, y, z, box):
 
 
 @njit(cache=True, nogil=True)
-def chord_distance2(px, py, pz, ax, ay, az, bx, by, bz):
-    """Return the squared distance of point p from segment a b."""
+def chord_distance2(p, a, b):
+    """Return the squared distance of point p from segment a b, three numbers each."""
+    (px, py, pz), (ax, ay, az), (bx, by, bz) = p, a, b
     ux, uy, uz = bx - ax, by - ay, bz - az
     wx, wy, wz = px - ax, py - ay, pz - az
     length2 = ux * ux + uy * uy + uz * uz
@@ -42,11 +43,12 @@ def chord_distance2(px, py, pz, ax, ay, az, bx, by, bz):
 
 
 @njit(cache=True, nogil=True)
-def prepare_motion(arm, radii, dq, tolerance, work):
-    """Fill the motion bounds of `work` for displacement `dq`.
+def prepare_motion(clearance, dq):
+    """Fill the motion bounds of the scratch for displacement `dq`.
 
     Returns False where a radius is not finite: nothing can be proved then.
     """
+    arm, radii, tolerance, work = clearance
     motion_bounds(
         arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
     )
@@ -107,8 +109,9 @@ def threshold(radius, i, px, py, pz, escape, anchor):
 
 
 @njit(cache=True, nogil=True)
-def body_at(arm, b, radii, frame, half, cloud, escape, work):
+def body_at(clearance, b, frame, half, cloud, escape):
     """Test body b at one configuration; 0 free, 1 open, 2 in the way of a point."""
+    arm, radii, _, work = clearance
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
     bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
@@ -149,8 +152,9 @@ def body_at(arm, b, radii, frame, half, cloud, escape, work):
 
 
 @njit(cache=True, nogil=True)
-def body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
+def body_chord(clearance, b, f, g, dt, cloud, escape):
     """Test body b along the chords between frames f and g; False: in the way."""
+    arm, radii, _, work = clearance
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
         ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
@@ -168,7 +172,7 @@ def body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
                 continue
             for p in range(cloud.start[k], cloud.start[k + 1]):
                 px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
-                d2 = chord_distance2(px, py, pz, ax, ay, az, bx, by, bz)
+                d2 = chord_distance2((px, py, pz), (ax, ay, az), (bx, by, bz))
                 r = radii[i] + sag
                 if d2 >= r * r:
                     continue
@@ -191,31 +195,48 @@ def is_finite(q, dq):
 
 
 @njit(cache=True, nogil=True)
-def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
+def begin_intervals(arm, work):
+    """Let the whole motion be the only interval, with all bodies that have spheres."""
+    work.stack[0, 0] = 0
+    work.stack[0, 1] = 0
+    for b in range(arm.tree_i.shape[0]):
+        work.masks[0, b] = b > 0 and arm.body_ptr[b + 1] > arm.body_ptr[b]
+
+
+@njit(cache=True, nogil=True)
+def split_interval(work, top):
+    """Replace the interval at `top` of the stack by its halves, the first on top."""
+    level, index = work.stack[top, 0], work.stack[top, 1]
+    for b in range(work.masks.shape[1]):
+        work.masks[top + 1, b] = work.masks[top, b]
+    work.stack[top, 0] = level + 1
+    work.stack[top, 1] = 2 * index + 1
+    work.stack[top + 1, 0] = level + 1
+    work.stack[top + 1, 1] = 2 * index
+
+
+@njit(cache=True, nogil=True)
+def motion_clear(clearance, q, dq, cloud, escape):
     """Return True if the whole motion q + t dq, t in [0, 1], keeps its distance.
 
-    `radii` (n,) hold radius, covering radius and clearance. On False, work.found
-    has the sphere and the point's index and work.value t and the distance. What is
-    not finite is not clear, whatever stands about: the point is -1 then. With
-    `escape`, points nearer than that need only not come nearer than work.anchor has
-    them. The points must have been sorted.
+    On False, work.found has the sphere and the point's index and work.value t and the
+    distance. What is not finite is not clear, whatever stands about: the point is -1
+    then. With `escape`, points nearer than that need only not come nearer than
+    work.anchor has them. The points must have been sorted.
     """
+    arm, work = clearance.arm, clearance.work
     work.found[2] += 1
     known = is_finite(q, dq)
     if known and cloud.counts[N_OCCUPIED] == 0:
         return True
-    if not (known and prepare_motion(arm, radii, dq, tolerance, work)):
+    if not (known and prepare_motion(clearance, dq)):
         work.found[0] = 0
         work.found[1] = -1
         work.value[0] = 0.0
         work.value[1] = 0.0
         return False
-    n_bodies = arm.tree_i.shape[0]
     top = 0
-    work.stack[0, 0] = 0
-    work.stack[0, 1] = 0
-    for b in range(n_bodies):
-        work.masks[0, b] = b > 0 and arm.body_ptr[b + 1] > arm.body_ptr[b]
+    begin_intervals(arm, work)
     while top >= 0:
         level, index = work.stack[top, 0], work.stack[top, 1]
         dt = 1.0 / (1 << level)
@@ -226,12 +247,11 @@ def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
         mask = work.masks[top]
         open_ = False
         chords = False
-        for b in range(1, n_bodies):
+        for b in range(1, mask.shape[0]):
             if not mask[b]:
                 continue
-            state = body_at(
-                arm, b, radii, work.frames[0, b], 0.5 * dt, cloud, escape, work
-            )
+            frame = work.frames[0, b]
+            state = body_at(clearance, b, frame, 0.5 * dt, cloud, escape)
             if state == 2:
                 work.value[0] = t
                 return False
@@ -242,33 +262,66 @@ def motion_clear(arm, radii, q, dq, tolerance, cloud, escape, work):
                 else:
                     open_ = True
         if chords:
-            set_point(q, dq, index * dt, work.point)
-            body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[1])
-            set_point(q, dq, (index + 1) * dt, work.point)
-            body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[2])
-            work.found[3] += 2
-            for b in range(1, n_bodies):
-                if mask[b] and level >= work.early[b]:
-                    f, g = work.frames[1, b], work.frames[2, b]
-                    if body_chord(arm, b, radii, f, g, dt, cloud, escape, work):
-                        mask[b] = False
-                    elif level < work.bottom[b]:
-                        open_ = True
-                    else:
-                        work.value[0] = t
-                        return False
-        if not open_:
+            verdict = chords_clear(clearance, q, dq, top, cloud, escape)
+            if verdict == 2:
+                work.value[0] = t
+                return False
+            open_ = open_ or verdict == 1
+        if open_:
+            split_interval(work, top)
+            top += 1
+        else:
             top -= 1
-            continue
-        # the first half goes on top of the second
-        for b in range(n_bodies):
-            work.masks[top + 1, b] = mask[b]
-        work.stack[top, 0] = level + 1
-        work.stack[top, 1] = 2 * index + 1
-        work.stack[top + 1, 0] = level + 1
-        work.stack[top + 1, 1] = 2 * index
-        top += 1
     return True
+
+
+@njit(cache=True, nogil=True)
+def chords_clear(clearance, q, dq, top, cloud, escape):
+    """Test the bodies of the interval at `top` that are still open, by their chords.
+
+    Those that are free leave its mask. Returns 0 where all are; 1: some are open;
+    2: one is in the way of a point, at the bottom level.
+    """
+    arm, work = clearance.arm, clearance.work
+    level, index = work.stack[top, 0], work.stack[top, 1]
+    dt, mask = 1.0 / (1 << level), work.masks[top]
+    set_point(q, dq, index * dt, work.point)
+    body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[1])
+    set_point(q, dq, (index + 1) * dt, work.point)
+    body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[2])
+    work.found[3] += 2
+    result = 0
+    for b in range(1, mask.shape[0]):
+        if mask[b] and level >= work.early[b]:
+            f, g = work.frames[1, b], work.frames[2, b]
+            if body_chord(clearance, b, f, g, dt, cloud, escape):
+                mask[b] = False
+            elif level < work.bottom[b]:
+                result = 1
+            else:
+                return 2
+    return result
+
+
+@njit(cache=True, nogil=True)
+def first_blocked(clearance, path, cloud, leg):
+    """Return the first leg of a path (k, dof) that comes too near, -1 for none.
+
+    `leg` (dof,) is scratch. A single corner is a robot at rest.
+    """
+    for k in range(max(1, path.shape[0] - 1)):
+        for j in range(path.shape[1]):
+            leg[j] = path[min(k + 1, path.shape[0] - 1), j] - path[k, j]
+        if not motion_clear(clearance, path[k], leg, cloud, False):
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def place_anchor(arm, q, work):
+    """Write the sphere centres at q to work.anchor, where an escape begins."""
+    body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
+    place_points(work.frames[0], arm.body, arm.spheres, work.anchor)
 
 
 @njit(cache=True, nogil=True)

@@ -1,44 +1,167 @@
-"""Many motions against everything that stands still."""
+"""Motions against what stands still: exact solids, points, and the robot itself.
 
+The scenery's half-spaces and boxes are exact; the robot is its sphere cover.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
 from numba import njit
 
-from odm.close_test._close import motion_clear
-from odm.close_test._solids import motion_clear_of_solids
+from odm.close_test._arm import Clearance
+from odm.close_test._close import (
+    begin_intervals,
+    motion_clear,
+    set_point,
+    split_interval,
+)
+from odm.obstacles._cloud import Cloud
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
+from roadmap.kinematics._forward import body_frames, motion_bounds
+
+FINE_LENGTH = 1e-3  # [m] an interval is given up once no sphere moves by more
+MAX_DEPTH = 20
+
+
+class Solids(NamedTuple):
+    """Exact scenery, and the distance that the spheres keep from it."""
+
+    rows: np.ndarray  # (n, 17) see `solid_distance`
+    skip: np.ndarray  # (n_bodies, n) pairs that are left out
+    margin: float  # [m]
+
+
+class Still(NamedTuple):
+    """All that a robot must keep clear of and that never moves."""
+
+    itself: tuple  # the model of its self-collision,
+    margin: float  # how far its links stay apart, and
+    tolerance: float  # to what depth that is looked at [m]
+    solids: Solids
+    scenery: Clearance
+    cloud: Cloud  # points of the recipe's scenery
+    place: Clearance
+    place_cloud: Cloud  # points of the scenery of this place
 
 
 @njit(cache=True, nogil=True)
-def motions_free(
-    arm,
-    q,
-    dq,
-    itself,
-    apart,
-    fine,
-    scratch,
-    solids,
-    skip,
-    margin,
-    radii,
-    cloud,
-    place_radii,
-    place,
-    tolerance,
-    work,
-    result,
-):
-    """Write to `result` (k,) which motions q[k] + t dq[k] are free."""
+def solid_distance(x, y, z, solid):
+    """Return the distance of a point from a solid (17,), 0 inside a box.
+
+    Row of a half-space: 0, normal (3), offset: solid where n.x <= offset (negative
+    distance inside). Row of a box: 1, centre (3), rotation (9, row-major), half sizes.
+    """
+    if solid[0] == 0.0:
+        return solid[1] * x + solid[2] * y + solid[3] * z - solid[4]
+    ux, uy, uz = x - solid[1], y - solid[2], z - solid[3]
+    total = 0.0
+    for k in range(3):
+        along = solid[4 + k] * ux + solid[7 + k] * uy + solid[10 + k] * uz
+        over = abs(along) - solid[13 + k]
+        if not over <= 0.0:  # a NaN stays one
+            total += over * over
+    return math.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def body_near_solids(arm, b, f, half, solids, work):
+    """Test body b against all solids; 0 free, 1 open, 2 in contact."""
+    rows, skip, margin = solids
+    result = 0
+    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
+    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
+    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
+    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
+    reach = arm.bound[b, 3] + work.body_radius[b] + margin
+    reach += work.body_speed[b] * half
+    for k in range(rows.shape[0]):
+        if skip[b, k] or solid_distance(wx, wy, wz, rows[k]) >= reach:
+            continue
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            s = arm.spheres[i]
+            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            d = solid_distance(cx, cy, cz, rows[k]) - s[3] - margin
+            if not d >= 0.0:  # a NaN is contact
+                work.found[0] = i
+                work.found[1] = k
+                work.value[1] = d
+                return 2
+            if not d >= work.speed[i] * half:
+                result = 1
+                work.found[0] = i
+                work.found[1] = k
+                work.value[1] = d
+    return result
+
+
+@njit(cache=True, nogil=True)
+def motion_clear_of_solids(arm, q, dq, solids, work):
+    """Return True if q + t dq, t in [0, 1], keeps the margin from all solids.
+
+    On False, work.found has the sphere and the solid, work.value t and the distance
+    left.
+    """
+    if solids.rows.shape[0] == 0:
+        return True
+    motion_bounds(
+        arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
+    )
+    for b in range(arm.tree_i.shape[0]):
+        work.body_speed[b] = 0.0
+        work.body_radius[b] = 0.0
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            work.body_speed[b] = max(work.body_speed[b], work.speed[i])
+            work.body_radius[b] = max(work.body_radius[b], arm.spheres[i, 3])
+    top = 0
+    begin_intervals(arm, work)
+    while top >= 0:
+        level, index = work.stack[top, 0], work.stack[top, 1]
+        dt = 1.0 / (1 << level)
+        t = (index + 0.5) * dt
+        set_point(q, dq, t, work.point)
+        body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
+        open_ = False
+        mask = work.masks[top]
+        for b in range(1, mask.shape[0]):
+            if not mask[b]:
+                continue
+            frame = work.frames[0, b]
+            state = body_near_solids(arm, b, frame, 0.5 * dt, solids, work)
+            length = work.body_speed[b] * dt
+            ends = length <= FINE_LENGTH or level == MAX_DEPTH
+            if state == 2 or (state == 1 and ends):
+                work.value[0] = t
+                return False
+            mask[b] = state == 1
+            open_ = open_ or state == 1
+        if open_:
+            split_interval(work, top)
+            top += 1
+        else:
+            top -= 1
+    return True
+
+
+@njit(cache=True, nogil=True)
+def motions_free(still, q, dq, scratch, result):
+    """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`.
+
+    `scratch` is that of the self-collision.
+    """
+    arm, work = still.scenery.arm, still.scenery.work
+    apart, fine = still.margin, still.tolerance
     for k in range(q.shape[0]):
         result[k] = False
-        if not motion_clear_of_solids(arm, margin, q[k], dq[k], solids, skip, work):
+        if not motion_clear_of_solids(arm, q[k], dq[k], still.solids, work):
             continue
-        pair, _ = keeps_apart(itself, q[k], dq[k], apart, fine, scratch)
+        pair, _ = keeps_apart(still.itself, q[k], dq[k], apart, fine, scratch)
         if pair >= 0:
             continue
-        if not motion_clear(arm, radii, q[k], dq[k], tolerance, cloud, False, work):
+        if not motion_clear(still.scenery, q[k], dq[k], still.cloud, False):
             continue
-        if not motion_clear(
-            arm, place_radii, q[k], dq[k], tolerance, place, False, work
-        ):
+        if not motion_clear(still.place, q[k], dq[k], still.place_cloud, False):
             continue
         result[k] = True

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from odm.close_test import _close as close
-from odm.close_test import _solids as solids
-from odm.close_test._arm import make_work
-from odm.close_test._static import motions_free
+from odm.close_test import _static as kernels
+from odm.close_test._arm import Clearance, Work, make_work
 from odm.close_test.arm import arm_of
+from odm.close_test.close_test import CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import _world_frame as layers
@@ -92,33 +91,13 @@ class StaticTest:
 
         With `more` every point of the robot may be so far beside the motion [m].
         """
-        radii, place_radii = self.radii, self.place_radii
-        if more:
-            radii, place_radii = radii + more, place_radii + more
         q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
         result = np.zeros(len(q), np.bool_)
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            motions_free(
-                self.arm,
-                q[part],
-                dq[part],
-                self.itself.model,
-                MARGIN + 2.0 * more,
-                TOLERANCE,
-                self.itself.scratch(),
-                self.scenery.solids,
-                self.skip,
-                self.safety.m + more,
-                radii,
-                self.cloud,
-                place_radii,
-                self.place_cloud,
-                self.tolerance,
-                self._work(),
-                result[part],
-            )
+            still, scratch = self._still(more), self.itself.scratch()
+            kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
             for part in parts:
@@ -138,20 +117,23 @@ class StaticTest:
         if text is not None:
             return text
         work = self.work
-        if not solids.motion_clear_of_solids(
-            self.arm, self.safety.m, q, dq, self.scenery.solids, self.skip, work
-        ):
+        solids = kernels.Solids(self.scenery.solids, self.skip, self.safety.m)
+        if not kernels.motion_clear_of_solids(self.arm, q, dq, solids, work):
             name = self.scenery.names[work.found[1]]
             return f"{self.link_of(work.found[0])} would touch {name}"
         for cloud, radii, name in (
             (self.cloud, self.radii, "a scenery mesh"),
             (self.place_cloud, self.place_radii, "the scenery set by set_static"),
         ):
-            if not close.motion_clear(
-                self.arm, radii, q, dq, self.tolerance, cloud, False, work
-            ):
+            test = CloseTest(self.arm, radii, self.tolerance, work)
+            if not test.clear(q, dq, cloud):
                 return f"{self.link_of(work.found[0])} would touch {name}"
         return None
+
+    def clear_of_place(self, q: np.ndarray, dq: np.ndarray) -> bool:
+        """Return whether the motion q + t dq is clear of this place's scenery."""
+        test = CloseTest(self.arm, self.place_radii, self.tolerance, self.work)
+        return test.clear(q, dq, self.place_cloud)
 
     def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say which links the motion q + t dq brings together, or None."""
@@ -169,7 +151,24 @@ class StaticTest:
         order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
 
-    def _work(self):  # noqa: ANN202 (Work)
+    def _still(self, more: float) -> kernels.Still:
+        """Return all that stands still, with scratch for one thread."""
+        radii, place_radii = self.radii, self.place_radii
+        if more:
+            radii, place_radii = radii + more, place_radii + more
+        work = self._work()
+        return kernels.Still(
+            itself=self.itself.model,
+            margin=MARGIN + 2.0 * more,
+            tolerance=TOLERANCE,
+            solids=kernels.Solids(self.scenery.solids, self.skip, self.safety.m + more),
+            scenery=Clearance(self.arm, radii, self.tolerance, work),
+            cloud=self.cloud,
+            place=Clearance(self.arm, place_radii, self.tolerance, work),
+            place_cloud=self.place_cloud,
+        )
+
+    def _work(self) -> Work:
         n_bodies = len(self.robot.tree_i)
         return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
 
@@ -217,10 +216,9 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
         for k in range(len(scenery.solids)):
             skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
             skip[body, k] = False
+            solids = kernels.Solids(scenery.solids, skip, safety.m)
             touching = all(
-                not solids.motion_clear_of_solids(
-                    arm, safety.m, q, still, scenery.solids, skip, work
-                )
+                not kernels.motion_clear_of_solids(arm, q, still, solids, work)
                 for q in sample
             )
             if touching:

@@ -4,22 +4,28 @@ from typing import NamedTuple
 
 import numpy as np
 
+from odm._groups import FRAME, array
+
 
 class Cloud(NamedTuple):
-    """Points of one frame, by block; see occupancy.py."""
+    """Points of one frame, by block; see `_occupancy.py`."""
 
-    origin: np.ndarray  # (3,) corner of the grid
-    h: float  # cell size
-    shape: np.ndarray  # (3,) blocks
-    words: np.ndarray  # (n_blocks,) occupied cells
-    occupied: np.ndarray  # (n_blocks,) block ids, the first counts[0] are valid
-    slot: np.ndarray  # (n_blocks,) position of a block in `occupied`
-    start: np.ndarray  # (n_blocks + 1,) first point of an occupied block
-    box: np.ndarray  # (n_blocks, 6) bounds of its points, lower and upper
-    xyz: np.ndarray  # (capacity, 3) points by block
-    order: np.ndarray  # (capacity,) index each had in the input
-    where: np.ndarray  # (capacity,) block << 6 | bit of each input point, -1 outside
-    counts: np.ndarray  # (5,) occupied blocks, points inside, outside, bad, sorted?
+    origin: np.ndarray = array("f8", "3")  # corner of the grid
+    h: float = array("f8", "")  # cell size
+    shape: np.ndarray = array("i8", "3")  # blocks
+    words: np.ndarray = array("u8", "blocks", FRAME)  # occupied cells
+    # block ids, the first counts[N_OCCUPIED] are valid
+    occupied: np.ndarray = array("i4", "blocks", FRAME)
+    slot: np.ndarray = array("i4", "blocks", FRAME)  # position in `occupied`
+    # first point of an occupied block
+    start: np.ndarray = array("i4", "blocks+1", FRAME)
+    box: np.ndarray = array("f8", "blocks 6", FRAME)  # bounds of its points
+    xyz: np.ndarray = array("f8", "points 3", FRAME)  # points by block
+    order: np.ndarray = array("i4", "points", FRAME)  # index each had in the input
+    # block << 6 | bit of each input point, -1 outside
+    where: np.ndarray = array("i4", "points", FRAME)
+    # occupied blocks, points inside, outside, bad, sorted?
+    counts: np.ndarray = array("i8", "5", FRAME)
 
 
 N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, IS_SORTED = 0, 1, 2, 3, 4

@@ -1,4 +1,4 @@
-"""Cell lists of several layers as one, and points that reach into further cells."""
+"""Points that reach into further cells, and points in another frame."""
 
 import math
 
@@ -6,37 +6,6 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
-
-
-@njit(cache=True, nogil=True)
-def merge_lists(ptr_a, block_a, mask_a, ptr_b, block_b, mask_b, ptr, block, mask):
-    """Write to `block`, `mask` the union of two layers' cells, item by item.
-
-    Blocks ascend within an item, in the result too. Returns the number of entries;
-    the room must do for both layers one after the other.
-    """
-    end = 0
-    ptr[0] = 0
-    for item in range(ptr_a.shape[0] - 1):
-        a, a_end = ptr_a[item], ptr_a[item + 1]
-        b, b_end = ptr_b[item], ptr_b[item + 1]
-        while a < a_end or b < b_end:
-            if b >= b_end or (a < a_end and block_a[a] < block_b[b]):
-                block[end] = block_a[a]
-                mask[end] = mask_a[a]
-                a += 1
-            elif a >= a_end or block_b[b] < block_a[a]:
-                block[end] = block_b[b]
-                mask[end] = mask_b[b]
-                b += 1
-            else:
-                block[end] = block_a[a]
-                mask[end] = mask_a[a] | mask_b[b]
-                a += 1
-                b += 1
-            end += 1
-        ptr[item + 1] = end
-    return end
 
 
 @njit(cache=True, nogil=True)

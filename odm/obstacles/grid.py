@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm._groups import new
 from odm.obstacles._cloud import Cloud
 from roadmap.arrays import frozen
 from roadmap.robot.robot import PRISMATIC, Robot
@@ -46,20 +47,12 @@ class WorkspaceGrid:
 
     def new_cloud(self, capacity: int) -> Cloud:
         """Return an empty Cloud on this grid for up to `capacity` points."""
-        n = self.n_blocks
-        return Cloud(
+        return new(
+            Cloud,
+            {"blocks": self.n_blocks, "points": capacity},
             origin=self.origin,
             h=self.h,
             shape=self.blocks,
-            words=np.zeros(n, np.uint64),
-            occupied=np.zeros(n, np.int32),
-            slot=np.zeros(n, np.int32),
-            start=np.zeros(n + 1, np.int32),
-            box=np.zeros((n, 6)),
-            xyz=np.zeros((capacity, 3)),
-            order=np.zeros(capacity, np.int32),
-            where=np.zeros(capacity, np.int32),
-            counts=np.zeros(5, np.int64),
         )
 
 

@@ -22,7 +22,7 @@ class Scenery:
     """What stands still around the robot, in the base frame.
 
     Attributes:
-        solids: (n, 16) half-spaces and boxes; see `odm/close_test/_solids.py`.
+        solids: (n, 16) half-spaces and boxes; see `odm/close_test/_static.py`.
         points: (k, 3) surface points of meshes [m].
         covering_radius: Of those points [m].
         names: Name of each solid.

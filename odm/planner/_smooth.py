@@ -1,6 +1,7 @@
-"""Changes of a way that would save time: which one to test next."""
+"""Changes of a path that would save time: which one to test next."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,15 +11,41 @@ _R2_U, _R2_V = 0.7548776662466927, 0.5698402909980532
 I, J, FROM_VERTEX, TO_VERTEX, N_CORNERS = 0, 1, 2, 3, 4
 
 
+class Rest(NamedTuple):
+    """What of a path may change: its corners q[at..last]."""
+
+    q: np.ndarray  # (n, dof)
+    at: int
+    last: int
+    first: float  # share of the first leg that stays
+
+
+class Terms(NamedTuple):
+    """What tells the time of a path."""
+
+    # (5, dof) the joints' speed, acceleration, jerk, motion bound and weights
+    robot: np.ndarray
+    # how far a blend may be off [m], and BLEND_DEVIATION, TURN_A and TURN_J of
+    # `roadmap.motion.blending`
+    rounding: np.ndarray
+    continuous: np.ndarray  # (dof,)
+
+
+class Scratch(NamedTuple):
+    """Room for a change and what comes of it."""
+
+    new: np.ndarray  # (n, dof) the changed path
+    corners: np.ndarray  # (3, dof) of the change
+    ints: np.ndarray  # (5,) by the names above
+
+
 @njit(cache=True, nogil=True)
 def path_time(q, n, robot, rounding):
     """Return about how long the path q[:n] takes [s].
 
     Legs at the speed that the joints allow; in a corner, which is rounded, no faster
     than the joints can turn there, and what it takes to slow down to that and speed up
-    again. `robot` (5, dof) holds the joints' speed, acceleration, jerk, sway and
-    weights; `rounding` how far a blend may stray [m], and STRAY, TURN_A and TURN_J of
-    `roadmap.motion.blending`.
+    again. `robot` and `rounding` are those of Terms.
     """
     dof = q.shape[1]
     time = 0.0
@@ -74,8 +101,10 @@ def _lost(fast, slow, a, j):
 
 
 @njit(cache=True, nogil=True)
-def _cut(q, at, last, first, u, v, robot, corners, ints):
-    """Write a straight leg between two places of the way; False where there is none."""
+def _cut(rest, u, v, robot, scratch):
+    """Write a straight leg between two places of the path; False: there is none."""
+    q, at, last, first = rest
+    corners, ints = scratch.corners, scratch.ints
     dof = q.shape[1]
     total = begin = 0.0
     for k in range(at, last):
@@ -110,8 +139,10 @@ def _cut(q, at, last, first, u, v, robot, corners, ints):
 
 
 @njit(cache=True, nogil=True)
-def _pull(q, at, last, first, u, v, corners, ints):
+def _pull(rest, u, v, scratch):
     """Write two legs past a corner, nearer to the straight line; False for none."""
+    q, at, last, first = rest
+    corners, ints = scratch.corners, scratch.ints
     dof = q.shape[1]
     n = last - at - 1
     if n < 1:
@@ -157,36 +188,23 @@ def _short_way(corners, n, continuous):
 
 
 @njit(cache=True, nogil=True)
-def next_change(
-    q,
-    at,
-    last,
-    first,
-    drawn,
-    most,
-    worth,
-    robot,
-    rounding,
-    continuous,
-    new,
-    corners,
-    ints,
-):
-    """Look for a change that saves the share `worth` of the rest of a way.
+def next_change(rest, terms, scratch, drawn, most, worth):
+    """Look for a change that saves the share `worth` of the rest of a path.
 
-    The way's corners are q[at..last]; the share `first` of its first leg stays. At most
-    `most` changes are looked at, from number `drawn` + 1 on; `new` is scratch. Returns
-    (the last number, found): corners (3, dof) and ints (5,) say what was found, by the
-    names above.
+    At most `most` changes are looked at, from number `drawn` + 1 on. Returns (the last
+    number, found): `scratch` says what was found.
     """
+    q, at, last, _ = rest
+    robot, rounding, continuous = terms
+    new, corners, ints = scratch
     before = path_time(q[at:], last - at + 1, robot, rounding)
     for _ in range(most):
         drawn += 1
         u, v = (0.5 + drawn * _R2_U) % 1.0, (0.5 + drawn * _R2_V) % 1.0
         if drawn % 2:
-            found = _cut(q, at, last, first, u, v, robot, corners, ints)
+            found = _cut(rest, u, v, robot, scratch)
         else:
-            found = _pull(q, at, last, first, u, v, corners, ints)
+            found = _pull(rest, u, v, scratch)
         if not found:
             continue
         _short_way(corners, ints[N_CORNERS], continuous)
@@ -205,6 +223,6 @@ def next_change(
     return drawn, False
 
 
-def scratch(room: int, dof: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return new, corners and ints of `next_change` for ways of so many corners."""
-    return np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64)
+def new_scratch(room: int, dof: int) -> Scratch:
+    """Return scratch for paths of so many corners."""
+    return Scratch(np.empty((room + 4, dof)), np.empty((3, dof)), np.zeros(5, np.int64))

@@ -1,71 +1,104 @@
 """Joining configurations to the roadmap: goals when set, starts when first seen."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from odm.cell_map._sweep import sweep_space
+from odm.cell_map._sweep import sweep_room
 from odm.cell_map.cell_map import ROUNDING
+from odm.cell_map.sweep import swept_by
+from odm.frame.frame import Frame
 from odm.planner.kept_goals import KeptGoals
+from odm.planner.path import Candidates, PathInUse
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
-from odm.search import _quick as quick
-from odm.search import _types as kinds
+from odm.search import _judge as judge
+from odm.search import _state as kinds
 from odm.search.state import MAX_ATTACHMENTS, point_motion
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 _LOOKED_AT = 4  # times as many near nodes are looked at as are attached
 _QUICK = 6  # near nodes that a robot in motion may be joined with,
 _PASSED = 3  # and how many of them it is
-_ROOM = 0.01  # [m] a robot beside its segment by less needs no test of its own
 _TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
 class Attacher:
-    """Keeps a planner's attachments: pool items of motions to and from the roadmap."""
+    """The goals, and the motions that join goals and starts to the roadmap.
 
-    def __init__(self, planner: "ReactivePlanner") -> None:
-        """Keep the planner; its memory must have been laid out."""
-        self.planner = planner
-        memory = planner.memory
-        self.roadmap = planner.cell_map.roadmap
-        self.resize()
-        self.kept = KeptGoals(memory.goals, planner.settings.kept_goals)
+    Motions are items of the pool: lists of cells, which each frame tests anew. They are
+    known by the exact configuration that they were made for.
+
+    Args:
+        frame: Scenery, hand and memory.
+        path: The path in use; its items are kept.
+        candidates: Their items are thrown away when the pool runs full.
+        goals: Motions that join a goal to near nodes.
+        starts: The same for a start.
+        kept: Goals that stay attached.
+
+    Attributes:
+        goals: (g, dof) best first [rad or m].
+        costs: (g,) of the goals, or None.
+        quick: Whether the start was attached by a few motions that have no cells.
+        is_stale: Whether goals are to be attached anew: the hand has changed.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        path: PathInUse,
+        candidates: Candidates,
+        goals: int,
+        starts: int,
+        kept: int,
+    ) -> None:
+        """Attach nothing yet."""
+        self.frame, self.path, self.candidates = frame, path, candidates
+        self.roadmap = frame.cell_map.roadmap
+        self._for_goals = min(goals, MAX_ATTACHMENTS)
+        self._for_starts = min(starts, MAX_ATTACHMENTS)
+        self._resize()
+        self.kept = KeptGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
-        self.q_fresh = memory.own.q_fresh
+        self.q_fresh = frame.memory.own.q_fresh
         self._fresh_key = b""  # the same as bytes, which are compared faster
-        self._room_key = b""  # end and begin of a segment, and
-        self._has_room = False  # whether it is free with room around it
-        self._kept = np.zeros(_QUICK, np.int64)
-        self.quick = False
-        self._direct_from = np.full(planner.robot.dof, np.nan)  # where from
+        self._chosen = np.zeros(_QUICK, np.int64)
+        self.quick = self.is_stale = False
+        self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
+        self.goals = np.zeros((0, frame.robot.dof))
+        self.costs: np.ndarray | None = None
 
-    def resize(self) -> None:
+    def _resize(self) -> None:
         """Follow the arm, whose spheres are more while it carries something."""
-        planner, arm = self.planner, self.planner.memory.arm
-        n = len(arm.spheres)
-        safety = planner.cell_map.safety
+        frame, arm = self.frame, self.frame.memory.arm
+        safety = frame.cell_map.safety
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-        words = np.zeros(planner.cell_map.grid.n_blocks, np.uint64)
-        self.scratch = (words, *sweep_space(n, len(arm.tree_i), planner.robot.dof))
-        planner.memory.proof.motion[:] = point_motion(arm, planner.robot.dof)
+        tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
+        self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
+        self.room = sweep_room(arm, self.swept.grid, frame.robot.dof)
+        frame.memory.proof.motion[:] = point_motion(arm, frame.robot.dof)
+
+    def hand_changed(self) -> None:
+        """Throw all motions away; the goals are attached anew before they are used."""
+        self._resize()
+        goals = self.frame.memory.goals
+        goals.at[: len(self.goals)] = -1
+        goals.count[0] = 0
+        self._forget_items()
+        self.is_stale = True
 
     # --- goals -----------------------------------------------------------------
 
     def set_goals(self, goals: np.ndarray, costs: np.ndarray | None) -> None:
-        """Attach goals; keeps the way in use where its goal stays."""
-        m = self.planner.memory
+        """Attach goals; the path in use stays where its goal does."""
+        if self.is_stale:  # what is known of the goals was known of another hand
+            self.goals, self.is_stale = self.goals[:0], False
+        m, path = self.frame.memory, self.path
         self.tidy()
-        on_way = m.way.count[0] > 0 and m.way.count[1] >= 0
-        kept = int(m.goals.vertex[m.way.count[1]]) if on_way else -1
-        old = {
-            self.planner.goals[g].tobytes(): g for g in range(len(self.planner.goals))
-        }
-        kept_rows = len(self.planner.goals)  # copying all would take half a millisecond
+        on_path = len(path) > 0 and path.goal >= 0
+        vertex = int(m.goals.vertex[path.goal]) if on_path else -1
+        old = {q.tobytes(): g for g, q in enumerate(self.goals)}
+        kept_rows = len(self.goals)  # copying all would take half a millisecond
         before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
         direct = np.full(len(goals), kinds.NO_WAY - 1)  # not known from this start
@@ -84,16 +117,15 @@ class Attacher:
             m.goals.direct_stuck[g] = -1.0
         n = len(goals)
         m.goals.count[0] = n
-        m.own.numbers[kinds.N_JOINT_COSTS] = 0 if costs is None else 1
+        m.numbers.joint_costs[0] = 0 if costs is None else 1
         np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.own.h_any)
-        if m.way.count[0]:
-            same = np.flatnonzero(m.goals.vertex[:n] == kept)
-            m.way.count[1] = same[0] if len(same) else -1
+        path.goals_changed(vertex, m.goals.vertex[:n])
         self._attach_direct(direct)
+        self.goals, self.costs = goals, costs
 
     def prepare(self, q: np.ndarray) -> bool:
         """Attach a goal that will be set later; False where no room is kept for it."""
-        goals = self.planner.memory.goals
+        goals = self.frame.memory.goals
         spare = int(goals.count[0])
         if not self.kept.most or spare == len(goals.q):
             return False
@@ -107,19 +139,19 @@ class Attacher:
 
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
-        goals = self.planner.memory.goals
+        goals = self.frame.memory.goals
         kept = ("h", "at", "node", "length", "ref", "stuck", "number", "vertex")
         for name in kept:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
 
     def _attach_goal(self, g: int, q: np.ndarray) -> None:
-        m = self.planner.memory
+        m = self.frame.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
         goals.stuck[g] = -1.0
         goals.vertex[g] = self.new_vertex()
-        self._measure(q)
+        self.distances(q)
         nearest = int(np.argmin(self.near))
         if self.near[nearest] == 0.0:
             goals.number[g] = 1
@@ -132,13 +164,13 @@ class Attacher:
                 roadmap.nodes,
                 q,
                 roadmap.weights,
-                self.planner.robot.continuous,
+                self.frame.robot.continuous,
                 goals.h[g],
             )
             return
         self._look_beyond(False)
-        self._measure(q)
-        ids, refs = self._motions(q, self._wanted(), outward=False)
+        self.distances(q)
+        ids, refs = self._motions(q, self._for_goals, outward=False)
         k = len(ids)
         goals.number[g] = k
         goals.node[g, :k], goals.ref[g, :k] = ids, refs
@@ -161,26 +193,24 @@ class Attacher:
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_fresh[:] = np.nan
-        self._fresh_key = self._room_key = b""
-        m = self.planner.memory
-        m.fresh.count[0] = 0
-        m.beside.q[:] = np.nan
+        self._fresh_key = b""
+        self.frame.memory.fresh.count[0] = 0
+        self.path.forget_beside()
 
     def forget_all(self) -> None:
-        """Attach everything again: the scenery has changed."""
-        planner = self.planner
-        m = planner.memory
-        planner._rejoin = False
-        m.way.count[0] = 0
+        """Attach everything again: the scenery, or the hand, has changed."""
+        self.path.drop()
         self.forget_start()
-        m.pool.used[:] = 0
-        self.kept.clear()
-        self.forget_shortcuts()
-        goals, costs = planner.goals, planner.costs
-        planner.goals = goals[:0]
+        self._forget_items()
+        goals, costs, self.is_stale = self.goals, self.costs, False
+        self.goals = goals[:0]
         if len(goals):
             self.set_goals(goals, costs)
-            planner.goals = goals
+
+    def _forget_items(self) -> None:
+        self.frame.memory.pool.used[:] = 0
+        self.kept.clear()
+        self.candidates.forget_cuts()
 
     def attach_start(self, q: np.ndarray, quick: bool = False) -> None:
         """Attach a configuration never seen before.
@@ -189,7 +219,7 @@ class Attacher:
         through would use once: the close test decides on a few of them.
         """
         self.tidy()
-        m = self.planner.memory
+        m = self.frame.memory
         self.quick = quick
         self.q_fresh[:] = q
         self._fresh_key = self.q_fresh.tobytes()
@@ -197,11 +227,11 @@ class Attacher:
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
         self._look_beyond(True)
-        self._measure(q)
+        self.distances(q)
         if quick:
             ids, refs = self._quick_motions(q)
         else:
-            ids, refs = self._motions(q, self._wanted_here(), outward=True)
+            ids, refs = self._motions(q, self._for_starts, outward=True)
         k = len(ids)
         m.fresh.count[0] = k
         m.fresh.node[:k], m.fresh.ref[:k] = ids, refs
@@ -211,46 +241,18 @@ class Attacher:
         m.fresh.stuck[:k] = -1.0
         self._attach_direct()
 
-    def certify_beside(self, q: np.ndarray) -> None:
-        """Test the motions from q, beside its segment, to that segment's two ends.
-
-        They are new, so that they are tested against all that stands still; the
-        frame's points are asked where they are used. One test of the segment with room
-        around it answers for all motions that stay within that room.
-
-        Args:
-            q: (dof,) inside its limits, as `judge` found it.
-        """
-        m, static = self.planner.memory, self.planner.static
-        segment, beside = int(m.own.numbers[kinds.N_WHERE]), m.beside
-        beside.q[0] = q
-        beside.q[1:] = m.way.q[segment + 1], m.way.q[segment]
-        end, begin = beside.q[1:]
-        along = end - begin
-        key = beside.q[1:].tobytes()
-        if key != self._room_key:
-            self._room_key = key
-            self._has_room = static.motion_free(begin, along, _ROOM)
-        length2 = float(along @ along)
-        share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
-        off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
-        if self._has_room and off @ m.proof.motion <= _ROOM:
-            beside.free[:] = 1
-        else:
-            beside.free[:] = static.motions_free(np.stack([q, q]), beside.q[1:] - q)
-
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
 
         known: (g,) references that were swept from this very start before, below NO_WAY
         where there is none; None: there are none.
         """
-        m, planner = self.planner.memory, self.planner
+        m, frame = self.frame.memory, self.frame
         g = int(m.goals.count[0])
         m.goals.fresh_ref[:g] = kinds.NO_WAY
         m.goals.direct_stuck[:g] = -1.0
         # a robot that has moved on does not begin where the start was attached
-        if g == 0 or not np.array_equal(self.q_fresh, planner._q):
+        if g == 0 or not np.array_equal(self.q_fresh, frame.q):
             self._direct_from[:] = np.nan
             return
         self._direct_from[:] = self.q_fresh
@@ -260,9 +262,9 @@ class Attacher:
             new = np.flatnonzero(known < kinds.NO_WAY)
         if not len(new):
             return
-        dq = planner._difference(self.q_fresh, m.goals.q[new])
+        dq = frame.difference(self.q_fresh, m.goals.q[new])
         q = np.repeat(self.q_fresh[None], len(new), axis=0)
-        free = planner.static.motions_free(q, dq)
+        free = frame.static.motions_free(q, dq)
         if self.quick:
             m.goals.fresh_ref[new[free]] = kinds.NO_ITEM
             return
@@ -275,11 +277,13 @@ class Attacher:
 
     # --- inside ----------------------------------------------------------------
 
-    def _measure(self, q: np.ndarray) -> None:
+    def distances(self, q: np.ndarray) -> np.ndarray:
+        """Return how far q is from each node, weighted; the next call overwrites it."""
         roadmap = self.roadmap
         kernels.distances(
-            roadmap.nodes, q, roadmap.weights, self.planner.robot.continuous, self.near
+            roadmap.nodes, q, roadmap.weights, self.frame.robot.continuous, self.near
         )
+        return self.near
 
     def _candidates(self, wanted: int) -> np.ndarray:
         """Return nodes to join q with, in turn the nearest and those on the way.
@@ -302,31 +306,25 @@ class Attacher:
 
     def _look_beyond(self, towards_goals: bool) -> None:
         """Set what lies beyond a node: the goals, or the robot's configuration."""
-        m = self.planner.memory
+        m = self.frame.memory
         self.beyond = None
         if towards_goals and m.goals.count[0]:
             self.beyond = m.own.h_any
-        elif not towards_goals and np.isfinite(self.planner._q).all():
-            self._measure(self.planner._q)
+        elif not towards_goals and np.isfinite(self.frame.q).all():
+            self.distances(self.frame.q)
             self.beyond = self.near.copy()
-
-    def _wanted(self) -> int:
-        return min(self.planner.settings.attachments, MAX_ATTACHMENTS)
-
-    def _wanted_here(self) -> int:
-        return min(self.planner.settings.start_attachments, MAX_ATTACHMENTS)
 
     def _motions(
         self, q: np.ndarray, wanted: int, outward: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, pool items) of certified motions to or from near nodes."""
-        planner, ids = self.planner, self._candidates(wanted)
+        ids = self._candidates(wanted)
         kept: list[np.ndarray] = []
         n_kept = 0
         for k in range(0, len(ids), wanted):
             part = ids[k : k + wanted]
             begin, dq = self._between(q, part, outward)
-            good = part[planner.static.motions_free(begin, dq)]
+            good = part[self.frame.static.motions_free(begin, dq)]
             kept.append(good)
             n_kept += len(good)
             if n_kept >= wanted:
@@ -343,14 +341,14 @@ class Attacher:
 
         Only what the frame leaves free is certified, the best first.
         """
-        planner = self.planner
+        frame = self.frame
         ids = self._candidates(_QUICK)[: _LOOKED_AT * _QUICK]
-        table, points = planner.memory.table, planner.points
-        n = quick.clear_starts(table, points, q, ids, _QUICK, self._kept)
+        table, points = frame.memory.table, frame.points
+        n = judge.clear_starts(table, points, q, ids, _QUICK, self._chosen)
         good = []
-        for node in self._kept[:n]:
-            dq = planner._difference(q, self.roadmap.nodes[node])
-            if planner.static.motion_free(q, dq):
+        for node in self._chosen[:n]:
+            dq = frame.difference(q, self.roadmap.nodes[node])
+            if frame.static.motion_free(q, dq):
                 good.append(node)
             if len(good) == _PASSED:
                 break
@@ -363,26 +361,23 @@ class Attacher:
         nodes = self.roadmap.nodes[ids]
         here = np.repeat(q[None], len(ids), axis=0)
         a, b = (here, nodes) if outward else (nodes, here)
-        return a, self.planner._difference(a, b)
+        return a, self.frame.difference(a, b)
 
     def sweep(self, q: np.ndarray, dq: np.ndarray) -> int:
         """Add motions to the pool; return the first item, or -1 where that fails."""
-        m = self.planner.memory
+        m = self.frame.memory
         return kernels.sweep_into_pool(
-            m.arm,
-            self.radii,
+            self.swept,
             np.ascontiguousarray(q),
             np.ascontiguousarray(dq),
-            max(self.planner.cell_map.motion_tolerance, _TOLERANCE),
-            m.cloud,
             m.graph.region,
             m.pool,
-            *self.scratch,
+            self.room,
         )
 
     def nearest(self, q: np.ndarray, count: int) -> np.ndarray:
         """Return the nodes nearest to q, at most `count`, nearest first."""
-        self._measure(q)
+        self.distances(q)
         return self._least(self.near, min(count, self.roadmap.n_nodes))
 
     def new_vertex(self) -> int:
@@ -392,13 +387,13 @@ class Attacher:
 
     def tidy(self) -> None:
         """Throw old items away before the pool or the shortcuts run full."""
-        m = self.planner.memory
+        m = self.frame.memory
         items, entries = m.pool.used
         full = 2 * items > len(m.pool.begin) or 2 * entries > len(m.pool.block)
-        if not full and 4 * m.short.count[0] < len(m.short.key):
+        if not full and not self.candidates.is_filling:
             return
-        self.forget_shortcuts()
-        refs = [m.way.ref[: max(0, int(m.way.count[0]) - 1)]]
+        self.candidates.forget_cuts()
+        refs = [self.path.items()]
         refs.append(m.fresh.ref[: m.fresh.count[0]])
         g = int(m.goals.count[0])
         refs.append(m.goals.fresh_ref[:g])
@@ -408,7 +403,7 @@ class Attacher:
 
     def _compact(self, refs: list[np.ndarray]) -> None:
         """Keep only the items named in `refs`, and renumber them there."""
-        pool = self.planner.memory.pool
+        pool = self.frame.memory.pool
         used = np.unique(np.concatenate(refs))
         used = used[used >= 0]
         end = 0
@@ -425,8 +420,25 @@ class Attacher:
             own = ref >= 0
             ref[own] = np.searchsorted(used, ref[own])
 
-    def forget_shortcuts(self) -> None:
-        """Forget the shortcuts that were found: their items are another hand's."""
-        short = self.planner.memory.short
-        short.key[:] = -1
-        short.count[0] = 0
+    # --- memory ----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return what is remembered of goals and start beside their arrays."""
+        state = [self.quick, self.is_stale, self.next_vertex, self.costs is not None]
+        return {
+            "goals": self.goals.copy(),
+            "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
+            "state": np.array(state, np.int64),
+            "direct_from": self._direct_from.copy(),
+        } | {f"kept_{k}": array for k, array in self.kept.save().items()}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take up goals and a start whose arrays were loaded."""
+        quick, stale, vertex, has_costs = saved["state"].tolist()
+        self.quick, self.is_stale, self.next_vertex = bool(quick), bool(stale), vertex
+        self.goals = saved["goals"].copy()
+        self.costs = saved["costs"].copy() if has_costs else None
+        self._direct_from[:] = saved["direct_from"]
+        known = not np.isnan(self.q_fresh).any()
+        self._fresh_key = self.q_fresh.tobytes() if known else b""
+        self.kept.load({k[5:]: a for k, a in saved.items() if k.startswith("kept_")})

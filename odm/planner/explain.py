@@ -1,45 +1,57 @@
-"""Why the robot holds, and what would help; and what a motion is not free of."""
+"""Why the robot holds, and what would help."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from odm.answer import NOTHING, Blockers, Freedom
-from odm.checks import check_numbers, outside_limits
-from odm.close_test import _close as close
-from odm.planner.retreat import find_retreat
+from odm.answer import NOTHING, Blockers
+from odm.checks import outside_limits
+from odm.frame.frame import Frame
+from odm.frame.freedom import in_cm
+from odm.planner.attaching import Attacher
+from odm.planner.retreat import Retreat
 from odm.search import _step as step
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
+from roadmap.robot.robot import Robot
 
 _MOST_LISTED = 32
 
 
-def start_trouble(planner: "ReactivePlanner", code: int) -> str | None:
+def start_trouble(robot: Robot, q: np.ndarray, code: int) -> str | None:
     """Return what is wrong with the robot's own configuration, or None."""
     if code == step.NOT_FINITE:
         return "the robot's configuration holds NaN or infinity; check its encoders"
     if code == step.OUT_OF_LIMITS:
-        what = outside_limits(planner.robot, planner._q, step.LIMIT_TOLERANCE)
+        what = outside_limits(robot, q, step.LIMIT_TOLERANCE)
         return f"the start is out of limits: {what}; move the joint back by hand"
     return None
 
 
 class Reasons:
-    """The explanation of one hold, made when it is asked for."""
+    """The explanation of one hold, made when it is asked for.
 
-    def __init__(self, planner: "ReactivePlanner", trouble: str | None) -> None:
-        """Remember the frame; `trouble` is a reason known already."""
-        self.planner = planner
-        self.trouble = trouble
-        self.frame = int(planner.memory.own.numbers[0])
-        self.q = planner._q.copy()
+    Args:
+        frame: The present frame; in a later one no reason is found any more.
+        attacher: The goals.
+        retreat: Finds a motion out of the way.
+        trouble: A reason known already.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        attacher: Attacher,
+        retreat: Retreat,
+        trouble: str | None,
+    ) -> None:
+        """Remember the frame."""
+        self.frame, self.attacher, self.trouble = frame, attacher, trouble
+        self._retreat = retreat
+        self.epoch = frame.epoch
+        self.q = frame.q.copy()
 
     def reason(self) -> tuple[str, Blockers]:
         """Return the reason and what stands behind it."""
-        self.planner.memory.owner.check()
+        self.frame.memory.owner.check()
         if self._unable is not None:
             return self._unable, NOTHING
         if self._is_over:
@@ -48,70 +60,68 @@ class Reasons:
 
     def retreat(self) -> np.ndarray | None:
         """Return a motion that gets away from the points, or None."""
-        self.planner.memory.owner.check()
+        self.frame.memory.owner.check()
         if self._unable is not None or self._is_over:
             return None
-        return find_retreat(self.planner, self.q)
+        return self._retreat.back_off(self.q)
 
     @property
     def _is_over(self) -> bool:
-        return self.frame != self.planner.memory.own.numbers[0]
+        return self.epoch != self.frame.epoch
 
     @cached_property
     def _unable(self) -> str | None:
         """Why it could not move in an empty world, either."""
         if self.trouble is not None:
             return self.trouble
-        if len(self.planner.goals) == 0:
+        if len(self.attacher.goals) == 0:
             return "no goal is set; call set_goals first"
-        why = self.planner.static.why(self.q, np.zeros_like(self.q))
+        why = self.frame.static.why(self.q, np.zeros_like(self.q))
         if why is not None:
             return f"the start is not free: {why}; move the robot by hand"
         return None
 
     def _blocked(self) -> tuple[str, Blockers]:
-        planner = self.planner
-        keep = planner.keep
-        gap, link, point = nearest(planner, self.q)
+        frame, goals = self.frame, self.attacher.goals
+        keep = frame.keep
+        gap, link, point = frame.nearest(self.q)
         if gap < keep:
             text = (
-                f"the start is in contact: point {point} is {_cm(gap)} from {link}, "
-                f"closer than {_cm(keep)}; move it {_cm(keep - gap)} away, or follow "
-                "answer.retreat"
+                f"the start is in contact: point {point} is {in_cm(gap)} from {link}, "
+                f"closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away, or "
+                "follow answer.retreat"
             )
             return text, self._around(self.q, link, point, None)
-        rows = [nearest(planner, q) for q in planner.goals]
+        rows = [frame.nearest(q) for q in goals]
         blocked = [g for g, row in enumerate(rows) if row[0] < keep]
         if len(blocked) == len(rows):
             gap, link, point = rows[0]
             text = (
-                f"goal 0 is blocked: point {point} would be {_cm(gap)} from {link} "
-                f"there, closer than {_cm(keep)}; move it {_cm(keep - gap)} away"
+                f"goal 0 is blocked: point {point} would be {in_cm(gap)} from {link} "
+                f"there, closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away"
             )
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
             text += ", or give another goal"
-            return text, self._around(planner.goals[0], link, point, 0)
+            return text, self._around(goals[0], link, point, 0)
         g = next(k for k in range(len(rows)) if k not in blocked)
         at_goal = rows[g][0] < gap
         gap, link, point = rows[g] if at_goal else (gap, link, point)
         place = f"goal {g}" if at_goal else "the start"
         text = (
             f"no free way leads to goal {g}: what is free around {place} is cut off "
-            f"(point {point} is {_cm(gap)} from {link} there); move it away, or give "
+            f"(point {point} is {in_cm(gap)} from {link} there); move it away, or give "
             "another goal"
         )
-        where = planner.goals[g] if at_goal else self.q
+        where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
 
     def _around(
         self, q: np.ndarray, link: str | None, point: int, goal: int | None
     ) -> Blockers:
         """List the blocked edges at the nodes next to q, and the cells in their way."""
-        planner = self.planner
-        roadmap = planner.cell_map.roadmap
-        planner.attacher._measure(q)
-        near = np.argsort(planner.attacher.near, kind="stable")[:8]
+        roadmap = self.frame.cell_map.roadmap
+        near = np.argsort(self.attacher.distances(q), kind="stable")[:8]
         edges = [
             e
             for v in near
@@ -130,96 +140,21 @@ class Reasons:
         return Blockers(np.array(blocked, np.int64), table, points, link, goal)
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:
-        planner = self.planner
-        cells, n = planner.memory.graph, planner.cell_map.roadmap.n_nodes
-        a, b = planner.cell_map.roadmap.edges[edge]
+        memory, roadmap = self.frame.memory, self.frame.cell_map.roadmap
+        cells, n = memory.graph, roadmap.n_nodes
+        a, b = roadmap.edges[edge]
         found: set[tuple[int, int, int]] = set()
         for item in (n + edge, int(a), int(b)):
             part = slice(int(cells.ptr[item]), int(cells.ptr[item + 1]))
             blocks = cells.block[part]
-            both = cells.mask[part] & planner.memory.cloud.words[blocks]
+            both = cells.mask[part] & memory.cloud.words[blocks]
             for k in np.flatnonzero(both):
-                found.update(_unpack(int(blocks[k]), int(both[k]), planner))
+                found.update(_unpack(int(blocks[k]), int(both[k]), self.frame))
         return found
 
 
-def _unpack(
-    block: int, word: int, planner: "ReactivePlanner"
-) -> list[tuple[int, int, int]]:
-    _, ny, nz = (int(v) for v in planner.cell_map.grid.blocks)
+def _unpack(block: int, word: int, frame: Frame) -> list[tuple[int, int, int]]:
+    _, ny, nz = (int(v) for v in frame.cell_map.grid.blocks)
     bx, by, bz = block // (ny * nz), block // nz % ny, block % nz
     bits = [k for k in range(64) if word >> k & 1]
     return [(4 * bx + (k >> 4), 4 * by + (k >> 2 & 3), 4 * bz + (k & 3)) for k in bits]
-
-
-def nearest(planner: "ReactivePlanner", q: np.ndarray) -> tuple[float, str | None, int]:
-    """Return (distance [m], link, point) of the nearest point of the frame at q."""
-    gap = planner._nearest(np.ascontiguousarray(q))
-    sphere, point = planner.memory.work.found[:2].tolist()
-    if sphere < 0:
-        return float("inf"), None, -1
-    return gap, link_of(planner, sphere), point
-
-
-def link_of(planner: "ReactivePlanner", sphere: int) -> str:
-    """Return the link that a sphere of the moving arm belongs to."""
-    return planner.static.link_of(sphere)
-
-
-def is_free(
-    planner: "ReactivePlanner",
-    q_a: np.ndarray,
-    q_b: np.ndarray,
-    phase: str | None = None,
-) -> Freedom:
-    """Test a straight motion; see ReactivePlanner.is_free."""
-    robot = planner.robot
-    ends = []
-    for name, q in (("q_a", q_a), ("q_b", q_b)):
-        q = check_numbers(robot, q, name)
-        trouble = outside_limits(robot, q, 0.0)
-        if trouble is not None:
-            return Freedom(False, "limits", f"{name}: {trouble}")
-        ends.append(q)
-    dq = planner._difference(ends[0], ends[1])
-    why = planner.static.why(ends[0], dq)
-    if why is not None:
-        itself = planner.static.touches_itself(ends[0], dq) is not None
-        return Freedom(False, "self-collision" if itself else "scenery", why)
-    if planner.trouble is not None:
-        text = f"the last frame could not be used: {planner.trouble}"
-        return Freedom(False, "frame", text)
-    if phase is not None:
-        hit = planner.last_phase(phase, planner.points, planner.classes).hit(
-            planner.cover(), ends[0], dq
-        )
-        if hit is None:
-            return Freedom(True)
-        text = f"{link_of(planner, hit[0])} would come too near to point {hit[1]}"
-        return Freedom(False, "frame", f"{text} by {_cm(hit[2])}")
-    planner._sort()
-    m = planner.memory
-    free = close.motion_clear(
-        m.arm,
-        planner.radii,
-        ends[0],
-        dq,
-        planner.cell_map.motion_tolerance,
-        m.cloud,
-        False,
-        m.work,
-    )
-    if free:
-        return Freedom(True)
-    sphere, point = m.work.found[:2].tolist()
-    t = float(m.work.value[0])
-    text = (
-        f"{link_of(planner, sphere)} would come within "
-        f"{_cm(planner.keep)} of point "
-        f"{point} at {t:.0%} of the motion"
-    )
-    return Freedom(False, "frame", text)
-
-
-def _cm(length: float) -> str:
-    return f"{100 * length:.1f} cm"

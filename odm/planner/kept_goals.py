@@ -7,7 +7,7 @@ a frame that has the time, and kept for one that has not.
 
 import numpy as np
 
-from odm.search import _types as kinds
+from odm.search import _state as kinds
 
 _KEPT = ("h", "node", "length", "ref", "number", "vertex")
 
@@ -70,3 +70,15 @@ class KeptGoals:
         """Return views of the pool items that are kept, to be renumbered in place."""
         ref, number = self._rows["ref"], self._rows["number"]
         return [ref[row, : number[row]] for row in self._row_of.values()]
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return the goals that are kept, last used last."""
+        keys, used = list(self._row_of), list(self._row_of.values())
+        saved = {name: rows[used] for name, rows in self._rows.items()}
+        return saved | {"q": np.array([np.frombuffer(key) for key in keys])}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Keep the goals that were saved, and no others."""
+        self._row_of = {q.tobytes(): row for row, q in enumerate(saved["q"])}
+        for name, rows in self._rows.items():
+            rows[: len(saved["q"])] = saved[name]

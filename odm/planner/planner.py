@@ -1,7 +1,7 @@
-"""ReactivePlanner: the loop's one stateful object."""
+"""ReactivePlanner: the loop's one stateful object; what it owns does the work."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from threading import get_ident
 from typing import NoReturn
 
@@ -14,42 +14,47 @@ from odm.answer import (
     VISIBLE,
     WHOLE,
     Answer,
+    Freedom,
 )
-from odm.approach import approach
+from odm.approach.approach import Approacher
+from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
-from odm.checks import FLOAT, check_configuration, check_points, goals_of
-from odm.close_test.sorted_clouds import SortedCloud, SortedClouds
+from odm.checks import (
+    as_floats,
+    check_configuration,
+    check_numbers,
+    goals_of,
+)
 from odm.close_test.static import StaticTest
-from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import IS_SORTED
+from odm.frame.braking import PathTest
+from odm.frame.carrying import Carrier
+from odm.frame.frame import Cover, Frame
+from odm.frame.freedom import check_valid, is_free
+from odm.frame.last_phase import LastPhase
+from odm.frame.place import place_points
+from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
-from odm.planner import attaching as attach
-from odm.planner import calm, explain, polish, smooth, straight
-from odm.planner.braking import Braking
-from odm.planner.carrying import Carrier
-from odm.planner.doors import Doors
-from odm.planner.goal_checks import check_goals
-from odm.planner.last_phase import LastPhase, check_classes
-from odm.planner.questions import Questions
-from odm.planner.settings import PlannerSettings
-from odm.planner.unfit import unfit
-from odm.search import _frame as frame
-from odm.search import _step as step
-from odm.search._types import N_BETTER, N_SAME, N_SEGMENT, N_STEP
-from odm.search.invalidation import DirectMap
-from odm.search.state import Memory, lay_out
+from odm.planner.attaching import Attacher
+from odm.planner.decision import Decision
+from odm.planner.explain import Reasons, start_trouble
+from odm.planner.hysteresis import Hysteresis
+from odm.planner.obstacle_history import ObstacleHistory
+from odm.planner.path import Candidates, PathInUse
+from odm.planner.retreat import Retreat
+from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
+from odm.planner.settings import MOST_EXTRA, PlannerSettings
+from odm.planner.shortcuts import Polisher, Straightener
+from odm.planner.smooth import Smoother
+from odm.search import _step as codes
+from odm.search.state import Memory
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference
-from roadmap.ranges import check_number
-
-_STAYS = 3  # frames at the same place,
-_LINGERS = 12  # and with a path that it could follow
-_PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
+from roadmap.ranges import check_number, is_between
+from roadmap.transforms import check_pose
 
 
-class ReactivePlanner(Doors, Questions, Braking):
-    """Answers every frame: go on, go a new way, or hold and say why.
+class ReactivePlanner:
+    """Answers every frame: go on, take a new path, or hold and say why.
 
     One planner belongs to one thread, the one that made it or took it over; any other
     is refused. It cannot be copied or pickled: make another one on the same map.
@@ -60,6 +65,13 @@ class ReactivePlanner(Doors, Questions, Braking):
         always_replan: Search from scratch in every frame instead of going on along a
             path that is still free.
         settings: See PlannerSettings.
+
+    Attributes:
+        frame: What is known now; all helpers look at it.
+        path, candidates, attacher, history: What is remembered between frames: the path
+            in use, what was found to better it, motions to the roadmap, obstacles.
+        direct: The nodes and edges that the frame invalidates.
+        last: The last answer, None before the first.
     """
 
     def __init__(
@@ -69,52 +81,41 @@ class ReactivePlanner(Doors, Questions, Braking):
         settings: PlannerSettings | None = None,
     ) -> None:
         """Lay out all memory and compile nothing yet."""
-        self.cell_map = cell_map
-        self.robot = cell_map.robot
-        self.always_replan = always_replan
-        self.settings = settings or PlannerSettings()
-        self.static = StaticTest(
-            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
-        )
-        self._memory = lay_out(cell_map, self.settings.max_points)
-        self.rho, self.extra = cell_map.safety.rho, 0.0
-        self._set_radii(None, None)
-        self.world, self._world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
+        self.cell_map, self.robot = cell_map, cell_map.robot
+        s = self.settings = settings or PlannerSettings()
+        watch = SensorWatch(s.max_age_s, s.max_range_m)
+        frame = self.frame = Frame(cell_map, s.max_points, s.pads, watch)
+        self._memory, self._numbers = frame.memory, frame.memory.numbers
+        self.carrier = Carrier(frame)
+        self._last_phase = LastPhase(frame)
+        self._path_test = PathTest(frame, self._last_phase)
+        self._approacher: Approacher | None = None
         self._p_world_place: np.ndarray | None = None
-        self.carrier = Carrier(self)
-        self.attacher = attach.Attacher(self)
-        self._approacher: approach.Approacher | None = None
-        self.polisher = polish.Polisher(self)
-        self.smoother = smooth.Smoother(self)
-        self.calm = calm.Calm(self)
-        self.straightener = straight.Straightener(self)
-        self._ahead = SortedCloud(cell_map.grid)
-        self.coming = SortedClouds(cell_map.grid)
-        self._grown, self._leg = np.empty(0), np.empty(self.robot.dof)
-        self._last_phase: LastPhase | None = None
-        n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
-        self.direct = DirectMap(self.memory, n, m)
-        self.goals = np.zeros((0, self.robot.dof))
-        self.costs: np.ndarray | None = None
-        # the frame's points, and those of the last frame with some inside the grid
-        self._rooms = [np.empty((self.settings.max_points, 3)) for _ in range(2)]
-        self._kept = [room[:0] for room in self._rooms]
-        self._room = 0
-        self.points = self._kept[0]
-        self.seen_inside: tuple[float, np.ndarray] | None = None  # stamp and points
-        self.trouble: str | None = None  # why the last frame could not be used
-        self.classes: np.ndarray | None = None
+        self.direct = frame.direct
+        # what is remembered between frames
+        self.path = path = PathInUse(frame)
+        self.candidates = Candidates(frame)
+        self.history = ObstacleHistory(cell_map.grid, s.memory_s, s.calm)
+        self.attacher = attacher = Attacher(
+            frame,
+            path,
+            self.candidates,
+            s.attachments,
+            s.start_attachments,
+            s.kept_goals,
+        )
+        # what works on it
+        self.hysteresis = Hysteresis(frame, path, self.history, s, always_replan)
+        self._decision = Decision(frame, path, attacher, self.hysteresis)
+        self._polisher = Polisher(frame, path, self.candidates, attacher)
+        self.straightener = Straightener(frame, path, attacher, self.hysteresis)
+        self.smoother = Smoother(frame, path, attacher, self.hysteresis, s.comfort)
+        self._retreat = Retreat(frame, attacher)
         self.last: Answer | None = None
-        self.heard: tuple[float, float] | None = None  # newest stamp, and when
-        self._q = self.memory.own.q
-        self._here = b""
-        self._moving = False
-        self._stood = 0  # frames without a move
-        self._new_goals = self._rejoin = False
         self._nowhere = np.empty((0, self.robot.dof))
-        self.attacher.forget_start()
-        if self.settings.extra_clearance:
-            self.set_extra_clearance(self.settings.extra_clearance)
+        attacher.forget_start()
+        if s.extra_clearance:
+            self.set_extra_clearance(s.extra_clearance)
 
     # --- whose it is -------------------------------------------------------------
 
@@ -122,11 +123,6 @@ class ReactivePlanner(Doors, Questions, Braking):
     def memory(self) -> Memory:
         """The arrays of the compiled loops, and the table that points at them."""
         return self._memory
-
-    @property
-    def radii(self) -> np.ndarray:
-        """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
-        return self._memory.own.radii
 
     def take_over(self) -> None:
         """Make the planner this thread's own, while no call of it runs elsewhere.
@@ -140,6 +136,70 @@ class ReactivePlanner(Doors, Questions, Braking):
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled; say what to do instead."""
         refuse_copy()
+
+    @property
+    def always_replan(self) -> bool:
+        """Whether every frame searches from scratch; it may be set."""
+        return self.hysteresis.always_replan
+
+    @always_replan.setter
+    def always_replan(self, always: bool) -> None:
+        self.hysteresis.always_replan = always
+
+    @property
+    def frame_number(self) -> int:
+        """How many frames were asked for: the number of the last one, from 1 on."""
+        return self.frame.number
+
+    @property
+    def goals(self) -> np.ndarray:
+        """(g, dof) goals, best first [rad or m]."""
+        return self.attacher.goals
+
+    @property
+    def costs(self) -> np.ndarray | None:
+        """(g,) costs of the goals; None where their order ranks them."""
+        return self.attacher.costs
+
+    @property
+    def points(self) -> np.ndarray:
+        """(n, 3) points of the last frame, base frame [m]."""
+        return self.frame.points
+
+    @property
+    def trouble(self) -> str | None:
+        """Why the last frame could not be used; None where it could."""
+        return self.frame.trouble
+
+    @property
+    def static(self) -> StaticTest:
+        """The test of what never moves, with what is in the hand."""
+        return self.frame.static
+
+    @property
+    def world(self) -> WorldFrame:
+        """Where the base stands in the world."""
+        return self.frame.world
+
+    @property
+    def radii(self) -> np.ndarray:
+        """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
+        return self.frame.radii
+
+    @property
+    def keep(self) -> float:
+        """A point nearer than this to a sphere of the cover is too near [m]."""
+        return self.frame.keep
+
+    @property
+    def rho(self) -> float:
+        """The map's covering radius [m]."""
+        return self.frame.rho
+
+    @property
+    def extra(self) -> float:
+        """Distance kept beyond the map's clearance m [m]."""
+        return self.frame.extra
 
     # --- what is asked for -----------------------------------------------------
 
@@ -161,13 +221,34 @@ class ReactivePlanner(Doors, Questions, Braking):
         goals, costs = goals_of(self.robot, goals, costs)
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return
-        check_goals(self, goals)
-        if self._rejoin:  # what is known of the goals was known of another hand
-            self.goals, self._rejoin = self.goals[:0], False
+        self._check_goals(goals)
         self.attacher.set_goals(goals, costs)
-        self.goals, self.costs = goals, costs
         self.straightener.reset()
-        self._new_goals = True
+        self._decision.new_goals = True
+
+    def prepare_goal(self, q: np.ndarray) -> bool:
+        """Attach a goal ahead, in a frame that can afford it; True: it is kept.
+
+        Attaching takes milliseconds, `set_goals` with a goal that is kept does not.
+        `PlannerSettings.kept_goals` says how many are kept, those set before too.
+
+        Args:
+            q: (dof,) a valid configuration [rad or m].
+
+        Raises:
+            BadConfiguration: As of `set_goals`.
+        """
+        self.memory.owner.check()
+        goals, _ = goals_of(self.robot, [q], None)
+        if goals[0] in self.attacher.kept:
+            return True
+        self._check_goals(goals)
+        return self.attacher.prepare(goals[0])
+
+    def is_prepared(self, q: np.ndarray) -> bool:
+        """Return whether a goal is kept attached, so that to set it costs little."""
+        self.memory.owner.check()
+        return check_configuration(self.robot, q, None) in self.attacher.kept
 
     # --- a frame ---------------------------------------------------------------
 
@@ -186,8 +267,8 @@ class ReactivePlanner(Doors, Questions, Braking):
     ) -> Answer:
         """Answer one frame.
 
-        A frame that cannot be used (see `odm.planner.unfit`) holds, and every question
-        after it is answered with no, until a frame comes that can.
+        A frame that cannot be used (see `odm.frame.sensor_watch`) holds, and every
+        question after it is answered with no, until a frame comes that can.
 
         Args:
             points: (n, 3) float64 points on the obstacles' surfaces [m]; base frame,
@@ -218,147 +299,68 @@ class ReactivePlanner(Doors, Questions, Braking):
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
         begun = time.perf_counter_ns()
-        memory = self._memory
-        if get_ident() != memory.owner.thread:
-            memory.owner.check()
-        # mostly both are what the compiled frame takes, which is seen at once here
-        if (
-            type(points) is not np.ndarray
-            or points.dtype is not FLOAT
-            or points.ndim != 2
-            or points.shape[1] != 3
-            or not points.flags.carray
-            or labels is not None
-            or covering_radius is not None
-        ):
-            points = check_points(points, labels, covering_radius, self.rho)
-        if (
-            type(q) is not np.ndarray
-            or q.dtype is not FLOAT
-            or q.shape != self._q.shape
-            or not q.flags.carray
-            or dq is not None
-        ):
-            q = check_configuration(self.robot, q, dq)
-        self.classes = None if classes is None else check_classes(classes, len(points))
-        if not self.world.at_base:
-            points = self.world.points(points)
-        if self._rejoin:
+        frame = self.frame
+        if get_ident() != self._memory.owner.thread:
+            self._memory.owner.check()
+        points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
+        if self.attacher.is_stale:
             self.attacher.forget_all()
-        if len(points) > len(memory.cloud.where):
-            self._make_room(2 * len(points))
-        given, points = points, self.points
-        if self.seen_inside is not None or len(points) != len(given):
-            points = self._room_for(len(given))
-        if (covering_radius, rounding) != self._sampled:
-            self._set_radii(covering_radius, rounding)
-        closed = closed or labels is not None
-        odd = frame.begin_step(memory.table, given, points)
+        odd = frame.take(points, covering_radius, rounding)
         marked = time.perf_counter_ns()
         trouble = None
         if odd or stamp is not None or now is not None:
-            trouble = unfit(self, stamp, now)
-        self.trouble = trouble
-        if not (trouble or self.always_replan):
-            self.calm.recent.take(points, now)
-        code = step.NO_PATH if trouble else self._decide(points, q)
-        if code > step.PLANNED:
-            return self._hold(begun, marked, closed, trouble, code)
-        way, own = memory.way, memory.own
-        if code == step.PLANNED and way.count.item(0) > 2:
+            trouble = frame.watch.unfit(frame.points, self._memory.cloud, stamp, now)
+        frame.trouble = trouble
+        times, closed = (begun, marked), closed or labels is not None
+        if trouble is not None:
+            return self._hold(times, closed, trouble)
+        if not self.hysteresis.always_replan:
+            self.history.take(frame.points, now)
+        code = self._decision.decide(frame.points, q)
+        if code > codes.PLANNED:
+            return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
+        return self._lead(q, code, times, closed)
+
+    def _lead(
+        self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
+    ) -> Answer:
+        """Answer with the path in use, which a decision has just found free."""
+        path = self.path
+        if code == codes.PLANNED and len(path) > 2:
             self.straightener.run()
-        path = way.q[own.numbers.item(N_SEGMENT) : way.count.item(0)].copy()
-        if code == step.FOLLOWING:  # a new path begins at q
-            path[0] = q
-        same = self._moving and own.numbers.item(N_SAME)
-        following = code == step.FOLLOWING or same
-        self._moving = True
+        corners = path.rest()
+        following = code == codes.FOLLOWING
+        if following:  # a new path begins at q
+            corners[0] = q
+        elif path.followed:
+            following = path.is_same
+        path.followed = True
         status = FOLLOWING if following else REPLANNED
-        return self._answer(status, path, begun, marked, closed)
+        return self._answer(status, corners, path.goal, times, closed, None)
 
-    def _decide(self, points: np.ndarray, q: np.ndarray) -> int:
-        here, before = q.tobytes(), self._here  # compared much faster than arrays
-        same, self._here = here == before, here
-        attacher, first = self.attacher, self._new_goals
-        self._new_goals = False
-        self._stood = self._stood + 1 if same and not first else 0
-        numbers = self._memory.own.numbers
-        due = not self.always_replan and (
-            numbers.item(N_STEP) % step.IMPROVE_EVERY == 0
-        )
-        found = numbers.item(N_BETTER) if due else 0  # looks in a row
-        stays = self._stood >= (_LINGERS if self._moving else _STAYS)
-        look = same and (first or (attacher.quick and stays))
-        if look and not attacher.is_fresh(q) and np.isfinite(q).all():
-            # look around before it leaves, thoroughly where it stays for a while
-            attacher.attach_start(q, quick=first)
-        code = self._step(points, q)
-        if code == step.NOT_ATTACHED:
-            attacher.attach_start(q, quick=self._is_near(q, before))
-            code = self._step(points, q)
-        # on the way, but its segment is blocked at both ends: look around
-        if code == step.NO_PATH and len(self.goals) and not attacher.is_fresh(q):
-            passing = not same and self._is_near(q, before)
-            if not (passing and attacher.is_at(q)):
-                attacher.attach_start(q, quick=passing)
-                code = self._step(points, q)
-        looked = attacher.is_at(q) and not self.settings.memory_s
-        if due and code == step.FOLLOWING and not looked and self._sees_better():
-            if not attacher.is_at(q):
-                attacher.attach_start(q, quick=not same)
-            code = self.calm.better(points, q, found)
-        return code
+    def _hold(
+        self, times: tuple[int, int], closed: bool, trouble: str | None
+    ) -> Answer:
+        self.path.followed = False
+        why = Reasons(self.frame, self.attacher, self._retreat, trouble)
+        return self._answer(HOLDING, self._nowhere, None, times, closed, why)
 
-    def _sees_better(self) -> bool:
-        """Return whether a better goal than the one it goes to keeps clear now.
-
-        Then it is worth to join the robot to the roadmap anew: the ends of a straight
-        way are no nodes, and from them no way to another goal is ever found.
-        """
-        if self.costs is not None:  # then no goal is better than another by its rank
-            return False
-        rank = int(self.memory.way.count[1])
-        return any(self.stands_clear(self.goals[g]) for g in range(rank))
-
-    def _is_near(self, q: np.ndarray, before: bytes) -> bool:
-        """Whether the robot may have moved to q since the frame before."""
-        if not before:
-            return False
-        return bool(np.abs(self._difference(np.frombuffer(before), q)).max() < _PASSES)
-
-    def calm_cloud(self) -> object:
-        """Return what new legs keep clear of: the points, and where they have been."""
-        self._memory.owner.check()
-        if self.always_replan or not self.settings.memory_s:
-            self._sort()
-            return self.memory.cloud
-        return self.calm.recent.cloud()
-
-    def _step(self, points: np.ndarray, q: np.ndarray) -> int:
-        s = self.settings
-        if not self.always_replan and s.memory_s:
-            return self.calm.choose(points, q)
-        code = step.step(
-            self._memory.table,
-            points,
-            q,
-            self.always_replan,
-            s.margin,
-            s.close_tests,
-            s.looks,
-        )
-        if code != step.BESIDE:
-            return code
-        self.attacher.certify_beside(q)
-        return self._step(points, q)
-
-    def judge(self, points: np.ndarray, q: np.ndarray) -> int:
-        """Judge the path in use by the frame's points; a code of `_step.py`."""
-        code = step.judge(self._memory.table, points, q, False)
-        if code == step.BESIDE:
-            self.attacher.certify_beside(q)
-            code = step.judge(self._memory.table, points, q, False)
-        return code
+    def _answer(
+        self,
+        status: str,
+        path: np.ndarray,
+        goal: int | None,
+        times: tuple[int, int],
+        closed: bool,
+        why: Reasons | None,
+    ) -> Answer:
+        memory, (begun, marked) = self._memory, times
+        counted = (memory.cloud.counts.tobytes(), memory.counted.tobytes())
+        times = (begun, marked, time.perf_counter_ns())
+        certified = WHOLE if closed else VISIBLE
+        number = self._numbers.step.item()
+        self.last = Answer(status, path, goal, certified, times, counted, why, number)
+        return self.last
 
     def polish(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
         """Shorten the path in use between two frames; return how many cuts were made.
@@ -379,87 +381,350 @@ class ReactivePlanner(Doors, Questions, Braking):
         budget = check_number("the budget of polish", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
-        if self.trouble is not None:
+        frame = self.frame
+        if frame.trouble is not None or not self.path.followed:
             return 0
         if self.always_replan:
-            return self.polisher.run(budget)[0]
+            return self._polisher.run(budget)[0]
         half = budget // 2
-        found, left = self.polisher.run(half)
+        found, left = self._polisher.run(half)
         return found + self.smoother.run(budget - half + left, ahead)
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
         self._memory.owner.check()
-        self.memory.way.count[0] = 0
+        self.path.reset()
         self.attacher.forget_start()
-        self._moving = False
         self.smoother.reset()
         self.straightener.reset()
-        self.calm.reset()
-        self.last = self.heard = self.seen_inside = None
+        self.hysteresis.reset()
+        self.history.reset()
+        self.frame.watch.reset()
+        self.last = None
 
-    # --- inside ----------------------------------------------------------------
+    # --- what it remembers ------------------------------------------------------
 
-    def _make_room(self, room: int) -> None:
-        """Let clouds hold that many points or more; the frame's stay marked."""
-        grid, room = self.cell_map.grid, max(room, len(self.memory.cloud.where))
-        cloud, pick = grid.new_cloud(room), grid.new_cloud(room)
-        self._memory._exchange(cloud=cloud, pick=pick)
-        frame.take_points(self._memory.table, self.points)
+    def save_memory(self) -> dict[str, np.ndarray]:
+        """Return all that is remembered between frames, as arrays by name.
 
-    def _keep(self, points: np.ndarray) -> None:
-        """Copy (n, 3) points of a frame: the caller may fill the array anew."""
-        self._room_for(len(points))[...] = points
+        `numpy.savez(file, **planner.save_memory())` writes it to a file. Loaded into
+        a fresh planner on the same map, with the same settings, hand, base and place,
+        it makes that one answer as this one will.
+        """
+        self._memory.owner.check()
+        return pack(self._remembering(), self._setting())
 
-    def _room_for(self, n: int) -> np.ndarray:
-        """Let `points` be an array (n, 3) of our own, and return it to be filled."""
-        seen = self.seen_inside
-        if seen is not None and seen[1] is self.points:
-            self._room = 1 - self._room
-        kept = self._kept[self._room]
-        if len(kept) != n:
-            if n > len(self._rooms[self._room]):
-                self._rooms[self._room] = np.empty((2 * n, 3))
-            kept = self._kept[self._room] = self._rooms[self._room][:n]
-        self.points = kept
-        return kept
+    def load_memory(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Go on as the planner whose memory was saved; see `save_memory`.
 
-    def _sort(self) -> None:
-        if not self.memory.cloud.counts[IS_SORTED]:
-            occupancy.sort_points(self.points, self.memory.cloud)
+        The last frame is that planner's, too, so questions can be asked at once.
 
-    def _difference(self, q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(difference(self.robot, q_a, q_b))
+        Args:
+            saved: What `save_memory` returned, or what `numpy.load` made of it.
 
-    def _hold(
+        Raises:
+            BadInput: It is damaged, or was saved with another map, other settings,
+                another hand, base, place or clearance; nothing is changed then.
+        """
+        self._memory.owner.check()
+        unpack(saved, self._remembering(), self._setting())
+        self.last = None
+
+    def _remembering(self) -> dict[str, Remembers]:
+        """Return who owns what is remembered, by name; arrays first, frame last."""
+        return {
+            "state": StateArrays(self._memory),
+            "attachments": self.attacher,
+            "path": self.path,
+            "obstacles": self.history,
+            "hysteresis": self.hysteresis,
+            "decision": self._decision,
+            "straight": self.straightener,
+            "smoothing": self.smoother,
+            "frame": self.frame,
+        }
+
+    def _setting(self) -> dict[str, bytes]:
+        """Return what a memory is good for, by what it is called in messages."""
+        place, hand = self._p_world_place, self.attached
+        return {
+            "map": _told_apart(self.cell_map),
+            "settings": repr((self.settings, self.always_replan)).encode(),
+            "base": self.world.T_world_base.tobytes(),
+            "place": b"" if place is None else place.tobytes(),
+            "hand": b"" if hand is None else hand.tobytes(),
+            "clearance": repr(self.extra).encode(),
+        }
+
+    # --- what it is told between frames ----------------------------------------
+
+    def attach(self, thing: object, T_tool_object: np.ndarray | None = None) -> None:
+        """Take an object into the hand: from now on all motions heed it.
+
+        Edges are judged by the cells of the map's payload envelope, all other motions
+        by the spheres of the object itself. The object may touch the links that the
+        tool's body carries, no others, and no scenery. The path in use is dropped; the
+        goals stay and are joined anew in the next frame.
+
+        Args:
+            thing: (n, 4) spheres, centre and radius [m]; a shape of `odm`; or what
+                `odm.carried_object` made of one, which saves the time for its cover.
+            T_tool_object: (4, 4) where it is held, tool frame; None: at the tool.
+
+        Raises:
+            BadInput: The map has no payload layer, something is attached already, or
+                the object is larger than the envelope (both sizes are named).
+        """
+        self.memory.owner.check()
+        T = np.eye(4) if T_tool_object is None else T_tool_object
+        self.carrier.attach(thing, T)
+        self._hand_changed()
+
+    def detach(self) -> None:
+        """Let go of what is attached; the path in use is dropped.
+
+        Raises:
+            BadInput: Nothing is attached.
+        """
+        self.memory.owner.check()
+        self.carrier.detach()
+        self._hand_changed()
+
+    @property
+    def attached(self) -> np.ndarray | None:
+        """(n, 4) spheres of what is attached, tool frame [m]; None for nothing."""
+        thing = self.frame.thing
+        return None if thing is None else thing.spheres
+
+    def _hand_changed(self) -> None:
+        """Throw away what was planned and found with another hand."""
+        self.candidates.forget_all()
+        self.attacher.hand_changed()
+        if self._approacher is not None:
+            self._approacher.legs.forget_fine()
+        self.reset()
+
+    def set_extra_clearance(self, extra: float) -> None:
+        """Keep more distance from the frame's points and from `set_static`'s scenery.
+
+        Cells are dilated and the close test's radii grow, so a larger value never
+        frees anything. The recipe's own scenery keeps the map's clearance.
+
+        Args:
+            extra: Distance beyond the map's clearance m [m], 0 to 0.5.
+
+        Raises:
+            BadInput: Out of range.
+        """
+        self.memory.owner.check()
+        if not is_between(extra, 0.0, MOST_EXTRA):
+            raise BadInput(
+                f"an extra clearance of {extra} m is not between 0 and {MOST_EXTRA} m; "
+                "give metres"
+            )
+        self.frame.set_extra(extra)
+        if self._approacher is not None:
+            self._approacher.legs.forget_fine()
+        self.carrier.set_extra(self.extra)
+        self.frame.mark()  # points just outside the grid may count now
+        self._place()
+
+    def set_base(self, T_world_base: np.ndarray) -> None:
+        """Say where the base stands: points and poses are given in the world from here.
+
+        That holds for the points of `step` and `blocked_leg`, for `set_static` (also
+        for what was set before: it stays where it is in the world) and the poses of
+        `approach`. The recipe's own scenery moves with the base. Call it between runs;
+        the path in use is dropped.
+
+        Args:
+            T_world_base: (4, 4) pose of the base in the world [m].
+
+        Raises:
+            BadInput: Not a rigid motion.
+        """
+        self.memory.owner.check()
+        self.frame.set_base(T_world_base)
+        self._place()
+        self.reset()
+
+    def set_static(self, points_or_shapes: object) -> None:
+        """Set the scenery of this place, once: (n, 3) points or closed shapes.
+
+        Points must cover their surfaces within the map's rho. Nodes and edges that
+        the scenery blocks are closed for good; call again to replace it.
+        """
+        self.memory.owner.check()
+        self._p_world_place = place_points(points_or_shapes, self.rho)
+        self._place()
+
+    def _place(self) -> None:
+        """Close what the scenery of this place blocks, where the base stands now."""
+        if self._p_world_place is None:
+            return
+        points = self.frame.world_ahead.points(self._p_world_place).copy()
+        self.static_outside = self.carrier.set_place(points)
+        self.attacher.forget_all()
+
+    # --- what it is asked between frames ---------------------------------------
+
+    def is_free(
+        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+    ) -> Freedom:
+        """Test the straight motion from q_a to q_b: all four tests, all the way.
+
+        Limits, self-collision, scenery (the recipe's and set_static's) and the last
+        frame's points, with the motion bound over the whole length.
+
+        Args:
+            q_a: (dof,) start [rad or m].
+            q_b: (dof,) end.
+            phase: "give" lets the payload touch CONTACT points, "receive" the finger
+                pads OBJECT points; see `odm.frame.last_phase`.
+
+        Raises:
+            BadInput: Wrong length or not finite, or a phase that cannot be.
+        """
+        self.memory.owner.check()
+        return is_free(self.frame, q_a, q_b, phase, self._last_phase)
+
+    def approach(
         self,
-        begun: int,
-        marked: int,
-        closed: bool,
-        trouble: str | None,
-        code: int,
-    ) -> Answer:
-        self._moving = False
-        told = explain.Reasons(self, trouble or explain.start_trouble(self, code))
-        path = self._nowhere
-        return self._answer(HOLDING, path, begun, marked, closed, told)
+        T_base_tool: np.ndarray,
+        q: np.ndarray | None = None,
+        distance: float = 0.15,
+        direction: np.ndarray | None = None,
+        phase: str | None = None,
+    ) -> Approach:
+        """Find a straight tool motion to a pose, every leg proved free.
 
-    def _answer(
+        Scenery and the last frame's points count. The first call prepares for seconds.
+
+        Args:
+            T_base_tool: (4, 4) where the tool ends, base frame [m] (the world's after
+                `set_base`, as the direction).
+            q: (dof,) where the motion starts; None finds the start, too: `distance`
+                back from the pose.
+            distance: Length of the motion where q is None [m].
+            direction: (3,) which way the tool moves, base frame; None: along its z.
+            phase: As in `is_free`; where q is None, the line starts where none
+                of the points is touched.
+
+        Raises:
+            BadInput: The pose is not rigid, q, distance or direction is out of range.
+        """
+        self.memory.owner.check()
+        if self._approacher is None:
+            self._approacher = Approacher(self.frame)
+        T = self.world.pose(check_pose(T_base_tool, "T_base_tool"))
+        if direction is not None:
+            direction = self.world.direction(as_floats("the direction", direction))
+        return self._approacher.run(T, q, distance, direction, phase)
+
+    def stands_clear(self, q: np.ndarray) -> bool:
+        """Return whether the robot would keep clear of the last frame's points at q.
+
+        The part of `is_free` that changes from frame to frame: limits, self-collision
+        and scenery are not looked at.
+
+        Args:
+            q: (dof,) [rad or m].
+
+        Raises:
+            BadInput: Wrong length or not finite.
+        """
+        self.memory.owner.check()
+        q = check_numbers(self.robot, q)
+        if self.trouble is not None:
+            return False
+        return self.frame.motion_clear(q, np.zeros_like(q))
+
+    def separation(self, q: np.ndarray) -> float:
+        """Return the smallest distance of the cover at q from the frame's points [m].
+
+        Infinity when the frame has no point inside the grid; minus infinity after a
+        frame that could not be used: then the person may be anywhere.
+
+        Raises:
+            BadInput: Wrong length or not finite.
+        """
+        self.memory.owner.check()
+        q = check_numbers(self.robot, q)
+        return -np.inf if self.trouble is not None else self.frame.separation(q)
+
+    def invalid_nodes(self) -> np.ndarray:
+        """Return the ids of the nodes that the frame invalidates, ascending."""
+        if self.trouble is not None:
+            return np.arange(self.direct.n_nodes)
+        return self.direct.nodes().copy()
+
+    def invalid_edges(self) -> np.ndarray:
+        """Return the ids of the edges that the frame invalidates, ascending."""
+        if self.trouble is not None:
+            return np.arange(self.direct.n_edges)
+        return self.direct.edges().copy()
+
+    def blocked_leg(
         self,
-        status: str,
         path: np.ndarray,
-        begun: int,
-        marked: int,
-        closed: bool,
-        told: "explain.Reasons | None" = None,
-    ) -> Answer:
-        memory = self._memory
-        goal = memory.way.count.item(1) if told is None else None
-        counted = (memory.cloud.counts.tobytes(), memory.search.stats.tobytes())
-        times = (begun, marked, time.perf_counter_ns())
-        certified = WHOLE if closed else VISIBLE
-        self.last = Answer(status, path, goal, certified, times, counted, told)
-        return self.last
+        extra: float = 0.0,
+        points: np.ndarray | None = None,
+        phase: str | None = None,
+        classes: np.ndarray | None = None,
+    ) -> int | None:
+        """Return the first leg of a path that points block, or None.
+
+        The close test of braking: the whole path must keep `extra` [m] more than rho
+        and m from every point, since the person moves while the robot stops. What is
+        not known blocks: a path, an `extra` or a point that is not finite, and a last
+        frame that could not be used where no points are given.
+
+        Args:
+            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
+            extra: Distance the points may have come nearer meanwhile [m]; down to -m
+                for a robot that may come as near as touch.
+            points: (n, 3) where they are then [m], also outside the grid. None: where
+                they are in the frame.
+            phase: As in `is_free`.
+            classes: (n,) of `points`, where they are given.
+
+        Raises:
+            BadInput: No path, points of another shape, an `extra` below -m, a phase
+                that cannot be, or bad classes.
+        """
+        self.memory.owner.check()
+        return self._path_test.blocked_leg(path, extra, points, phase, classes)
+
+    def way_out(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a (2, dof) motion from q that evades what comes, or None.
+
+        See `odm.planner.retreat.Retreat.way_out`.
+        """
+        self.memory.owner.check()
+        return self._retreat.way_out(q, coming, speed_scale)
+
+    def cover(self) -> Cover:
+        """Return the spheres of the map's cover, payload included."""
+        self.memory.owner.check()
+        return self.frame.cover()
+
+    def _check_goals(self, goals: np.ndarray) -> None:
+        """Raise BadConfiguration where a goal can never be reached in this place."""
+        for k, q in enumerate(goals):
+            check_valid(self.static, q, f"goal {k}")
+
+
+def _told_apart(cell_map: CellMap) -> bytes:
+    """Return what tells a map from others, stored or not."""
+    roadmap = cell_map.roadmap
+    arrays = roadmap.nodes, roadmap.edges, cell_map.arm_cells.ptr
+    words = cell_map.robot.fingerprint(), repr(cell_map.recipe)
+    return b"".join([*(w.encode() for w in words), *(a.tobytes() for a in arrays)])
 
 
 def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:

@@ -39,18 +39,23 @@ class PlannerSettings:
     """What a user may turn.
 
     Attributes:
-        attachments: Motions that join a goal to near nodes.
+        attachments: Motions that join a goal to near nodes. More find a path to a goal
+            in a narrow place, and cost milliseconds when it is set.
         start_attachments: The same for a start never seen before.
-        close_tests: Free attachments the close test looks for when cells find none.
+        close_tests: Where all motions of a goal or a start are blocked by their cells,
+            the close test looks for so many free ones.
         margin: A free path is given up only for one shorter by this share.
-        looks: So many looks in a row, eight frames apart, must find a better path.
+        looks: So many looks in a row, eight frames apart, must find a better path. More
+            changes the path less often.
         memory_s: A new path keeps clear of where the obstacles were so long ago, if
-            there is such a path [s]; 0 looks at the present frame only.
-        calm: It keeps so much more distance than it must, too [m].
-        comfort: Smoothing comes so much less near to points than it may [m], but for a
-            change that saves three tenths of the rest of the path.
-        patience: Where there is none, and the last path was soon blocked again, the
-            next one must be there for so many frames.
+            there is such a path [s]; 0 looks at the present frame only. Longer than
+            the period of a trembling hand is long enough.
+        calm: A new path keeps so much more distance than it must, if there is such a
+            path [m].
+        comfort: New legs of smoothing keep so much more distance than they must [m],
+            but for a change that saves three tenths of the rest of the path.
+        patience: After a path that was only just free was blocked, the next one of that
+            kind must be there for so many frames before it is taken.
         extra_clearance: Distance kept beyond the map's clearance m [m]; it can be
             changed between frames by `set_extra_clearance`.
         pads: Links that may touch what is about to be grasped: the finger pads.

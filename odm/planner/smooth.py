@@ -9,15 +9,15 @@ more distance from points than they must, unless they save much. They keep their
 with them, so that later frames judge them as they judge an edge.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from odm.answer import HOLDING
-from odm.close_test import _close as close
+from odm.frame.frame import Frame
 from odm.planner import _smooth as smoothing
-from odm.search import _paths as ways
-from odm.search._types import N_SEGMENT
+from odm.planner.attaching import Attacher
+from odm.planner.hysteresis import Hysteresis
+from odm.planner.path import PathInUse
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import (
@@ -28,9 +28,6 @@ from roadmap.motion.blending import (
     joint_motion_bounds,
 )
 from roadmap.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
 
 _WORTH = 0.01  # a change must save this share of the whole rest
 _PACE = 0.5  # share of the joints' speed limits that is likely used
@@ -80,50 +77,63 @@ class Change(NamedTuple):
 
 
 class Smoother:
-    """Tests changes of the way in use, in a fixed order.
+    """Tests changes of the path in use, in a fixed order.
 
     Args:
-        planner: The planner whose way is changed.
+        frame: The present frame.
+        path: The path in use, which is changed.
+        attacher: Makes the cells of new legs.
+        hysteresis: Knows what new legs keep clear of.
+        comfort: They keep so much more distance than they must [m].
     """
 
-    def __init__(self, planner: "ReactivePlanner") -> None:
+    def __init__(
+        self,
+        frame: Frame,
+        path: PathInUse,
+        attacher: Attacher,
+        hysteresis: Hysteresis,
+        comfort: float,
+    ) -> None:
         """Begin the order of the changes."""
-        self.planner = planner
-        robot = planner.robot
-        self._robot = np.stack(
-            [
-                _PACE * robot.max_velocity,
-                robot.max_acceleration,
-                robot.max_jerk,
-                joint_motion_bounds(robot),
-                planner.cell_map.roadmap.weights,
-            ]
-        )
-        own, way = planner.memory.own, planner.memory.way
-        cell_map = planner.cell_map
-        stray = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
-        self._rounding = np.array([stray, BLEND_DEVIATION, TURN_A, TURN_J])
-        self._continuous = own.continuous
-        self._scratch = smoothing.scratch(len(way.vertex), robot.dof)
+        self.frame, self.path, self.attacher = frame, path, attacher
+        self.hysteresis, self.comfort = hysteresis, comfort
+        robot, cell_map = frame.robot, frame.cell_map
+        limits = [
+            _PACE * robot.max_velocity,
+            robot.max_acceleration,
+            robot.max_jerk,
+            joint_motion_bounds(robot),
+            cell_map.roadmap.weights,
+        ]
+        deviation = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
+        rounding = np.array([deviation, BLEND_DEVIATION, TURN_A, TURN_J])
+        continuous = frame.memory.own.continuous
+        self._terms = smoothing.Terms(np.stack(limits), rounding, continuous)
+        self._scratch = smoothing.new_scratch(len(path.vertex), robot.dof)
         self.reset()
 
     def reset(self) -> None:
         """Begin the order of the changes again."""
         self._drawn = 0
 
+    def save(self) -> dict[str, np.ndarray]:
+        """Return how far the order of the changes has come."""
+        return {"drawn": np.array(self._drawn)}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Go on in the order of the changes."""
+        self._drawn = int(saved["drawn"])
+
     def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
         """Test at most `budget` new legs; return how many changes were made.
 
-        The way up to `ahead` (dof,) stays; None: what the robot soon comes to.
+        The path up to `ahead` (dof,) stays; None: what the robot soon comes to.
         """
-        planner = self.planner
-        way = planner.memory.way
-        if planner.last is None or planner.last.status == HOLDING:
-            return 0
         made, located, looks = 0, False, _DRAWS * budget
         while budget > 0 and looks > 0:
             # a change alters the segments: what stays is found again
-            located = located or (way.count[0] > 2 and self._begin(ahead))
+            located = located or (len(self.path) > 2 and self._begin(ahead))
             if not located:
                 break
             begun = self._drawn
@@ -138,42 +148,30 @@ class Smoother:
 
     def _draw(self, most: int) -> Change | None:
         """Return the next change that is worth a test, of at most so many."""
-        way = self.planner.memory.way
+        rest = smoothing.Rest(self.path.q, self._at, len(self.path) - 1, self._share)
         self._drawn, found = smoothing.next_change(
-            way.q,
-            self._at,
-            int(way.count[0]) - 1,
-            self._share,
-            self._drawn,
-            most,
-            _WORTH,
-            self._robot,
-            self._rounding,
-            self._continuous,
-            *self._scratch,
+            rest, self._terms, self._scratch, self._drawn, most, _WORTH
         )
         if not found:
             return None
-        _, corners, ints = self._scratch
-        i, j, a, b, n = ints.tolist()
+        corners = self._scratch.corners
+        i, j, a, b, n = self._scratch.ints.tolist()
         return Change(i, j, bool(a), bool(b), corners[:n].copy())
 
     def _begin(self, ahead: np.ndarray | None) -> bool:
         """Find the first segment and the share of it that stay; False: none is left."""
-        planner = self.planner
-        m, robot = planner.memory, planner.robot
-        at = int(m.own.numbers[N_SEGMENT])
+        frame, path = self.frame, self.path
         if ahead is not None:
-            at = int(ways.locate_on_way(m.table, m.way, at, ahead, m.own.out))
-            self._at, self._share = at, float(m.own.out[0])
-            return at >= 0
-        leg = m.way.q[at + 1] - m.way.q[at]
-        off = planner._difference(m.way.q[at], planner._q)
+            self._at, self._share = path.locate(ahead)
+            return self._at >= 0
+        at = path.segment
+        leg = path.q[at + 1] - path.q[at]
+        off = frame.difference(path.q[at], frame.q)
         done = float(off @ leg) / max(float(leg @ leg), 1e-12)
         done, left = min(max(done, 0.0), 1.0), _LEAD_S
-        while at < int(m.way.count[0]) - 1:
-            leg = m.way.q[at + 1] - m.way.q[at]
-            time = float((np.abs(leg) / robot.max_velocity).max())
+        while at < len(path) - 1:
+            leg = path.q[at + 1] - path.q[at]
+            time = float((np.abs(leg) / frame.robot.max_velocity).max())
             if (1.0 - done) * time > left:
                 self._at, self._share = at, done + left / time
                 return True
@@ -184,41 +182,33 @@ class Smoother:
     def time(self, path: np.ndarray) -> float:
         """Return about how long a path (k, dof) takes [s], as it is counted here."""
         path = np.ascontiguousarray(path, np.float64)
-        return smoothing.path_time(path, len(path), self._robot, self._rounding)
+        return smoothing.path_time(path, len(path), *self._terms[:2])
 
     def _try(self, change: Change) -> int:
         """Test a change; make it where it is free; return how many were made."""
-        planner = self.planner
-        m = planner.memory
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
         legs = list(zip(begin, dq, strict=True))
-        wide = self._clear(legs, planner.settings.comfort)
+        wide = self._clear(legs, self.comfort)
         if not wide and (self._saves(change) < _MUCH or not self._clear(legs, 0.0)):
             return 0
-        if not all(planner.static.motion_free(q, leg) for q, leg in legs):
+        if not all(self.frame.static.motion_free(q, leg) for q, leg in legs):
             return 0
-        planner.attacher.tidy()
-        item = planner.attacher.sweep(begin, dq)
-        if item < 0 or m.way.count[0] + 3 >= len(m.way.vertex):
+        self.attacher.tidy()
+        item = self.attacher.sweep(begin, dq)
+        if item < 0 or len(self.path) + 3 >= len(self.path.vertex):
             return 0
         self._make(change, item)
         return 1
 
     def _clear(self, legs: list, more: float) -> bool:
         """Whether motions (q, dq) keep so much more distance than they must [m]."""
-        planner = self.planner
-        m, cloud = planner.memory, planner.calm_cloud()
-        tolerance = planner.cell_map.motion_tolerance
-        radii = planner.radii + more
-        return all(
-            close.motion_clear(m.arm, radii, q, leg, tolerance, cloud, False, m.work)
-            for q, leg in legs
-        )
+        cloud = self.hysteresis.cloud()
+        return all(self.frame.motion_clear(q, leg, cloud, more) for q, leg in legs)
 
     def _saves(self, change: Change) -> float:
-        """Return the share of the time for the rest of the way that a change saves."""
-        way, at = self.planner.memory.way, self._at
-        rest = way.q[at : int(way.count[0])].copy()
+        """Return the share of the time for the rest of the path that a change saves."""
+        at = self._at
+        rest = self.path.q[at : len(self.path)].copy()
         rest[0] += self._share * (rest[1] - rest[0])
         i, j = change.i - at, change.j - at
         left = rest[: i + (0 if change.from_vertex else 1)]
@@ -226,38 +216,25 @@ class Smoother:
         return 1.0 - self.time(changed) / self.time(rest)
 
     def _make(self, change: Change, item: int) -> None:
-        """Lay the new legs, whose cells begin at pool item `item`, into the way."""
-        way, attacher = self.planner.memory.way, self.planner.attacher
-        n, i, j = int(way.count[0]), change.i, change.j
-        vertex, q, ref = way.vertex[:n].copy(), way.q[:n].copy(), way.ref[:n].copy()
-        proof = self.planner.memory.proof
-        begin, end = proof.begin[:n].copy(), proof.end[:n].copy()
-        new = change.corners[1:-1]
-        left, right = slice(0, i + 1), slice(j if change.to_vertex else j + 1, n)
-        refs = [*ref[:i], *range(item, item + len(change.corners) - 1)]
-        old = [*range(i), *[-1] * (len(change.corners) - 1)]  # segments they are of
+        """Lay the new legs, whose cells begin at pool item `item`, into the path."""
+        path = self.path
+        n, i, j = len(path), change.i, change.j
+        vertex, q = path.vertex[:n].copy(), path.q[:n].copy()
+        items = path.items().tolist()
+        new, n_legs = change.corners[1:-1], len(change.corners) - 1
+        kept, first = list(range(i)), 0 if change.from_vertex else 1
         if not change.from_vertex:
-            new = np.vstack([change.corners[:1], new])
-            refs.insert(i, ref[i])
-            old.insert(i, i)
+            new, kept = np.vstack([change.corners[:1], new]), [*kept, i]
         if not change.to_vertex:
             new = np.vstack([new, change.corners[-1:]])
-        refs += ref[j : n - 1].tolist()
-        old += range(j, n - 1)
-        numbers = [attacher.new_vertex() for _ in new]
-        vertex = np.r_[vertex[left], numbers, vertex[right]]
-        n = len(vertex)
-        way.count[0] = n
-        way.vertex[:n], way.q[:n] = vertex, np.vstack([q[left], new, q[right]])
-        way.ref[: n - 1] = refs
-        ways.unwind(way, self.planner.robot.continuous)
-        ways.certify_whole(way, 0, proof)
-        for k, was in enumerate(old):
-            if was < 0:
-                continue
-            # behind new legs a continuous joint may be whole turns from where it was
-            here = way.q[k] if was <= i else way.q[k + 1]
-            there = q[was] if was <= i else q[was + 1]
-            turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
-            turns *= self.planner.robot.continuous
-            proof.begin[k], proof.end[k] = begin[was] + turns, end[was] + turns
+        later = range(j, n - 1)
+        path.write(
+            np.r_[
+                vertex[: i + 1],
+                [self.attacher.new_vertex() for _ in new],
+                vertex[j if change.to_vertex else j + 1 :],
+            ],
+            np.vstack([q[: i + 1], new, q[j if change.to_vertex else j + 1 :]]),
+            [*items[: i + first], *range(item, item + n_legs), *items[j:]],
+            [*kept, *[-1] * n_legs, *later],
+        )

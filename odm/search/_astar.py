@@ -12,20 +12,10 @@ import math
 from numba import njit
 
 from odm.search._bound import free_bound, recent_bound, remember_way
-from odm.search._invalidation import update_hits
-from odm.search._items import FREE, MAYBE, is_taken, item_free, way_in_free
-from odm.search._judge import start_clear, way_in_clear
-from odm.search._state import (
-    cloud_of,
-    direct_of,
-    goals_of,
-    graph_of,
-    own_of,
-    past_of,
-    pool_of,
-    search_of,
-)
-from odm.search._types import EDGE_BASE, N_COUNTED, N_EDGE_TESTS, N_FLOODED, N_POPPED
+from odm.search._invalidation import refresh
+from odm.search._items import BLOCKED, FREE, MAYBE, is_taken, item_free, way_in_free
+from odm.search._judge import can_enter, start_clear, way_in_clear
+from odm.search._state import EDGE_BASE, view
 
 LOOK_BACK = 8  # vertices closed before the last way is looked at,
 LOOK_FARTHER = 12  # and all ways of the past where it is blocked
@@ -33,6 +23,8 @@ PATIENCE = 96  # vertices closed before the flood from the goal starts
 MANY_TESTS = 1000  # lists looked at before the direct map settles all items at once
 RECENT = 2  # frames in which its counts change little
 RECENT_TESTS = 700  # lists looked at before then
+HOPELESS = -1  # verdict of an entry: nothing else is left to be found
+NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 
 
 @njit(cache=True, nogil=True)
@@ -78,228 +70,249 @@ def pop(search, size):
 
 
 @njit(cache=True, nogil=True)
-def flood_step(graph, words, search, frame, run, head, tail, counted):
-    """Take one node off the goal side's queue; return the new tail, -1 if it met."""
-    n = graph.adj_ptr.shape[0] - 1
-    u = search.queue[head]
-    search.stats[N_FLOODED] += 1
-    for k in range(graph.adj_ptr[u], graph.adj_ptr[u + 1]):
-        w = graph.adj_node[k]
-        if search.flood[w] == run:
-            continue
-        if counted:
-            item = n + graph.adj_edge[k]
-            if is_taken(graph, item) or graph.closed[item]:
-                continue
-        elif not item_free(graph, words, search, frame, w):
-            continue
-        elif not item_free(graph, words, search, frame, n + graph.adj_edge[k]):
-            continue
-        if search.done[w] == run:
-            return -1
-        search.flood[w] = run
-        search.queue[tail] = w
-        tail += 1
-    return tail
+def add_entry(search, node, ref, parent, g, f):
+    """Put a motion on the open list: over `ref` from entry `parent` to `node`."""
+    entry = search.made[0]
+    search.e_node[entry] = node
+    search.e_ref[entry] = ref
+    search.e_from[entry] = parent
+    search.e_g[entry] = g
+    push(search, search.waiting[0], f, entry)
+    search.made[0] = entry + 1
+    search.waiting[0] += 1
 
 
 @njit(cache=True, nogil=True)
-def can_enter(goals, pool, words, search, frame, g):
-    """Return True if a motion into goal g is free, or may be by the close test."""
-    for a in range(goals.number[g]):
-        if way_in_free(goals, pool, words, search, frame, g, a):
-            return True
-        if goals.memo[g, a] == 4 * frame + MAYBE:
-            return True
+def add_starts(state, starts, h, low, high):
+    """Begin the open list with the start motions, and those straight to a goal."""
+    search, goals = view(state, "search"), view(state, "goals")
+    frame = view(state, "numbers").frame[0]
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    search.made[0] = search.waiting[0] = 0
+    for k in range(starts.count[0]):
+        if starts.memo[k] == 4 * frame + FREE or starts.memo[k] == 4 * frame + MAYBE:
+            v, length = starts.node[k], starts.length[k]
+            add_entry(search, v, -2 - k, -1, length, length + h[v])
+    for g in range(low, high):
+        if goals.direct_memo[g] == 4 * frame + FREE:
+            length = goals.direct_length[g] + goals.cost[g]
+            add_entry(search, n + g, -2, -1, length, length)
+
+
+@njit(cache=True, nogil=True)
+def verify(state, points, starts, entry, only):
+    """Return FREE where the motion of an entry and its vertex are; BLOCKED, HOPELESS.
+
+    The node is asked first: its verdict settles all the entries that lead into it.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    frame = view(state, "numbers").frame[0]
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    v, ref = search.e_node[entry], search.e_ref[entry]
+    if v < n and not item_free(state, v):
+        search.done[v] = view(state, "numbers").run[0]
+        return BLOCKED
+    if v >= n:
+        g, a = v - n, -2 - ref
+        if search.e_from[entry] < 0 or goals.memo[g, a] != 4 * frame + MAYBE:
+            return FREE
+        if way_in_clear(state, points, g, a):
+            return FREE
+        return BLOCKED if can_enter(state, g) or only < 0 else HOPELESS
+    if ref <= EDGE_BASE:
+        return FREE if item_free(state, n + EDGE_BASE - ref) else BLOCKED
+    k = -2 - ref
+    if starts.memo[k] == 4 * frame + MAYBE:
+        start_clear(state, points, starts, k)
+    return FREE if starts.memo[k] == 4 * frame + FREE else BLOCKED
+
+
+@njit(cache=True, nogil=True)
+def enter_goals(state, entry, low, high, bound):
+    """Add the motions from a vertex into goals low to high - 1."""
+    search, goals = view(state, "search"), view(state, "goals")
+    maybe = 4 * view(state, "numbers").frame[0] + MAYBE
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    for g in range(low, high):
+        a = goals.at[g, search.e_node[entry]]
+        if a < 0 or search.made[0] >= search.e_node.shape[0]:
+            continue
+        length = search.e_g[entry] + goals.length[g, a] + goals.cost[g]
+        if length > bound:
+            continue
+        if way_in_free(state, g, a) or goals.memo[g, a] == maybe:
+            add_entry(search, n + g, -2 - a, entry, length, length)
+
+
+@njit(cache=True, nogil=True)
+def expand(state, entry, h, bound):
+    """Add the edges that leave a vertex; False where there is no room for them."""
+    graph, search = view(state, "graph"), view(state, "search")
+    frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
+    counted = view(state, "stats").counted[0] != 0
+    n = graph.adj_ptr.shape[0] - 1
+    v, g_v = search.e_node[entry], search.e_g[entry]
+    begin, end = graph.adj_ptr[v], graph.adj_ptr[v + 1]
+    if search.made[0] + end - begin > search.e_node.shape[0]:
+        return False
+    for k in range(begin, end):
+        w = graph.adj_node[k]
+        if search.done[w] == run:
+            continue
+        if counted:
+            # an edge's count has its end nodes in it
+            item = n + graph.adj_edge[k]
+            if is_taken(graph, item) or graph.closed[item]:
+                continue
+        elif search.memo[w] == 2 * frame + 1:
+            continue
+        hw = h[w]
+        if hw == math.inf:
+            continue
+        length = g_v + graph.adj_length[k]
+        if length + hw > bound:
+            continue
+        if counted:
+            # all that is left can be used: only a shorter way in is of interest
+            if search.near_run[w] == run and search.near_g[w] <= length:
+                continue
+            search.near_run[w] = run
+            search.near_g[w] = length
+        ref = EDGE_BASE - graph.adj_edge[k]
+        add_entry(search, w, ref, entry, length, length + hw)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def begin_flood(state, low, high):
+    """Queue the nodes next to goals low to high - 1, where the flood begins."""
+    search, goals = view(state, "search"), view(state, "goals")
+    numbers = view(state, "numbers")
+    maybe, run = 4 * numbers.frame[0] + MAYBE, numbers.run[0]
+    search.head[0] = search.tail[0] = 0
+    for g in range(low, high):
+        for a in range(goals.number[g]):
+            w = goals.node[g, a]
+            if search.flood[w] == run:
+                continue
+            if not way_in_free(state, g, a) and goals.memo[g, a] != maybe:
+                continue
+            if search.done[w] == run:
+                search.tail[0] = OVER
+                return
+            if item_free(state, w):
+                search.flood[w] = run
+                search.queue[search.tail[0]] = w
+                search.tail[0] += 1
+
+
+@njit(cache=True, nogil=True)
+def flood_step(state):
+    """Take one node off the goal side's queue; over where it meets the search."""
+    graph, search = view(state, "graph"), view(state, "search")
+    run, stats = view(state, "numbers").run[0], view(state, "stats")
+    n = graph.adj_ptr.shape[0] - 1
+    u = search.queue[search.head[0]]
+    search.head[0] += 1
+    stats.flooded[0] += 1
+    for k in range(graph.adj_ptr[u], graph.adj_ptr[u + 1]):
+        w, item = graph.adj_node[k], n + graph.adj_edge[k]
+        if search.flood[w] == run:
+            continue
+        if stats.counted[0] != 0:
+            if is_taken(graph, item) or graph.closed[item]:
+                continue
+        elif not item_free(state, w) or not item_free(state, item):
+            continue
+        if search.done[w] == run:
+            search.tail[0] = OVER
+            return
+        search.flood[w] = run
+        search.queue[search.tail[0]] = w
+        search.tail[0] += 1
+
+
+@njit(cache=True, nogil=True)
+def flood(state, starts, low, high):
+    """Let the flood go on a little; True where it proves that no path is left.
+
+    Where the goal's side is exhausted, that is so unless a start lies in it.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
+    if search.tail[0] == NOT_BEGUN:
+        begin_flood(state, low, high)
+    for _ in range(8 if view(state, "stats").counted[0] != 0 else 2):
+        if search.tail[0] == OVER:
+            return False
+        if search.head[0] < search.tail[0]:
+            flood_step(state)
+            continue
+        search.tail[0] = OVER
+        for k in range(starts.count[0]):
+            verdict = starts.memo[k] - 4 * frame
+            if verdict == FREE or verdict == MAYBE:
+                if search.flood[starts.node[k]] == run:
+                    return False
+        for g in range(low, high):
+            if goals.direct_memo[g] == 4 * frame + FREE:
+                return False
+        return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def a_star(state, points, starts, q, only, frame, run):
-    """Search from q by its start motions to goal `only` (-1: any, with costs).
+def a_star(state, points, starts, only):
+    """Search from own.q by its start motions to goal `only` (-1: any, with costs).
 
     starts.memo holds the frame's verdict of each start motion: free, or maybe, then
     the close test is asked when the motion comes out first; others are left out. So it
-    is with the motions into a goal. `run` is new for each search of a frame.
-    Returns the heap entry of the goal, or -1.
+    is with the motions into a goal. Returns the heap entry of the goal, or -1.
     """
-    graph, direct, cloud = graph_of(state), direct_of(state), cloud_of(state)
-    pool, goals, search = pool_of(state), goals_of(state), search_of(state)
-    past = past_of(state)
-    h = own_of(state).h_any if only < 0 else goals.h[only]
-    n = graph.adj_ptr.shape[0] - 1
-    words = cloud.words
-    low = 0 if only < 0 else only
-    high = goals.count[0] if only < 0 else only + 1
-    free, maybe = 4 * frame + FREE, 4 * frame + MAYBE
-    capacity = search.e_node.shape[0]
-    entries = 0
-    size = 0
-    bound = math.inf  # no longer way is of interest
-    for k in range(starts.count[0]):
-        if starts.memo[k] != free and starts.memo[k] != maybe:
-            continue
-        v = starts.node[k]
-        search.e_node[entries] = v
-        search.e_ref[entries] = -2 - k
-        search.e_from[entries] = -1
-        search.e_g[entries] = starts.length[k]
-        push(search, size, starts.length[k] + h[v], entries)
-        entries += 1
-        size += 1
-    for g in range(low, high):
-        if goals.direct_memo[g] == free:
-            length = goals.direct_length[g] + goals.cost[g]
-            search.e_node[entries] = n + g
-            search.e_ref[entries] = -2
-            search.e_from[entries] = -1
-            search.e_g[entries] = length
-            push(search, size, length, entries)
-            entries += 1
-            size += 1
-    many = MANY_TESTS if frame - direct.frame[0] > RECENT else RECENT_TESTS
-    counted = search.stats[N_COUNTED] != 0
+    numbers, stats = view(state, "numbers"), view(state, "stats")
+    goals, search = view(state, "goals"), view(state, "search")
+    numbers.run[0] += 1
+    stats.runs[0] += 1
+    run, frame = numbers.run[0], numbers.frame[0]
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    h = view(state, "own").h_any if only < 0 else goals.h[only]
+    low, high = (0, goals.count[0]) if only < 0 else (only, only + 1)
+    add_starts(state, starts, h, low, high)
+    search.tail[0] = NOT_BEGUN
+    is_recent = frame - view(state, "direct").frame[0] <= RECENT
+    many = RECENT_TESTS if is_recent else MANY_TESTS
+    bound = math.inf  # no longer path is of interest
     popped = 0
-    head = 0
-    tail = -1  # -1: the flood has not begun, -2: it is over
-    while size > 0:
-        if search.stats[N_EDGE_TESTS] > many and search.stats[N_COUNTED] == 0:
-            # a long search pays for settling all items at once
-            update_hits(direct, graph, cloud, frame)
-            search.stats[N_COUNTED] = 1
-            counted = True
-        entry = pop(search, size)
-        size -= 1
+    while search.waiting[0] > 0:
+        if stats.edge_tests[0] > many and stats.counted[0] == 0:
+            refresh(state)  # a long search pays for settling all items at once
+            stats.counted[0] = 1
+        entry = pop(search, search.waiting[0])
+        search.waiting[0] -= 1
         v = search.e_node[entry]
         if search.done[v] == run:
             continue
-        # the node first: its verdict settles all the entries that lead into it
-        if v < n and not item_free(graph, words, search, frame, v):
-            search.done[v] = run
+        verdict = verify(state, points, starts, entry, only)
+        if verdict == HOPELESS:
+            break
+        if verdict != FREE:
             continue
-        ref = search.e_ref[entry]
-        if v >= n:
-            g = v - n
-            a = -2 - ref
-            if search.e_from[entry] >= 0 and goals.memo[g, a] == maybe:
-                if not way_in_clear(state, points, frame, g, a):
-                    if can_enter(goals, pool, words, search, frame, g) or only < 0:
-                        continue
-                    break
-        elif ref <= EDGE_BASE:
-            if not item_free(graph, words, search, frame, n + EDGE_BASE - ref):
-                continue
-        else:
-            k = -2 - ref
-            if starts.memo[k] == maybe:
-                start_clear(state, points, starts, q, frame, k)
-            if starts.memo[k] != free:
-                continue
         search.done[v] = run
         popped += 1
         if v >= n:
-            search.stats[N_POPPED] += popped
+            stats.popped[0] += popped
             if popped > LOOK_BACK and only >= 0:
-                remember_way(past, search, goals, entry, only)
+                remember_way(state, entry, only)
             return entry
         if popped == LOOK_BACK and only >= 0:
-            bound = recent_bound(
-                past, graph, pool, words, starts, goals, only, search, frame
-            )
+            bound = recent_bound(state, starts, only)
         elif popped == LOOK_FARTHER and only >= 0 and bound == math.inf:
-            bound = free_bound(
-                past, graph, pool, words, starts, goals, only, search, frame
-            )
-        g_v = search.e_g[entry]
-        for g in range(low, high):
-            a = goals.at[g, v]
-            if a < 0 or entries >= capacity:
-                continue
-            length = g_v + goals.length[g, a] + goals.cost[g]
-            if length > bound:
-                continue
-            open_ = way_in_free(goals, pool, words, search, frame, g, a)
-            if open_ or goals.memo[g, a] == maybe:
-                search.e_node[entries] = n + g
-                search.e_ref[entries] = -2 - a
-                search.e_from[entries] = entry
-                search.e_g[entries] = length
-                push(search, size, length, entries)
-                entries += 1
-                size += 1
-        if entries + graph.adj_ptr[v + 1] - graph.adj_ptr[v] > capacity:
+            bound = free_bound(state, starts, only)
+        enter_goals(state, entry, low, high, bound)
+        if not expand(state, entry, h, bound):
             break
-        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
-            w = graph.adj_node[k]
-            if search.done[w] == run:
-                continue
-            if counted:
-                # an edge's count has its end nodes in it
-                item = n + graph.adj_edge[k]
-                if is_taken(graph, item) or graph.closed[item]:
-                    continue
-            elif search.memo[w] == 2 * frame + 1:
-                continue
-            hw = h[w]
-            if hw == math.inf:
-                continue
-            length = g_v + graph.adj_length[k]
-            if length + hw > bound:
-                continue
-            if counted:
-                # all that is left can be used: only a shorter way in is of interest
-                if search.near_run[w] == run and search.near_g[w] <= length:
-                    continue
-                search.near_run[w] = run
-                search.near_g[w] = length
-            search.e_node[entries] = w
-            search.e_ref[entries] = EDGE_BASE - graph.adj_edge[k]
-            search.e_from[entries] = entry
-            search.e_g[entries] = length
-            push(search, size, length + hw, entries)
-            entries += 1
-            size += 1
-        if popped < PATIENCE or tail == -2 or bound < math.inf:
-            continue
-        if tail == -1:
-            tail = 0
-            for g in range(low, high):
-                for a in range(goals.number[g]):
-                    w = goals.node[g, a]
-                    if search.flood[w] == run:
-                        continue
-                    open_ = way_in_free(goals, pool, words, search, frame, g, a)
-                    if not open_ and goals.memo[g, a] != maybe:
-                        continue
-                    if search.done[w] == run:
-                        tail = -2
-                        break
-                    if item_free(graph, words, search, frame, w):
-                        search.flood[w] = run
-                        search.queue[tail] = w
-                        tail += 1
-                if tail == -2:
-                    break
-        for _ in range(8 if counted else 2):
-            if tail < 0:
+        if popped >= PATIENCE and bound == math.inf and search.tail[0] != OVER:
+            if flood(state, starts, low, high):
                 break
-            if head < tail:
-                tail = flood_step(graph, words, search, frame, run, head, tail, counted)
-                head += 1
-                if tail == -1:
-                    tail = -2
-                continue
-            # the goal's side is exhausted: hopeless unless a start lies in it
-            inside = False
-            for k in range(starts.count[0]):
-                can = starts.memo[k] == free or starts.memo[k] == maybe
-                if can and search.flood[starts.node[k]] == run:
-                    inside = True
-            for g in range(low, high):
-                if goals.direct_memo[g] == free:
-                    inside = True
-            if not inside:
-                size = 0
-            tail = -2
-    search.stats[N_POPPED] += popped
+    stats.popped[0] += popped
     return -1

@@ -24,36 +24,17 @@ def distances(nodes, q, weights, continuous, out):
 
 
 @njit(cache=True, nogil=True)
-def sweep_into_pool(
-    arm, radii, q, dq, tolerance, cloud, region, pool, words, scratch, centers
-):
+def sweep_into_pool(swept, q, dq, region, pool, room):
     """Add the cells of motions q[k] + t dq[k]; returns the first item, -1 when full.
 
     A motion that leaves the grid (none within limits does) gives -2.
     """
-    first = pool.used[0]
+    first, words = pool.used[0], room.words
     for k in range(q.shape[0]):
         item, end = pool.used[0], pool.used[1]
         if item >= pool.begin.shape[0]:
             return -1
-        inside = sweep_motion(
-            arm.tree_i,
-            arm.tree_f,
-            arm.spheres,
-            arm.body,
-            arm.reach,
-            radii,
-            q[k],
-            dq[k],
-            tolerance,
-            cloud.origin,
-            cloud.h,
-            cloud.shape,
-            words,
-            scratch,
-            centers,
-        )
-        if not inside:
+        if not sweep_motion(swept, q[k], dq[k], room):
             words[:] = 0
             return -2
         pool.begin[item] = end

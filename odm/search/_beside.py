@@ -8,7 +8,7 @@ import math
 
 from numba import njit
 
-from odm.search._state import N_TRACK, arm_of, own_of, work_of
+from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
@@ -25,7 +25,7 @@ def locate_beside(state, way, first, q, out):
     segment, or -1.
     """
     best = -1
-    best_off = own_of(state).terms[N_TRACK]
+    best_off = view(state, "terms").beside[0]
     last = way.count[0] - 2
     for k in range(first, last + 1):
         for corner in range(-1, 2):
@@ -91,7 +91,7 @@ def stray_at(state, way, k, share, q, nearby):
 
     Infinite where the joints' ways times their reach sum up to more than `nearby`.
     """
-    own, arm, work = own_of(state), arm_of(state), work_of(state)
+    own, arm, work = view(state, "own"), view(state, "arm"), view(state, "work")
     total = 0.0
     for j in range(q.shape[0]):
         own.spot[j] = way.q[k + 1, j] - way.q[k, j]

@@ -1,6 +1,6 @@
-"""Ways that long searches found lately bound the next one.
+"""Paths that long searches found lately bound the next one.
 
-Where one of them is free in this frame, no way longer than it is of interest: A* need
+Where one of them is free in this frame, no path longer than it is of interest: A* need
 not keep entries beyond it, and returns what it would have returned anyway.
 """
 
@@ -9,21 +9,22 @@ import math
 from numba import njit
 
 from odm.search._items import FREE, item_free, way_in_free
-from odm.search._types import EDGE_BASE
+from odm.search._state import EDGE_BASE, view
 
 ROUNDING = 1.0 + 1e-9
 
 
 @njit(cache=True, nogil=True)
-def way_bound(past, r, graph, pool, words, starts, goals, g, search, frame, best):
-    """Return the length of past way r to goal g where it is free and below `best`.
+def way_bound(state, starts, r, g, best):
+    """Return the length of past path r to goal g where it is free and below `best`.
 
-    A way counts from any vertex that the start is joined to.
+    A path counts from any vertex that the start is joined to.
     """
+    past, goals = view(state, "past"), view(state, "goals")
     if past.vertex[r] != goals.vertex[g]:
         return best
-    n = graph.adj_ptr.shape[0] - 1
-    free = 4 * frame + FREE
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    free = 4 * view(state, "numbers").frame[0] + FREE
     length = goals.cost[g]
     for i in range(past.count[r]):
         v, via = past.node[r, i], past.via[r, i]
@@ -31,11 +32,11 @@ def way_bound(past, r, graph, pool, words, starts, goals, g, search, frame, best
         if length >= best:
             break
         if i == 0:
-            if not way_in_free(goals, pool, words, search, frame, g, via):
+            if not way_in_free(state, g, via):
                 break
-        elif not item_free(graph, words, search, frame, n + via):
+        elif not item_free(state, n + via):
             break
-        if not item_free(graph, words, search, frame, v):
+        if not item_free(state, v):
             break
         for k in range(starts.count[0]):
             if starts.node[k] == v and starts.memo[k] == free:
@@ -44,28 +45,30 @@ def way_bound(past, r, graph, pool, words, starts, goals, g, search, frame, best
 
 
 @njit(cache=True, nogil=True)
-def recent_bound(past, graph, pool, words, starts, goals, g, search, frame):
-    """Return the length of the way found last if it leads to g and is free, or inf."""
+def recent_bound(state, starts, g):
+    """Return the length of the path found last if it leads to g and is free, or inf."""
+    past = view(state, "past")
     r = past.count[past.vertex.shape[0] + 1]
-    return ROUNDING * way_bound(
-        past, r, graph, pool, words, starts, goals, g, search, frame, math.inf
-    )
+    return ROUNDING * way_bound(state, starts, r, g, math.inf)
 
 
 @njit(cache=True, nogil=True)
-def free_bound(past, graph, pool, words, starts, goals, g, search, frame):
-    """Return the length of the shortest past way to goal g that is free, or inf."""
+def free_bound(state, starts, g):
+    """Return the length of the shortest past path to goal g that is free, or inf."""
     best = math.inf
-    for r in range(past.vertex.shape[0]):
-        best = way_bound(
-            past, r, graph, pool, words, starts, goals, g, search, frame, best
-        )
+    for r in range(view(state, "past").vertex.shape[0]):
+        best = way_bound(state, starts, r, g, best)
     return best * ROUNDING
 
 
 @njit(cache=True, nogil=True)
-def remember_way(past, search, goals, entry, g):
-    """Keep the way that ends in heap entry `entry` at goal g."""
+def remember_way(state, entry, g):
+    """Keep the path that ends in heap entry `entry` at goal g."""
+    past, search, goals = (
+        view(state, "past"),
+        view(state, "search"),
+        view(state, "goals"),
+    )
     rows = past.vertex.shape[0]
     r = past.count[rows]
     via = -2 - search.e_ref[entry]
@@ -99,7 +102,7 @@ def remember_way(past, search, goals, entry, g):
 
 @njit(cache=True, nogil=True)
 def row_with(past, r):
-    """Return another row that ends as row r does, all its way; -1 if there is none."""
+    """Return another row that ends as row r does, all its path; -1: there is none."""
     count = past.count[r]
     for s in range(past.vertex.shape[0]):
         if s == r or past.vertex[s] != past.vertex[r] or past.count[s] < count:

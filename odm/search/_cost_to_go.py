@@ -24,25 +24,26 @@ def exact_cost(graph, node, length, number, search, h):
     h[:] = math.inf
     if number == 0:
         return
+    node, length = node[:number], length[:number]
     width = math.inf
     longest = 0.0
     for k in range(graph.adj_length.shape[0]):
         width = min(width, graph.adj_length[k])
         longest = max(longest, graph.adj_length[k])
     first, last = math.inf, 0.0
-    for a in range(number):
+    for a in range(node.shape[0]):
         first, last = min(first, length[a]), max(last, length[a])
     span = max(longest, last - first)
     if width * MOST_BUCKETS > span:
-        by_buckets(graph, node, length, number, search, h, width, span, first)
+        by_buckets(graph, node, length, search, h, width, span)
     else:
-        by_heap(graph, node, length, number, search, h)
+        by_heap(graph, node, length, search, h)
     for i in range(h.shape[0]):
         h[i] *= ROUNDING
 
 
 @njit(cache=True, nogil=True)
-def by_buckets(graph, node, length, number, search, h, width, span, first):
+def by_buckets(graph, node, length, search, h, width, span):
     """Fill `h` by buckets of `width`: no edge is shorter, none over `span`."""
     head, after = search.heap_e, search.e_from
     count = min(int(span / width) + 3, head.shape[0])
@@ -50,7 +51,7 @@ def by_buckets(graph, node, length, number, search, h, width, span, first):
         head[b] = -1
     entries = 0
     waiting = 0
-    for a in range(number):
+    for a in range(node.shape[0]):
         v = node[a]
         if length[a] < h[v]:
             h[v] = length[a]
@@ -59,7 +60,7 @@ def by_buckets(graph, node, length, number, search, h, width, span, first):
             after[entries], head[b] = head[b], entries
             entries += 1
             waiting += 1
-    at = int(first / width)
+    at = int(length.min() / width)
     while waiting > 0:
         b = at % count
         while head[b] >= 0:
@@ -83,11 +84,11 @@ def by_buckets(graph, node, length, number, search, h, width, span, first):
 
 
 @njit(cache=True, nogil=True)
-def by_heap(graph, node, length, number, search, h):
+def by_heap(graph, node, length, search, h):
     """Fill `h` by Dijkstra's algorithm."""
     entries = 0
     size = 0
-    for a in range(number):
+    for a in range(node.shape[0]):
         if length[a] < h[node[a]]:
             h[node[a]] = length[a]
             search.e_node[entries] = node[a]

@@ -1,4 +1,4 @@
-"""One frame from scratch: points to occupancy, then a way to the first goal."""
+"""One frame from scratch: points to occupancy, then a path to the first goal."""
 
 from numba import njit
 
@@ -6,6 +6,7 @@ from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE
 from odm.obstacles._occupancy import clear, mark_points
 from odm.obstacles._world_frame import dilate_points
 from odm.search._astar import a_star
+from odm.search._items import sign_frame
 from odm.search._judge import (
     can_leave,
     judge_direct,
@@ -16,24 +17,26 @@ from odm.search._judge import (
     stands_free,
 )
 from odm.search._paths import take_shortcuts, unwind, write_way
-from odm.search._signature import sign_frame
-from odm.search._state import N_EXTRA, cloud_of, goals_of, graph_of, own_of, search_of
-from odm.search._types import N_FRAME, N_JOINT_COSTS, N_RUN, N_RUNS, N_STEP
+from odm.search._state import view
+
+# What the close test may add where cells block all motions: HOPELESS: the start is in
+# contact; NO_ENTRY, NO_EXIT: no motion into the goal, or from the start; NOTHING: none
+# that was not known; SEARCH: some, which a search may use
+HOPELESS, NO_ENTRY, NO_EXIT, NOTHING, SEARCH = range(5)
 
 
 @njit(cache=True, nogil=True)
 def take_points(state, points):
     """Begin a frame: forget the old points, mark the new; return how many are bad."""
-    cloud = cloud_of(state)
-    search = search_of(state)
-    own = own_of(state)
+    cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
     clear(cloud)
     mark_points(points, cloud)
-    if own.terms[N_EXTRA] > 0.0:
-        dilate_points(points, own.terms[N_EXTRA], cloud)
-    sign_frame(cloud, graph_of(state).region, search.sign)
-    own.numbers[N_FRAME] += 1
-    search.stats[:] = 0
+    if extra > 0.0:
+        dilate_points(points, extra, cloud)
+    sign_frame(cloud, view(state, "graph").region, view(state, "search").sign)
+    view(state, "numbers").frame[0] += 1
+    for count in view(state, "stats"):
+        count[0] = 0
     return cloud.counts[N_BAD]
 
 
@@ -43,91 +46,100 @@ def begin_step(state, given, points):
 
     Returns True where some are not finite or most lie outside the grid.
     """
-    own_of(state).numbers[N_STEP] += 1
+    view(state, "numbers").step[0] += 1
     for i in range(points.shape[0]):
         points[i, 0], points[i, 1] = given[i, 0], given[i, 1]
         points[i, 2] = given[i, 2]
     bad = take_points(state, points)
-    counts = cloud_of(state).counts
+    counts = view(state, "cloud").counts
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
 
 
 @njit(cache=True, nogil=True)
-def search_goals(state, points, starts, q, only, frame):
-    """Run A* once; return the entry found or -1."""
-    own = own_of(state)
-    own.numbers[N_RUN] += 1
-    search_of(state).stats[N_RUNS] += 1
-    return a_star(state, points, starts, q, only, frame, own.numbers[N_RUN])
+def plan(state, points, starts, start_vertex, most):
+    """Plan from scratch from own.q to the goals in rank order; with costs to all.
 
-
-@njit(cache=True, nogil=True)
-def plan(state, points, q, starts, start_vertex, low, high, budget, way):
-    """Plan from scratch to goals low..high-1 in rank order; with costs when all.
-
-    Returns True and writes `way` when a path was found.
+    Of motions whose cells are occupied the close test is asked about `most` at either
+    end. Returns True and writes the path `spare` when one was found.
     """
-    cloud = cloud_of(state)
-    goals = goals_of(state)
-    own = own_of(state)
-    frame = own.numbers[N_FRAME]
-    joint = own.numbers[N_JOINT_COSTS] == 1
-    most = 2 * budget
+    goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = False
     any_start = False
     leaves = True  # the start may be left by one of its motions
-    for g in range(low, high):
-        if judge_direct(state, points, q, g, frame) and not joint:
-            way.count[0] = 2
-            way.count[1] = g
-            way.vertex[0] = start_vertex
-            way.vertex[1] = goals.vertex[g]
-            way.ref[0] = goals.direct_ref[g]
-            way.q[0] = q
-            way.q[1] = goals.q[g]
-            unwind(way, own.continuous)
+    for g in range(goals.count[0]):
+        if judge_direct(state, points, g) and not joint:
+            go_straight(state, start_vertex, g)
             return True
         if not leaves:
             continue
         if not judged:
-            any_start = judge_starts(state, starts, cloud.words, frame)
+            any_start = judge_starts(state, starts)
             judged = True
-        enterable = judge_goal(state, g, frame)
+        can_enter = judge_goal(state, g)
         if joint:
             continue
         entry = -1
-        if any_start and enterable:
-            entry = search_goals(state, points, starts, q, g, frame)
+        if any_start and can_enter:
+            entry = a_star(state, points, starts, g)
         if entry < 0:
-            opened = False
-            if not any_start and not stands_free(state, points, q):
+            offered = offer(state, points, starts, g, any_start, can_enter, most)
+            if offered == HOPELESS:
                 return False
-            if not enterable:
-                if not stands_free(state, points, goals.q[g]):
-                    continue
-                opened = open_goal(state, points, g, frame, most)
-                if not opened:
-                    continue
-            if not any_start:
-                if offer_starts(state, starts, frame, most) == 0:
-                    leaves = False
-                    continue
-                any_start = opened = True
-            elif not opened:
-                opened = open_goal(state, points, g, frame, most)
-                opened = offer_starts(state, starts, frame, most) > 0 or opened
-            if opened:
-                entry = search_goals(state, points, starts, q, g, frame)
-            leaves = entry >= 0 or can_leave(starts, frame)
-        if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
-            take_shortcuts(state, way, own.weights)
+            if offered == NO_ENTRY:
+                continue
+            if offered == NO_EXIT:
+                leaves = False
+                continue
+            any_start = True
+            if offered == SEARCH:
+                entry = a_star(state, points, starts, g)
+            leaves = entry >= 0 or can_leave(state, starts)
+        if entry >= 0 and write_way(state, starts, entry, start_vertex):
+            take_shortcuts(state)
             return True
     if not joint:
         return False
     if not any_start:
-        offer_starts(state, starts, frame, most)
-    entry = search_goals(state, points, starts, q, -1, frame)
-    if entry >= 0 and write_way(state, starts, q, entry, start_vertex, way):
-        take_shortcuts(state, way, own.weights)
+        offer_starts(state, starts, most)
+    entry = a_star(state, points, starts, -1)
+    if entry >= 0 and write_way(state, starts, entry, start_vertex):
+        take_shortcuts(state)
         return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def offer(state, points, starts, g, any_start, can_enter, most):
+    """Offer motions whose cells are occupied to the search; see SEARCH and its like.
+
+    `any_start`, `can_enter`: there is a motion from the start, or into goal g, whose
+    cells are free.
+    """
+    if not any_start and not stands_free(state, points, view(state, "own").q):
+        return HOPELESS
+    if not can_enter:
+        if not stands_free(state, points, view(state, "goals").q[g]):
+            return NO_ENTRY
+        if not open_goal(state, points, g, most):
+            return NO_ENTRY
+    if not any_start:
+        return SEARCH if offer_starts(state, starts, most) > 0 else NO_EXIT
+    if not can_enter:
+        return SEARCH
+    opened = open_goal(state, points, g, most)
+    opened = offer_starts(state, starts, most) > 0 or opened
+    return SEARCH if opened else NOTHING
+
+
+@njit(cache=True, nogil=True)
+def go_straight(state, start_vertex, g):
+    """Let the path `spare` be the straight motion to goal g."""
+    way, goals, own = view(state, "spare"), view(state, "goals"), view(state, "own")
+    way.count[0] = 2
+    way.count[1] = g
+    way.vertex[0] = start_vertex
+    way.vertex[1] = goals.vertex[g]
+    way.ref[0] = goals.direct_ref[g]
+    way.q[0] = own.q
+    way.q[1] = goals.q[g]
+    unwind(way, own.continuous)

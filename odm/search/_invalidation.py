@@ -5,8 +5,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from odm.obstacles._cloud import N_OCCUPIED
-from odm.search._state import cloud_of, direct_of, graph_of, own_of
-from odm.search._types import N_FRAME
+from odm.search._state import view
 
 
 @njit(cache=True, nogil=True)
@@ -97,8 +96,8 @@ def count_item(direct, item, step):
 @njit(cache=True, nogil=True)
 def refresh(state):
     """Bring the counts up to the frame whose points were taken."""
-    frame = own_of(state).numbers[N_FRAME]
-    update_hits(direct_of(state), graph_of(state), cloud_of(state), frame)
+    direct, frame = view(state, "direct"), view(state, "numbers").frame[0]
+    update_hits(direct, view(state, "graph"), view(state, "cloud"), frame)
 
 
 @intrinsic

@@ -1,15 +1,49 @@
-"""A frame's verdicts on roadmap items, pool items and motions into a goal."""
+"""A frame's verdicts on roadmap items, pool items and motions into a goal.
+
+An item's signature says which of 256 regions it sweeps, for a first look at 32 bytes. A
+region is 2 x 2 x 2 blocks; regions that any item uses share the 256 bits round robin.
+Where signature and frame have no bit in common, the item is free and its list need not
+be fetched from memory.
+"""
 
 import numpy as np
 from numba import njit
 
+from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
-from odm.search._signature import apart
-from odm.search._types import IS_GOAL, N_COUNTED, N_EDGE_TESTS
+from odm.search._state import IS_GOAL, view
 
 # A verdict is 4 * frame + one of these. BLOCKED: by its cells; MAYBE: the search is to
 # ask the close test when it comes to it; REFUSED: the close test was asked
 REFUSED, FREE, BLOCKED, MAYBE = 0, 1, 2, 3
+
+
+@njit(cache=True, nogil=True)
+def sign_items(ptr, block, region, sign):
+    """Write the signatures of items to `sign` (4 per item), zero before."""
+    for i in range(ptr.shape[0] - 1):
+        for k in range(ptr[i], ptr[i + 1]):
+            bit = region[block[k]]
+            sign[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
+
+
+@njit(cache=True, nogil=True)
+def sign_frame(cloud, region, sign):
+    """Write the signature of the occupied blocks to `sign` (4,)."""
+    for k in range(4):
+        sign[k] = 0
+    for k in range(cloud.counts[N_OCCUPIED]):
+        bit = region[cloud.occupied[k]]
+        sign[bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
+
+
+@njit(cache=True, nogil=True)
+def apart(sign, item, frame):
+    """Return True if an item's signature has no bit in common with the frame's."""
+    at = 4 * item
+    common = (sign[at] & frame[0]) | (sign[at + 1] & frame[1])
+    common |= (sign[at + 2] & frame[2]) | (sign[at + 3] & frame[3])
+    return common == 0
 
 
 @njit(cache=True, nogil=True)
@@ -19,17 +53,24 @@ def is_taken(graph, item):
 
 
 @njit(cache=True, nogil=True)
-def item_free(graph, words, search, frame, item):
+def item_free(state, item):
     """Return True if no occupied cell is in the list of a roadmap item; remembered."""
+    graph, search, stats = (
+        view(state, "graph"),
+        view(state, "search"),
+        view(state, "stats"),
+    )
+    frame = view(state, "numbers").frame[0]
     known = search.memo[item]
     if known >> 1 == frame:
         return known & 1 == 0
     hit = 1 if graph.closed[item] else 0
-    if search.stats[N_COUNTED] != 0:
+    if stats.counted[0] != 0:
         hit |= 1 if is_taken(graph, item) else 0
     elif hit == 0:
-        search.stats[N_EDGE_TESTS] += 1
+        stats.edge_tests[0] += 1
         if not apart(graph.sign, item, search.sign):
+            words = view(state, "cloud").words
             begin, end = graph.ptr[item], graph.ptr[item + 1]
             if list_hit(words, graph.block, graph.mask, begin, end):
                 hit = 1
@@ -38,31 +79,34 @@ def item_free(graph, words, search, frame, item):
 
 
 @njit(cache=True, nogil=True)
-def edge_free(graph, words, search, frame, edge):
+def edge_free(state, edge):
     """Return True if an edge and both its end nodes are free."""
-    n = graph.adj_ptr.shape[0] - 1
-    if not item_free(graph, words, search, frame, n + edge):
+    graph = view(state, "graph")
+    if not item_free(state, graph.adj_ptr.shape[0] - 1 + edge):
         return False
-    if not item_free(graph, words, search, frame, graph.edges[edge, 0]):
+    if not item_free(state, graph.edges[edge, 0]):
         return False
-    return item_free(graph, words, search, frame, graph.edges[edge, 1])
+    return item_free(state, graph.edges[edge, 1])
 
 
 @njit(cache=True, nogil=True)
-def pool_free(pool, words, frame_sign, item):
+def pool_free(state, item):
     """Return True if no occupied cell is in the list of a pool item."""
-    if apart(pool.sign, item, frame_sign):
+    pool = view(state, "pool")
+    if apart(pool.sign, item, view(state, "search").sign):
         return True
+    words = view(state, "cloud").words
     return not list_hit(words, pool.block, pool.mask, pool.begin[item], pool.end[item])
 
 
 @njit(cache=True, nogil=True)
-def way_in_free(goals, pool, words, search, frame, g, a):
+def way_in_free(state, g, a):
     """Return True if the cells of attachment a of goal g are free; remembered."""
+    goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     known = goals.memo[g, a]
     if known >> 2 == frame:
         return known & 3 == FREE
     ref = goals.ref[g, a]
-    free = ref == IS_GOAL or pool_free(pool, words, search.sign, ref)
+    free = ref == IS_GOAL or pool_free(state, ref)
     goals.memo[g, a] = 4 * frame + (FREE if free else BLOCKED)
     return free

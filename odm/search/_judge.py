@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
 from odm.obstacles._cloud import IS_SORTED
@@ -17,39 +18,22 @@ from odm.search._items import (
     pool_free,
     way_in_free,
 )
-from odm.search._state import (
-    N_EXTRA,
-    N_TOLERANCE,
-    PICK,
-    arm_of,
-    beside_of,
-    cloud_at,
-    cloud_of,
-    goals_of,
-    graph_of,
-    own_of,
-    pool_of,
-    search_of,
-    work_of,
-)
-from odm.search._types import EDGE_BASE, N_BESIDE, N_CLOSE, NO_ITEM, NO_WAY, TO_END
+from odm.search._state import EDGE_BASE, NO_ITEM, NO_WAY, TO_END, view
 
 
 @njit(cache=True, nogil=True)
 def near_free(state, cloud, q, dq):
     """Run the close test of a motion against the points of a cloud."""
-    arm = arm_of(state)
-    own = own_of(state)
-    search_of(state).stats[N_CLOSE] += 1
-    return motion_clear(
-        arm, own.radii, q, dq, own.terms[N_TOLERANCE], cloud, False, work_of(state)
-    )
+    radii, tolerance = view(state, "own").radii, view(state, "terms").tolerance[0]
+    view(state, "stats").close[0] += 1
+    clearance = Clearance(view(state, "arm"), radii, tolerance, view(state, "work"))
+    return motion_clear(clearance, q, dq, cloud, False)
 
 
 @njit(cache=True, nogil=True)
 def close_free(state, points, q, dq):
     """Run the close test of a motion against all of the frame's points."""
-    cloud = cloud_of(state)
+    cloud = view(state, "cloud")
     if cloud.counts[IS_SORTED] == 0:
         sort_points(points, cloud)
     return near_free(state, cloud, q, dq)
@@ -63,19 +47,19 @@ def pick_ref(state, points, ref):
     points are returned, and where extra clearance is kept: then points of other cells
     count too.
     """
-    cloud = cloud_of(state)
-    if (ref < 0 and ref > EDGE_BASE) or own_of(state).terms[N_EXTRA] > 0.0:
+    cloud = view(state, "cloud")
+    if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
         return cloud
-    pick = cloud_at(state, PICK)
+    pick = view(state, "pick")
     forget_cells(pick)
     if ref >= 0:
-        pool = pool_of(state)
+        pool = view(state, "pool")
         begin, end = pool.begin[ref], pool.end[ref]
         pick_cells(pick, cloud.words, pool.block, pool.mask, begin, end)
     else:
-        graph = graph_of(state)
+        graph = view(state, "graph")
         edge = EDGE_BASE - ref
         n = graph.adj_ptr.shape[0] - 1
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
@@ -93,7 +77,7 @@ def where_blocked(state, near, q, dq, stuck):
     It is most likely blocked where it was the last time, at the share `stuck` (-1: it
     was not): there is where it is looked at first.
     """
-    own = own_of(state)
+    own = view(state, "own")
     if stuck >= 0.0:
         set_point(q, dq, stuck, own.spot)
         for j in range(q.shape[0]):
@@ -102,7 +86,7 @@ def where_blocked(state, near, q, dq, stuck):
             return stuck
     if near_free(state, near, q, dq):
         return -1.0
-    return work_of(state).value[0]
+    return view(state, "work").value[0]
 
 
 @njit(cache=True, nogil=True)
@@ -112,33 +96,29 @@ def part_free(state, points, ref, q, dq):
 
 
 @njit(cache=True, nogil=True)
-def ref_free(state, ref, frame):
-    """Return True if the cells of a way's segment are free; no item is never free."""
-    cloud = cloud_of(state)
-    graph = graph_of(state)
-    pool = pool_of(state)
-    search = search_of(state)
+def ref_free(state, ref):
+    """Return True if the cells of a path's segment are free; no item is never free."""
     if ref <= EDGE_BASE:
-        return edge_free(graph, cloud.words, search, frame, EDGE_BASE - ref)
+        return edge_free(state, EDGE_BASE - ref)
     if ref >= 0:
-        return pool_free(pool, cloud.words, search.sign, ref)
+        return pool_free(state, ref)
     return False
 
 
 @njit(cache=True, nogil=True)
-def rest_free(state, points, way, segment, q, frame):
-    """Test what is left of a way from q on its `segment`; return the bad one or -1.
+def rest_free(state, points, way, segment, q):
+    """Test what is left of a path from q on its `segment`; return the bad one or -1.
 
     From beside the segment the motion to its end is no part of what was certified: no
     cells are known of it, so the close test takes all points.
     """
-    own = own_of(state)
+    own, is_beside = view(state, "own"), view(state, "numbers").beside[0] == 1
     for k in range(segment, way.count[0] - 1):
-        beside = k == segment and own.numbers[N_BESIDE] == 1
+        beside = k == segment and is_beside
         ref = NO_ITEM if beside else way.ref[k]
-        if ref_free(state, ref, frame):
+        if ref_free(state, ref):
             continue
-        if beside and beside_of(state).free[TO_END] != 1:
+        if beside and view(state, "beside").free[TO_END] != 1:
             return k
         begin = q if k == segment else way.q[k]
         for j in range(q.shape[0]):
@@ -149,44 +129,44 @@ def rest_free(state, points, way, segment, q, frame):
 
 
 @njit(cache=True, nogil=True)
-def judge_starts(state, starts, words, frame):
+def judge_starts(state, starts):
     """Write this frame's verdict by cells of each start motion; True if any is free."""
+    frame = view(state, "numbers").frame[0]
     any_ = False
     for k in range(starts.count[0]):
         if starts.memo[k] >> 2 == frame:
             any_ = any_ or starts.memo[k] & 3 == FREE
             continue
         ref = starts.ref[k]
-        free = starts.static[k] == 1 and ref != NO_ITEM and ref_free(state, ref, frame)
+        free = starts.static[k] == 1 and ref != NO_ITEM and ref_free(state, ref)
         starts.memo[k] = 4 * frame + (FREE if free else BLOCKED)
         any_ = any_ or free
     return any_
 
 
 @njit(cache=True, nogil=True)
-def offer_starts(state, starts, frame, most):
+def offer_starts(state, starts, most):
     """Let the search ask the close test about up to `most` blocked start motions.
 
     The nearest whose nodes are free; returns how many.
     """
-    cloud = cloud_of(state)
-    graph = graph_of(state)
-    search = search_of(state)
+    frame = view(state, "numbers").frame[0]
     offered = 0
     for k in range(starts.count[0]):
         if offered >= most:
             break
         if starts.memo[k] != 4 * frame + BLOCKED or starts.static[k] != 1:
             continue
-        if item_free(graph, cloud.words, search, frame, starts.node[k]):
+        if item_free(state, starts.node[k]):
             starts.memo[k] = 4 * frame + MAYBE
             offered += 1
     return offered
 
 
 @njit(cache=True, nogil=True)
-def can_leave(starts, frame):
+def can_leave(state, starts):
     """Return True if a start motion is free, or may be by the close test."""
+    frame = view(state, "numbers").frame[0]
     for k in range(starts.count[0]):
         if starts.memo[k] == 4 * frame + FREE or starts.memo[k] == 4 * frame + MAYBE:
             return True
@@ -194,105 +174,121 @@ def can_leave(starts, frame):
 
 
 @njit(cache=True, nogil=True)
-def start_clear(state, points, starts, q, frame, k):
+def start_clear(state, points, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
-    own = own_of(state)
-    displacement(q, graph_of(state).nodes[starts.node[k]], own.continuous, own.dq)
+    own, nodes = view(state, "own"), view(state, "graph").nodes
+    displacement(own.q, nodes[starts.node[k]], own.continuous, own.dq)
     near = pick_ref(state, points, starts.ref[k])
-    stuck = where_blocked(state, near, q, own.dq, starts.stuck[k])
+    stuck = where_blocked(state, near, own.q, own.dq, starts.stuck[k])
     starts.stuck[k] = stuck
-    starts.memo[k] = 4 * frame + (FREE if stuck < 0.0 else REFUSED)
+    verdict = FREE if stuck < 0.0 else REFUSED
+    starts.memo[k] = 4 * view(state, "numbers").frame[0] + verdict
     return stuck < 0.0
 
 
 @njit(cache=True, nogil=True)
-def judge_goal(state, g, frame):
-    """Return True if a motion into goal g and the node it comes from are free."""
-    words = cloud_of(state).words
-    graph = graph_of(state)
-    pool = pool_of(state)
-    goals = goals_of(state)
-    search = search_of(state)
-    for a in range(goals.number[g]):
-        if not way_in_free(goals, pool, words, search, frame, g, a):
+def clear_starts(state, points, q, ids, most, kept):
+    """Write to `kept` the nodes of `ids` that q can go to in this frame, in order.
+
+    For a robot that is passing through: at most `most` of them. A node counts where
+    its cells are free and the close test finds the motion to it free. Returns how many.
+    """
+    nodes, own = view(state, "graph").nodes, view(state, "own")
+    n = 0
+    for k in range(ids.shape[0]):
+        if n == most:
+            break
+        if not item_free(state, ids[k]):
             continue
-        if item_free(graph, words, search, frame, goals.node[g, a]):
+        displacement(q, nodes[ids[k]], own.continuous, own.dq)
+        if close_free(state, points, q, own.dq):
+            kept[n] = ids[k]
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def judge_goal(state, g):
+    """Return True if a motion into goal g and the node it comes from are free."""
+    goals = view(state, "goals")
+    for a in range(goals.number[g]):
+        if way_in_free(state, g, a) and item_free(state, goals.node[g, a]):
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def way_in_clear(state, points, frame, g, a):
+def can_enter(state, g):
+    """Return True if a motion into goal g is free, or may be by the close test."""
+    goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
+    for a in range(goals.number[g]):
+        if way_in_free(state, g, a) or goals.memo[g, a] == 4 * frame + MAYBE:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def way_in_clear(state, points, g, a):
     """Run the close test of attachment a of goal g; its verdict is remembered."""
-    goals = goals_of(state)
-    own = own_of(state)
-    q = graph_of(state).nodes[goals.node[g, a]]
+    goals, own = view(state, "goals"), view(state, "own")
+    q = view(state, "graph").nodes[goals.node[g, a]]
     displacement(q, goals.q[g], own.continuous, own.dq)
     near = pick_ref(state, points, goals.ref[g, a])
     stuck = where_blocked(state, near, q, own.dq, goals.stuck[g, a])
     goals.stuck[g, a] = stuck
-    goals.memo[g, a] = 4 * frame + (FREE if stuck < 0.0 else REFUSED)
+    verdict = FREE if stuck < 0.0 else REFUSED
+    goals.memo[g, a] = 4 * view(state, "numbers").frame[0] + verdict
     return stuck < 0.0
 
 
 @njit(cache=True, nogil=True)
-def open_goal(state, points, g, frame, most):
+def open_goal(state, points, g, most):
     """Look for a blocked motion into g that the close test finds free; True if any.
 
     Up to `most` are in question; those after the first that is free are left to the
     search, which asks when they come out first. Where none is free no search begins:
     it would look everywhere for a goal that cannot be entered.
     """
-    words = cloud_of(state).words
-    graph = graph_of(state)
-    pool = pool_of(state)
-    goals = goals_of(state)
-    search = search_of(state)
+    goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     offered = 0
     any_ = False
     for a in range(goals.number[g]):
         if offered >= most:
             break
-        if way_in_free(goals, pool, words, search, frame, g, a):
+        if way_in_free(state, g, a) or goals.memo[g, a] != 4 * frame + BLOCKED:
             continue
-        if goals.memo[g, a] != 4 * frame + BLOCKED:
-            continue
-        if item_free(graph, words, search, frame, goals.node[g, a]):
+        if item_free(state, goals.node[g, a]):
             offered += 1
             if any_:
                 goals.memo[g, a] = 4 * frame + MAYBE
             else:
-                any_ = way_in_clear(state, points, frame, g, a)
+                any_ = way_in_clear(state, points, g, a)
     return any_
 
 
 @njit(cache=True, nogil=True)
 def stands_free(state, points, q):
     """Return True if a configuration itself keeps its distance from the points."""
-    own = own_of(state)
+    own = view(state, "own")
     for j in range(q.shape[0]):
         own.still[j] = 0.0
     return close_free(state, points, q, own.still)
 
 
 @njit(cache=True, nogil=True)
-def judge_direct(state, points, q, g, frame):
+def judge_direct(state, points, g):
     """Test the straight motion to goal g: cells, where it stuck before, closely."""
-    search = search_of(state)
-    cloud = cloud_of(state)
-    pool = pool_of(state)
-    goals = goals_of(state)
-    own = own_of(state)
-    ref = goals.direct_ref[g]
+    goals, own = view(state, "goals"), view(state, "own")
+    frame, ref = view(state, "numbers").frame[0], goals.direct_ref[g]
     goals.direct_memo[g] = 4 * frame + BLOCKED
     if ref == NO_WAY:
         return False
-    if ref >= 0 and pool_free(pool, cloud.words, search.sign, ref):
+    if ref >= 0 and pool_free(state, ref):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
-    displacement(q, goals.q[g], own.continuous, own.dq)
+    displacement(own.q, goals.q[g], own.continuous, own.dq)
     near = pick_ref(state, points, ref)
-    stuck = where_blocked(state, near, q, own.dq, goals.direct_stuck[g])
+    stuck = where_blocked(state, near, own.q, own.dq, goals.direct_stuck[g])
     goals.direct_stuck[g] = stuck
     if stuck >= 0.0:
         return False

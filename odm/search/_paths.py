@@ -6,17 +6,7 @@ from numba import njit
 
 from odm.search._beside import locate_beside, off_motion
 from odm.search._items import pool_free
-from odm.search._state import (
-    N_TRACK,
-    cloud_of,
-    goals_of,
-    graph_of,
-    own_of,
-    pool_of,
-    search_of,
-    short_of,
-)
-from odm.search._types import IS_GOAL, NO_ITEM
+from odm.search._state import IS_GOAL, NO_ITEM, view
 from roadmap.geometry._segments import nearest_share
 
 SAME_PLACE = 1e-9  # [m]
@@ -31,9 +21,9 @@ def locate_on_way(state, way, first, q, out):
     nearest point of the segment; where that is too much, the spheres are asked. Writes
     the share of the segment to out[0]; returns the segment, or -1.
     """
-    own = own_of(state)
+    own = view(state, "own")
     best = -1
-    best_off = own.terms[N_TRACK]
+    best_off = view(state, "terms").beside[0]
     for k in range(first, way.count[0] - 1):
         a, b = way.q[k], way.q[k + 1]
         t = nearest_share(a, b, q)
@@ -95,12 +85,10 @@ def unwind(way, continuous):
 
 
 @njit(cache=True, nogil=True)
-def write_way(state, starts, q, entry, start_vertex, way):
-    """Write the way that ends in heap entry `entry`."""
-    graph = graph_of(state)
-    goals = goals_of(state)
-    search = search_of(state)
-    own = own_of(state)
+def write_way(state, starts, entry, start_vertex):
+    """Write the path from own.q that ends in heap entry `entry` to `spare`."""
+    graph, goals, way = view(state, "graph"), view(state, "goals"), view(state, "spare")
+    search, own = view(state, "search"), view(state, "own")
     n = graph.adj_ptr.shape[0] - 1
     count = 2
     e = entry
@@ -113,7 +101,7 @@ def write_way(state, starts, q, entry, start_vertex, way):
     way.count[0] = count
     way.count[1] = g
     way.vertex[0] = start_vertex
-    way.q[0] = q
+    way.q[0] = own.q
     k = count - 1
     e = entry
     while k > 0:
@@ -185,14 +173,10 @@ def add_shortcut(short, a, b, item):
 
 
 @njit(cache=True, nogil=True)
-def take_shortcuts(state, way, weights):
-    """Shorten a way by the remembered motions that are free now."""
-    search = search_of(state)
-    cloud = cloud_of(state)
-    pool = pool_of(state)
-    short = short_of(state)
-    own = own_of(state)
-    n = way.count[0]
+def take_shortcuts(state):
+    """Shorten the path `spare` by the remembered motions that are free now."""
+    short, own, way = view(state, "short"), view(state, "own"), view(state, "spare")
+    weights, n = own.weights, way.count[0]
     if n < 3 or short.count[0] == 0:
         return
     best, back, ref = short.best, short.back, short.ref
@@ -210,7 +194,7 @@ def take_shortcuts(state, way, weights):
             item = way.ref[k - 1]
             if i < k - 1:
                 item = find_shortcut(short, way.vertex[i], way.vertex[k])
-                if item < 0 or not pool_free(pool, cloud.words, search.sign, item):
+                if item < 0 or not pool_free(state, item):
                     continue
             best[k] = length
             back[k] = i

@@ -14,35 +14,7 @@ from odm.search._paths import (
     turns_back,
     way_length,
 )
-from odm.search._state import (
-    ALONG,
-    FRESH,
-    SPARE,
-    WAY,
-    beside_of,
-    goals_of,
-    graph_of,
-    own_of,
-    proof_of,
-    starts_at,
-    way_at,
-)
-from odm.search._types import (
-    N_BESIDE,
-    N_BETTER,
-    N_FRAME,
-    N_JOINT,
-    N_LOOK,
-    N_REST,
-    N_SAME,
-    N_SEGMENT,
-    N_STEP,
-    N_WHERE,
-    NO_ITEM,
-    NO_WAY,
-    TO_BEGIN,
-    TO_END,
-)
+from odm.search._state import NO_ITEM, NO_WAY, TO_BEGIN, TO_END, view
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -55,7 +27,7 @@ WORTH_A_LOOK = 1.1  # times the straight distance
 @njit(cache=True, nogil=True)
 def weighted(q_from, q_to, state):
     """Return the weighted length of the straight motion between configurations."""
-    own = own_of(state)
+    own = view(state, "own")
     displacement(q_from, q_to, own.continuous, own.dq)
     total = 0.0
     for j in range(q_from.shape[0]):
@@ -72,12 +44,14 @@ def along_way(state, way, segment, q, along):
     they are new: no cells are known of them, and `beside` says whether they are free of
     what stands still.
     """
-    graph = graph_of(state)
-    goals = goals_of(state)
-    own = own_of(state)
+    graph, goals, free = (
+        view(state, "graph"),
+        view(state, "goals"),
+        view(state, "beside").free,
+    )
     n = graph.adj_ptr.shape[0] - 1
     count = 0
-    beside, free = own.numbers[N_BESIDE] == 1, beside_of(state).free
+    beside = view(state, "numbers").beside[0] == 1
     ref = NO_ITEM if beside else way.ref[segment]
     for g in range(goals.count[0]):
         goals.direct_ref[g] = NO_WAY
@@ -127,8 +101,9 @@ def same_rest(way, where, new):
 
 
 @njit(cache=True, nogil=True)
-def take_configuration(own, q):
+def take_configuration(state, q):
     """Keep q; return the code of what is wrong with it, or FOLLOWING."""
+    own = view(state, "own")
     for j in range(q.shape[0]):
         own.q[j] = q[j]
     for j in range(q.shape[0]):
@@ -136,7 +111,7 @@ def take_configuration(own, q):
             return NOT_FINITE
         over = max(own.lower[j] - q[j], q[j] - own.upper[j])
         if not own.continuous[j] and over > LIMIT_TOLERANCE:
-            own.numbers[N_JOINT] = j
+            view(state, "numbers").joint[0] = j
             return OUT_OF_LIMITS
     return FOLLOWING
 
@@ -154,46 +129,44 @@ def rest_length(state, way, where, q):
 def judge(state, points, q, always):
     """Judge the way in use: FOLLOWING, a trouble's code, or LOOK for a new way.
 
-    With LOOK own.numbers[N_WHERE] is the segment that q is on, -1 for none, and
-    own.numbers[N_REST] tells whether the rest of the way is free. With BESIDE it is
+    With LOOK numbers.where is the segment that q is on, -1 for none, and
+    numbers.rest tells whether the rest of the way is free. With BESIDE it is
     not on that segment but beside it, and the group Beside is to be filled first.
     """
-    own = own_of(state)
-    way = way_at(state, WAY)
-    trouble = take_configuration(own, q)
+    own, numbers, way = view(state, "own"), view(state, "numbers"), view(state, "way")
+    trouble = take_configuration(state, q)
     if trouble != FOLLOWING:
         return trouble
     q = own.q
-    own.numbers[N_REST] = 0
+    numbers.rest[0] = 0
     where = -1
     if way.count[0] >= 2:
         where = locate_on_way(state, way, 0, q, own.out)  # it may have slowed down
     if where >= 0 and turns_back(way, where, q, own.continuous):
         where = -1
-    own.numbers[N_WHERE] = where
-    own.numbers[N_BESIDE] = 0
+    numbers.where[0] = where
+    numbers.beside[0] = 0
     if where < 0 and not is_fresh(own):
         return NOT_ATTACHED
-    if where >= 0 and not is_on(proof_of(state), where, q):
-        own.numbers[N_BESIDE] = 1
-        if not is_known_beside(beside_of(state), way, where, q):
+    if where >= 0 and not is_on(view(state, "proof"), where, q):
+        numbers.beside[0] = 1
+        if not is_known_beside(view(state, "beside"), way, where, q):
             return BESIDE
     if where < 0 or always or way.count[1] < 0:
         return LOOK
-    frame = own.numbers[N_FRAME]
-    if rest_free(state, points, way, where, q, frame) >= 0:
+    if rest_free(state, points, way, where, q) >= 0:
         return LOOK
-    own.numbers[N_REST] = 1
-    own.numbers[N_SEGMENT] = where
-    look = own.numbers[N_STEP] % IMPROVE_EVERY == 0 or own.numbers[N_LOOK] == 1
-    own.numbers[N_LOOK] = 0
+    numbers.rest[0] = 1
+    numbers.segment[0] = where
+    look = numbers.step[0] % IMPROVE_EVERY == 0 or numbers.look[0] == 1
+    numbers.look[0] = 0
     if not look:
         return FOLLOWING
     straight = weighted(q, way.q[way.count[0] - 1], state)
     # nothing is shorter than straight on, but a goal of a better rank may be free now
     first = way.count[1] == 0
     if first and rest_length(state, way, where, q) <= WORTH_A_LOOK * straight:
-        own.numbers[N_BETTER] = 0
+        numbers.better[0] = 0
         return FOLLOWING
     return LOOK
 
@@ -226,32 +199,34 @@ def look(state, points, margin, budget, looks):
 
     A free way is kept until `looks` in a row found a better one.
     """
-    goals = goals_of(state)
-    own = own_of(state)
-    way, spare = way_at(state, WAY), way_at(state, SPARE)
+    goals, own, numbers = (
+        view(state, "goals"),
+        view(state, "own"),
+        view(state, "numbers"),
+    )
+    way, spare = view(state, "way"), view(state, "spare")
     q = own.q
-    where = own.numbers[N_WHERE]
+    where = numbers.where[0]
     start_vertex = goals.count[1]
-    starts = starts_at(state, FRESH)
+    starts = view(state, "fresh")
     if is_fresh(own):
         for g in range(goals.count[0]):
             goals.direct_ref[g] = goals.fresh_ref[g]
     else:
-        starts = starts_at(state, ALONG)
+        starts = view(state, "along")
         along_way(state, way, where, q, starts)
         start_vertex = goals.count[2]
     for g in range(goals.count[0]):
         goals.direct_length[g] = weighted(q, goals.q[g], state)
-    n_goals = goals.count[0]
-    found = plan(state, points, q, starts, start_vertex, 0, n_goals, budget, spare)
-    if own.numbers[N_REST] == 1:
+    found = plan(state, points, starts, start_vertex, 2 * budget)
+    if numbers.rest[0] == 1:
         rank = way.count[1]
         better = found and spare.count[1] <= rank
         if better and spare.count[1] == rank:
             rest = rest_length(state, way, where, q)
             better = way_length(spare, own.weights) <= (1.0 - margin) * rest
-        own.numbers[N_BETTER] = own.numbers[N_BETTER] + 1 if better else 0
-        if own.numbers[N_BETTER] < looks:
+        numbers.better[0] = numbers.better[0] + 1 if better else 0
+        if numbers.better[0] < looks:
             return FOLLOWING
     if not found:
         return NO_PATH
@@ -260,15 +235,15 @@ def look(state, points, margin, budget, looks):
 
 @njit(cache=True, nogil=True)
 def adopt(state):
-    """Take the way that `look` found; own.numbers[N_SAME] tells that it is the old."""
-    own = own_of(state)
-    way, spare = way_at(state, WAY), way_at(state, SPARE)
-    own.numbers[N_BETTER] = 0
-    own.numbers[N_SAME] = 1 if same_rest(way, own.numbers[N_WHERE], spare) else 0
+    """Take the way that `look` found; numbers.same tells that it is the old."""
+    own, numbers = view(state, "own"), view(state, "numbers")
+    way, spare = view(state, "way"), view(state, "spare")
+    numbers.better[0] = 0
+    numbers.same[0] = 1 if same_rest(way, numbers.where[0], spare) else 0
     copy_way(spare, way)
-    own.numbers[N_SEGMENT] = 0
-    first, where, proof = 0, own.numbers[N_WHERE], proof_of(state)
-    if where >= 0 and own.numbers[N_BESIDE] == 0 and not is_fresh(own):
+    numbers.segment[0] = 0
+    first, where, proof = 0, numbers.where[0], view(state, "proof")
+    if where >= 0 and numbers.beside[0] == 0 and not is_fresh(own):
         # its first segment is another part of the motion that q is on
         first = 1
         for j in range(own.q.shape[0]):
@@ -281,7 +256,7 @@ def adopt(state):
 def step(state, points, q, always, margin, budget, looks):
     """Answer one frame whose points were taken; see the codes above.
 
-    The answer's way stands at row WAY; own.numbers[N_SEGMENT] is its segment q is on.
+    The answer's path is the group `way`; numbers.segment is its segment that q is on.
     """
     code = judge(state, points, q, always)
     if code != LOOK:

@@ -1,66 +1,70 @@
-"""Lay out a planner's arrays, once; nothing in a frame allocates after that."""
+"""A planner's arrays, laid out once: nothing in a frame allocates after that."""
 
 from typing import NoReturn
 
 import numpy as np
 
+from odm._groups import check, declared, new
 from odm.cell_map.cell_map import CellLists, CellMap
-from odm.close_test._arm import Arm, Work, make_work
-from odm.obstacles._cloud import Cloud
+from odm.checks import MAX_GOALS
+from odm.close_test._arm import Arm, make_work
 from odm.owner import Owner, refuse_copy
-from odm.search import _signature as signature
-from odm.search import _state as layout
-from odm.search import _types as kinds
+from odm.search import _invalidation as invalidation
+from odm.search._items import sign_items
+from odm.search._state import (
+    KINDS,
+    LOST,
+    Direct,
+    Graph,
+    Groups,
+    Own,
+    Pool,
+    Proof,
+    Stats,
+    Terms,
+    table_of,
+)
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import motion_per_joint
 
-MAX_GOALS = 32
 MAX_ATTACHMENTS = 48
-WAY_LENGTH = 64
-POOL_ITEMS = 8192
-POOL_ENTRIES = 1_000_000
-SHORTCUTS = 8192  # a power of two
-PAST_WAYS = 8  # remembered to bound a long search
+# lengths of arrays by the names in `odm/search/_state.py`; shortcuts: a power of two
+_SIZES = {
+    "goals": MAX_GOALS,
+    "joins": MAX_ATTACHMENTS,
+    "corners": 64,
+    "items": 8192,
+    "item_entries": 1_000_000,
+    "shortcuts": 8192,
+    "past": 8,
+}
 
 
-class Memory:
-    """The named arrays of a planner, and the table that points at them.
+class Memory(Groups):
+    """The named groups of a planner, and the table that points at their arrays.
 
     No name can be bound to something else, since the table would not follow.
 
     Attributes:
         table: What the compiled frame takes.
         owner: The thread that may use it.
-        arm, cloud, work, graph, pool, goals, search, direct, short, fresh, along, way,
-        spare, own, pick, past, proof, beside: The groups; see `odm/search/_types.py`.
+        counted: (6,) the numbers of `stats`, as one array.
     """
 
     table: np.ndarray
     owner: Owner
-    arm: Arm
-    cloud: Cloud
-    work: Work
-    graph: kinds.Graph
-    pool: kinds.Pool
-    goals: kinds.Goals
-    search: kinds.Search
-    direct: kinds.Direct
-    short: kinds.Shortcuts
-    fresh: kinds.Starts
-    along: kinds.Starts
-    way: kinds.Way
-    spare: kinds.Way
-    own: kinds.Own
-    pick: Cloud
-    past: kinds.Past
-    proof: kinds.Proof
-    beside: kinds.Beside
+    counted: np.ndarray
 
     def __init__(self, groups: dict[str, tuple]) -> None:
-        """Keep the groups and write the table; it belongs to this thread."""
+        """Keep the groups and write the table; it belongs to this thread.
+
+        Raises:
+            BadInput: An array is not as it is declared.
+        """
         object.__setattr__(self, "owner", Owner())
-        self._exchange(**groups)
+        object.__setattr__(self, "counted", groups["stats"].popped.base)
+        exchange(self, groups)
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse: the table points at the arrays that are there."""
@@ -74,151 +78,106 @@ class Memory:
         """Refuse to be copied or pickled: the table holds addresses."""
         refuse_copy()
 
-    def _exchange(self, **groups: tuple) -> None:
-        """Point at other groups, by name; only `Carrier` and `_make_room` may."""
-        named = {n: groups[n] if n in groups else getattr(self, n) for n in _ORDER}
-        rows = [
-            array
-            for group in named.values()
-            for array in group
-            if isinstance(array, np.ndarray)
-        ]
-        table = _table_of(rows, named["graph"].block.dtype)
-        # what the table points at lives as long as it
-        for name, value in {**groups, "table": table, "_rows": rows}.items():
-            object.__setattr__(self, name, value)
+    def arrays(self, *lives: str) -> dict[str, np.ndarray]:
+        """Return the arrays that live so long (LIFE, GOAL, FRAME), as "group.name"."""
+        return {
+            f"{name}.{key}": getattr(getattr(self, name), key)
+            for name, kind in KINDS.items()
+            for key, field in declared(kind).items()
+            if field.life in lives and field.axes
+        }
 
 
-def _table_of(rows: list[np.ndarray], block_type: np.dtype) -> np.ndarray:
-    """Return addresses and shapes of arrays; see `odm/search/_state.py`."""
-    if len(rows) != layout.ROWS:
-        raise AssertionError(f"{len(rows)} arrays for {layout.ROWS} rows")
-    wide = block_type == np.uint32
-    table = np.zeros((len(rows), 4), np.uint64 if wide else np.int64)
-    for k, array in enumerate(rows):
-        if not array.flags.c_contiguous:
-            raise AssertionError(f"row {k} is not contiguous")
-        table[k, 0] = array.__array_interface__["data"][0]  # fast
-        table[k, 1 : 1 + array.ndim] = array.shape
-    return table
+def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
+    """Let a planner's table point at other groups, by name; the others stay.
 
+    For what carries and what makes room; it costs a walk over all arrays.
 
-_ORDER = (
-    "arm",
-    "cloud",
-    "work",
-    "graph",
-    "pool",
-    "goals",
-    "search",
-    "direct",
-    "short",
-    "fresh",
-    "along",
-    "way",
-    "spare",
-    "own",
-    "pick",
-    "past",
-    "proof",
-    "beside",
-)
+    Raises:
+        BadInput: An array is not as it is declared.
+    """
+    named = {n: groups[n] if n in groups else getattr(memory, n) for n in KINDS}
+    block = named["graph"].block.dtype
+    check({name: (KINDS[name], group) for name, group in named.items()}, block)
+    table = table_of(named, block)
+    for name, value in {**groups, "table": table}.items():
+        object.__setattr__(memory, name, value)
 
 
 def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     """Return all arrays for a planner on this map, for up to `max_points` points."""
     robot, roadmap, arm = cell_map.robot, cell_map.roadmap, cell_map.arm
     n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
-    cells = cell_map.arm_cells
+    cells, grid, safety = cell_map.arm_cells, cell_map.grid, cell_map.safety
+    joins, goals = _SIZES["joins"], _SIZES["goals"]
+    sizes = {**_SIZES, "n": n, "m": m, "dof": dof}
+    sizes["heap"] = 2 * m + joins + goals * (joins + 1)
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
-    pool = kinds.Pool(
-        np.zeros(POOL_ITEMS, np.int64),
-        np.zeros(POOL_ITEMS, np.int64),
-        np.zeros(POOL_ENTRIES, cells.block.dtype),
-        np.zeros(POOL_ENTRIES, np.uint64),
-        np.zeros(4 * POOL_ITEMS, np.uint64),
-        np.zeros(2, np.int64),
+    own = new(
+        Own,
+        sizes,
+        radii=cell_map.swept_radii(),
+        sway=joint_sway(arm, dof),
+        weights=roadmap.weights,
+        continuous=robot.continuous,
+        lower=robot.lower,
+        upper=robot.upper,
     )
-    short = kinds.Shortcuts(
-        np.full(SHORTCUTS, -1, np.int64),
-        np.zeros(SHORTCUTS, np.int64),
-        np.zeros(1, np.int64),
-        np.zeros(WAY_LENGTH),
-        np.zeros(2 * WAY_LENGTH + 2, np.int64),
-        np.zeros(WAY_LENGTH, np.int64),
-    )
-    safety = cell_map.safety
+    terms = new(Terms, sizes)
+    terms.tolerance[0] = cell_map.motion_tolerance
     # a robot so far beside its path is on its way. That spends nothing of m: from
     # there its first leg is tested with all of m, which the executor then spends
-    share = safety.tracking + safety.blending
-    terms = np.array([cell_map.motion_tolerance, safety.h, share, 0.0])
-    own = kinds.Own(
-        cell_map.swept_radii(),
-        terms,
-        joint_sway(arm, dof),
-        roadmap.weights,
-        robot.continuous,
-        np.zeros(n),
-        np.zeros(12, np.int64),
-        np.zeros(dof),
-        np.zeros(dof),
-        np.zeros(dof),
-        np.full(dof, np.nan),
-        np.full(dof, np.nan),
-        robot.lower,
-        robot.upper,
-        np.zeros(2),
-    )
-    return Memory(
-        {
-            "arm": arm,
-            "cloud": cell_map.grid.new_cloud(max_points),
-            "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
-            "graph": graph,
-            "pool": pool,
-            "goals": _goals(n, dof),
-            "search": _search(n, m),
-            "direct": direct,
-            "short": short,
-            "fresh": _starts(),
-            "along": _starts(),
-            "way": new_way(dof),
-            "spare": new_way(dof),
-            "own": own,
-            "pick": cell_map.grid.new_cloud(max_points),
-            "past": _past(),
-            "proof": kinds.Proof(
-                np.zeros((WAY_LENGTH, dof)),
-                np.zeros((WAY_LENGTH, dof)),
-                point_motion(arm, dof),
-            ),
-            "beside": kinds.Beside(np.full((3, dof), np.nan), np.zeros(2, np.int64)),
-        }
-    )
+    terms.beside[0] = safety.tracking + safety.blending
+    block = np.zeros(sizes["item_entries"], cells.block.dtype)
+    groups = {
+        "arm": arm,
+        "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
+        "cloud": grid.new_cloud(max_points),
+        "pick": grid.new_cloud(max_points),
+        "graph": graph,
+        "direct": direct,
+        "pool": new(Pool, sizes, block=block),
+        "proof": new(Proof, sizes, motion=point_motion(arm, dof)),
+        "own": own,
+        "terms": terms,
+        # rows of one array, which is read at once
+        "stats": Stats(*np.zeros((len(Stats._fields), 1), np.int64)),
+    }
+    rest = {name: new(KINDS[name], sizes) for name in KINDS if name not in groups}
+    return Memory({**groups, **rest})
 
 
 def graph_on(
     roadmap: Roadmap, cells: CellLists, region: np.ndarray
-) -> tuple[kinds.Graph, kinds.Direct]:
+) -> tuple[Graph, Direct]:
     """Return the roadmap with its cell lists, and their block-major view."""
-    n_items = roadmap.n_nodes + roadmap.n_edges
-    direct = _direct(cells, n_items)
-    sign = np.zeros(4 * n_items, np.uint64)
-    signature.sign_items(cells.ptr, cells.block, region, sign)
-    graph = kinds.Graph(
-        roadmap.adj_ptr,
-        roadmap.adj_node,
-        roadmap.adj_edge,
-        roadmap.adj_length,
-        roadmap.edges,
-        roadmap.nodes,
-        cells.ptr,
-        cells.block,
-        cells.mask,
-        np.zeros(n_items, np.bool_),
-        region,
-        sign,
-        direct.bits,
+    n, m = roadmap.n_nodes, roadmap.n_edges
+    sizes = {
+        "n": n,
+        "m": m,
+        "blocks": len(cells.t_ptr) - 1,
+        "bits": (n + m) // 64 + 1,
+        "longest_list": int(np.diff(cells.t_ptr).max(initial=0)) + 1,
+    }
+    item = cells.t_item.view(np.int32)
+    direct = new(Direct, sizes, ptr=cells.t_ptr, item=item, mask=cells.t_mask)
+    sign = np.zeros(4 * (n + m), np.uint64)
+    sign_items(cells.ptr, cells.block, region, sign)
+    graph = new(
+        Graph,
+        sizes,
+        adj_ptr=roadmap.adj_ptr,
+        adj_node=roadmap.adj_node,
+        adj_edge=roadmap.adj_edge,
+        adj_length=roadmap.adj_length,
+        edges=roadmap.edges,
+        nodes=roadmap.nodes,
+        ptr=cells.ptr,
+        block=cells.block,
+        mask=cells.mask,
+        region=region,
+        sign=sign,
+        taken=direct.bits,
     )
     return graph, direct
 
@@ -230,22 +189,6 @@ def regions(cell_map: CellMap) -> np.ndarray:
     coarse = (at[0] * ny + at[1]) * nz + at[2]
     used = np.unique(coarse.ravel()[np.unique(cell_map.arm_cells.block)])
     return (np.searchsorted(used, coarse.ravel()) % 256).astype(np.int32)
-
-
-def _direct(cells: CellLists, n_items: int) -> kinds.Direct:
-    n_blocks = len(cells.t_ptr) - 1
-    longest = int(np.diff(cells.t_ptr).max(initial=0))
-    return kinds.Direct(
-        cells.t_ptr,
-        cells.t_item.view(np.int32),
-        cells.t_mask,
-        np.zeros(n_blocks, np.uint64),
-        np.zeros(n_items, np.int32),
-        np.zeros(n_blocks + 1, np.int32),
-        np.zeros(n_items // 64 + 1, np.uint64),
-        np.zeros(longest + 1, np.int32),
-        np.full(1, -100, np.int64),
-    )
 
 
 def joint_sway(arm: Arm, dof: int) -> np.ndarray:
@@ -264,78 +207,35 @@ def point_motion(arm: Arm, dof: int) -> np.ndarray:
     return joint_sway(arm._replace(reach=reach), dof)
 
 
-def new_way(dof: int) -> kinds.Way:
-    """Return an empty way."""
-    return kinds.Way(
-        np.zeros(WAY_LENGTH, np.int64),
-        np.zeros(WAY_LENGTH, np.int64),
-        np.zeros((WAY_LENGTH, dof)),
-        np.zeros(2, np.int64),
-    )
+class DirectMap:
+    """Counts of occupied blocks per item, kept up to date by what changed."""
 
+    def __init__(self, memory: Memory, n_nodes: int, n_edges: int) -> None:
+        """Keep the planner's memory; nothing is occupied."""
+        self.memory = memory
+        self.n_nodes, self.n_edges = n_nodes, n_edges
+        self.nodes_out = np.zeros(n_nodes, np.int64)
+        self.edges_out = np.zeros(n_edges, np.int64)
 
-def _past() -> kinds.Past:
-    k = PAST_WAYS
-    return kinds.Past(
-        np.full(k, -1, np.int64),
-        np.zeros((k, WAY_LENGTH), np.int32),
-        np.zeros((k, WAY_LENGTH), np.int32),
-        np.zeros((k, WAY_LENGTH)),
-        np.zeros(k + 2, np.int64),
-    )
+    def clear(self) -> None:
+        """Forget what was occupied: the next answer comes from scratch."""
+        self.memory.owner.check()
+        counted = self.memory.direct
+        for array in (counted.hits, counted.seen, counted.bits):
+            array[:] = 0
+        counted.listed[-1] = 0
+        counted.frame[0] = LOST
 
+    def nodes(self) -> np.ndarray:
+        """Return the ids of the invalid nodes, ascending: a view of own memory."""
+        return self._list(0, self.nodes_out)
 
-def _starts() -> kinds.Starts:
-    k = MAX_ATTACHMENTS
-    return kinds.Starts(
-        np.zeros(k, np.int64),
-        np.zeros(k),
-        np.zeros(k, np.int64),
-        np.zeros(k, np.int64),
-        np.zeros(k, np.int64),
-        np.full(k, -1.0),
-        np.zeros(2, np.int64),
-    )
+    def edges(self) -> np.ndarray:
+        """Return the ids of the invalid edges, ascending: a view of own memory."""
+        return self._list(self.n_nodes, self.edges_out)
 
-
-def _goals(n: int, dof: int) -> kinds.Goals:
-    g, k = MAX_GOALS, MAX_ATTACHMENTS
-    return kinds.Goals(
-        np.zeros((g, dof)),
-        np.zeros(g),
-        np.full((g, n), np.inf),
-        np.full((g, n), -1, np.int32),
-        np.zeros((g, k), np.int64),
-        np.zeros((g, k)),
-        np.zeros((g, k), np.int64),
-        np.zeros((g, k), np.int64),
-        np.full((g, k), -1.0),
-        np.zeros(g, np.int64),
-        np.zeros(g, np.int64),
-        np.full(g, kinds.NO_WAY, np.int64),
-        np.zeros(g),
-        np.full(g, kinds.NO_WAY, np.int64),
-        np.zeros(g, np.int64),
-        np.full(g, -1.0),
-        np.zeros(3, np.int64),
-    )
-
-
-def _search(n: int, m: int) -> kinds.Search:
-    room = 2 * m + MAX_ATTACHMENTS + MAX_GOALS * (MAX_ATTACHMENTS + 1)
-    return kinds.Search(
-        np.full(n + m, -1, np.int64),
-        np.zeros(n + MAX_GOALS, np.int64),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
-        np.zeros(n),
-        np.zeros(room, np.int32),
-        np.zeros(room, np.int32),
-        np.zeros(room, np.int32),
-        np.zeros(room),
-        np.zeros(room),
-        np.zeros(room, np.int32),
-        np.zeros(4, np.uint64),
-        np.zeros(8, np.int64),
-    )
+    def _list(self, first: int, out: np.ndarray) -> np.ndarray:
+        self.memory.owner.check()
+        invalidation.refresh(self.memory.table)
+        bits = self.memory.direct.bits
+        return out[: invalidation.list_bits(bits, first, len(out), out)]

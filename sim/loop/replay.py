@@ -6,7 +6,7 @@ import numpy as np
 
 from odm import Answer, CellMap, ReactivePlanner
 from odm.execution.kinematic import Follower
-from odm.planner.goal_checks import check_valid
+from odm.frame.freedom import check_valid
 from roadmap.kinematics.forward import difference
 from sim.loop.recording import Recording
 from sim.loop.run_result import percentiles
@@ -44,8 +44,8 @@ def play(
         BadConfiguration: Start or goal can never be taken: self-collision, scenery.
     """
     planner = ReactivePlanner(cell_map, always_replan=always_replan)
-    check_valid(planner, recording.q_start, "q_start")
-    check_valid(planner, recording.q_goal, "q_goal")
+    check_valid(planner.static, recording.q_start, "q_start")
+    check_valid(planner.static, recording.q_goal, "q_goal")
     planner.set_goals([recording.q_goal])
     exercise(cell_map)
     follower = Follower(cell_map.robot)

@@ -7,7 +7,7 @@ import numpy as np
 from handover import Human
 from handover.meet.workspace import InteractionWorkspace
 from odm import CellMap, ReactivePlanner
-from odm.planner.goal_checks import check_valid
+from odm.frame.freedom import check_valid
 from roadmap.errors import BadConfiguration
 
 RANKED = 20  # targets that are tried, best first
@@ -117,7 +117,7 @@ class TargetAudit:
         good = []
         for one in found:
             try:
-                check_valid(self.planner, one.q, "it")
+                check_valid(self.planner.static, one.q, "it")
             except BadConfiguration:
                 continue
             good.append(one.q)

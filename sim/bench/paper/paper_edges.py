@@ -6,6 +6,7 @@ import numpy as np
 
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING, CellMap
+from odm.cell_map.sweep import swept_by
 from roadmap.kinematics.forward import difference
 
 LEVEL = 7  # an edge is looked at in 2**LEVEL pieces
@@ -110,10 +111,7 @@ class _Sweeper:
     def __init__(self, cell_map: CellMap) -> None:
         arm, grid = cell_map.arm, cell_map.grid
         radii = arm.spheres[:, 3] + ROUNDING
-        self._robot = (
-            arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach, radii
-        )  # fmt: skip
-        self._place = (cell_map.motion_tolerance, grid.origin, grid.h, grid.blocks)
+        self._swept = swept_by(arm, radii, cell_map.motion_tolerance, grid)
         self._n_blocks = grid.n_blocks
         self._shares = np.linspace(0.0, 1.0, 2**LEVEL + 1)[:, None]
         self._type = cell_map.arm_cells.block.dtype
@@ -126,9 +124,8 @@ class _Sweeper:
         while True:
             blocks = np.empty(room, self._type)
             masks = np.empty(room, np.uint64)
-            end = sweep.sweep_nodes(
-                *self._robot, points, *self._place, counts, blocks, masks
-            )
+            lists = sweep.Lists(counts, blocks, masks)
+            end = sweep.sweep_nodes(self._swept, points, lists)
             if end >= 0:
                 break
             room *= 2
@@ -138,14 +135,10 @@ class _Sweeper:
 
     def by_bound(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the cells of a motion by the motion bound, (n_blocks,)."""
-        words = np.zeros(self._n_blocks, np.uint64)
-        n_spheres, n_bodies = len(self._robot[2]), len(self._robot[0])
-        scratch, centers = sweep.sweep_space(n_spheres, n_bodies, len(q))
-        sweep.sweep_motion(
-            *self._robot, np.ascontiguousarray(q), np.ascontiguousarray(dq),
-            *self._place, words, scratch, centers,
-        )  # fmt: skip
-        return words
+        room = sweep.sweep_room(self._swept.arm, self._swept.grid, len(q))
+        q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
+        sweep.sweep_motion(self._swept, q, dq, room)
+        return room.words
 
 
 def _count(words: np.ndarray) -> int:

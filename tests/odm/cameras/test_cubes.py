@@ -41,9 +41,9 @@ def points_of(cells, eighths, beyond, dense=False):
     mask = np.where(at_border, eighths, 255).astype(np.uint8)
     full = packed(cells & (mask == 255))
     cubes.list_inner(full, inner)
-    n = cubes.write_points(
-        blocked, inner, closed, packed(beyond), mask, ORIGIN, H, dense, out
-    )
+    state = hit = np.zeros(SHAPE, np.uint8)
+    sets = (blocked, inner, closed, full, packed(beyond), state, hit, mask)
+    n = cubes.write_points(cubes.Cells(*sets, ORIGIN, H), dense, out)
     assert n <= len(out)
     return out[:n], np.where(cells, mask, 0)
 

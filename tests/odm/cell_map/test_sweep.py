@@ -31,7 +31,8 @@ def test_a_ball_marks_exactly_the_cells_it_comes_near(center, radius, h):
     blocks = np.full(3, int(np.ceil(1.0 / (4 * h))))
     origin = np.zeros(3)
     words = np.zeros(blocks.prod(), np.uint64)
-    assert sweep.mark_ball(*center, radius, origin, h, blocks, words)
+    grid = sweep.Grid(origin, h, blocks)
+    assert sweep.mark_ball(np.array(center), radius, grid, words)
     ids = np.flatnonzero(words)
     found = words_to_cells(ids, words[ids], blocks)
     sure = cells_near_ball(center, radius - 1e-9, origin, h, blocks)
@@ -41,9 +42,9 @@ def test_a_ball_marks_exactly_the_cells_it_comes_near(center, radius, h):
 
 def test_a_ball_that_leaves_the_grid_is_reported():
     words = np.zeros(8, np.uint64)
-    blocks = np.full(3, 2)
+    grid = sweep.Grid(np.zeros(3), 0.1, np.full(3, 2))
     for center in ([0.0, 0.4, 0.4], [0.4, 0.79, 0.4], [0.4, 0.4, 0.75]):
-        assert not sweep.mark_ball(*center, 0.06, np.zeros(3), 0.1, blocks, words)
+        assert not sweep.mark_ball(np.array(center), 0.06, grid, words)
 
 
 def test_a_node_sweeps_exactly_the_cells_near_its_spheres(small_map):

@@ -7,8 +7,8 @@ from small import draw_arm, draw_valid
 import odm
 from odm.close_test import _close as close
 from odm.close_test._arm import make_work
+from odm.close_test.close_test import CloseTest
 from odm.obstacles import _occupancy as occupancy
-from odm.planner import _kinematics_door as kinematics_door
 from roadmap.kinematics.forward import difference
 
 
@@ -26,16 +26,9 @@ def work_of(cell_map):
 
 def is_clear(cell_map, points, q, dq, escape=False, work=None):
     work = work or work_of(cell_map)
-    return close.motion_clear(
-        cell_map.arm,
-        cell_map.swept_radii(),
-        q,
-        dq,
-        cell_map.motion_tolerance,
-        cloud_of(cell_map, points),
-        escape,
-        work,
-    )
+    radii, tolerance = cell_map.swept_radii(), cell_map.motion_tolerance
+    test = CloseTest(cell_map.arm, radii, tolerance, work)
+    return test.clear(q, dq, cloud_of(cell_map, points), escape)
 
 
 def test_what_is_called_free_is_free_at_dense_samples(small_map, planner, rng):
@@ -124,7 +117,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(
     for _ in range(200):
         q = draw_valid(planner, rng)
         work = work_of(small_map)
-        kinematics_door.place_anchor(arm, q, work)
+        close.place_anchor(arm, q, work)
         now = work.anchor.copy()
         # a point that leans on a sphere of the arm
         i = int(rng.integers(len(now)))
@@ -136,7 +129,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_point(
         escaped += 1
         before = np.linalg.norm(now - point, axis=1)
         for t in np.linspace(0, 1, 80):
-            kinematics_door.place_anchor(arm, q + t * dq, work)
+            close.place_anchor(arm, q + t * dq, work)
             gap = np.linalg.norm(work.anchor - point, axis=1)
             least = np.minimum(keep, before - close.ESCAPE_SLACK)
             assert (gap >= least - 1e-9).all()

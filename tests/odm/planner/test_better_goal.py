@@ -84,7 +84,7 @@ def test_a_better_goal_beside_a_hand_is_taken_though_it_is_never_calm(planner):
             break
     # the planner knows the ball there, and grown it does not let it pass
     assert planner.settings.calm > 0 and planner.settings.memory_s > 0
-    planner.step(planner.calm.recent.around().copy(), q=HOME)
+    planner.step(planner.history.around().copy(), q=HOME)
     assert not planner.stands_clear(BETTER)
     planner.reset()
     planner.set_goals([BETTER, worse])

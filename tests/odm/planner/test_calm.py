@@ -8,7 +8,7 @@ from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
 from odm import PlannerSettings
-from odm.planner.calm import Recent
+from odm.planner.obstacle_history import ObstacleHistory
 
 RATE = 100
 NOWHERE_CALM = PlannerSettings(memory_s=0.0)
@@ -102,8 +102,7 @@ def test_a_way_that_is_only_just_free_is_not_tried_again_at_once(small_map):
 
 
 def test_recent_points_are_kept_for_the_memory_and_no_longer(small_map):
-    planner = odm.ReactivePlanner(small_map)
-    recent = Recent(planner, 0.25, 0.03)
+    recent = ObstacleHistory(small_map.grid, 0.25, 0.03)
     spots = np.array([[0.01 * k, 0.0, 0.5] for k in range(60)])
     for k, spot in enumerate(spots):
         recent.take(spot[None], k / RATE)
@@ -120,7 +119,7 @@ def test_recent_points_are_kept_for_the_memory_and_no_longer(small_map):
 
 
 def test_a_clock_that_is_set_back_begins_anew(small_map):
-    recent = Recent(odm.ReactivePlanner(small_map), 0.25, 0.0)
+    recent = ObstacleHistory(small_map.grid, 0.25, 0.0)
     recent.take(np.array([[0.1, 0.0, 0.5]]), 10.0)
     recent.take(np.array([[0.2, 0.0, 0.5]]), 3.0)
     assert np.allclose(recent.lately()[:, 0], 0.2)
@@ -132,13 +131,13 @@ def test_looks_for_a_better_path_come_every_eighth_frame(small_map, monkeypatch)
     planner.set_goals([AWAY, HOME + 0.1])
     points = odm.sample_capsules(POST, 0.03)
     looks, frame = [], 0
-    around = planner.calm.recent.around
+    around = planner.history.around
 
     def noted():
         looks.append(frame)
         return around()
 
-    monkeypatch.setattr(planner.calm.recent, "around", noted)
+    monkeypatch.setattr(planner.history, "around", noted)
     for frame in range(1, 81):
         assert planner.step(points, q=HOME).status != "holding"
     later = [k for k in looks if k > 16]

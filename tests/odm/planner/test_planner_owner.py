@@ -61,7 +61,7 @@ def test_a_planner_refuses_to_be_copied_in_one_sentence(held, copied, part):
 
 
 def test_what_holds_a_planner_refuses_with_it(held):
-    for thing in (held.direct, held.attacher, held.calm, Approacher(held)):
+    for thing in (held.direct, held.attacher, held.hysteresis, Approacher(held.frame)):
         for copied in (copy.deepcopy, pickle.dumps):
             with pytest.raises(BadInput, match="cannot be copied"):
                 copied(thing)
@@ -219,7 +219,7 @@ def test_nothing_public_makes_room_or_exchanges_the_arrays(held):
 def test_room_never_shrinks_and_what_was_marked_stays(held):
     before, edges = held.separation(HOME), held.invalid_edges()
     room = len(held.memory.cloud.where)
-    held._make_room(1)
+    held.frame.make_room(1)
     assert len(held.memory.cloud.where) == room
     assert held.separation(HOME) == before and not held.is_free(HOME, HOME)
     assert np.array_equal(held.invalid_edges(), edges)

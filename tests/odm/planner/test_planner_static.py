@@ -97,7 +97,7 @@ def test_a_mesh_of_the_recipe_is_heeded_by_nodes_edges_paths_and_questions(
     assert through.failed == "scenery" and "mesh" in through.reason
     roadmap = beside_a_mesh.roadmap
     for a, b in roadmap.edges[::9]:
-        q, dq = roadmap.nodes[a], planner._difference(*roadmap.nodes[[a, b]])
+        q, dq = roadmap.nodes[a], planner.frame.difference(*roadmap.nodes[[a, b]])
         assert smallest_gap(beside_a_mesh, q, dq, points, 20) >= keep
     planner.set_goals([AWAY])
     answer = planner.step(NOBODY, q=HOME)

@@ -5,8 +5,6 @@ import pytest
 from small import AWAY, HOME, NOBODY, ball_at
 
 from odm.close_test import _close as close
-from odm.planner import _braking as braking
-from odm.planner import _kinematics_door as kinematics_door
 from roadmap.errors import BadConfiguration, BadInput
 
 BALL = ball_at([0.3, 0.0, 0.9])
@@ -71,8 +69,8 @@ def asked(planner):
 
 def compiled():
     """Return how many kinds of arguments the compiled tests have met."""
-    tests = (close.motion_clear, close.separation, braking.first_blocked)
-    return [len(t.signatures) for t in (*tests, kinematics_door.place_anchor)]
+    tests = (close.motion_clear, close.separation, close.first_blocked)
+    return [len(t.signatures) for t in (*tests, close.place_anchor)]
 
 
 @pytest.mark.parametrize("question", QUESTIONS)

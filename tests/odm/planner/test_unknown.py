@@ -7,8 +7,8 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
-from odm.close_test import _close as close
-from odm.close_test import _solids as solids
+from odm.close_test import _static as kernels
+from odm.close_test.close_test import CloseTest
 from roadmap.errors import BadInput
 
 NAN, INF = math.nan, math.inf
@@ -119,14 +119,13 @@ def test_configurations_that_are_no_numbers_are_refused_by_questions(planner):
 def test_the_kernels_take_what_is_no_number_for_blocked(planner, what, value):
     far = np.array([[-0.85, -0.85, 0.0]])
     planner.step(far, q=HOME)
-    planner._sort()
+    planner.frame.sort()
     m, given = planner.memory, {"q": HOME, "dq": STILL, "radii": planner.radii}
-    assert close.motion_clear(m.arm, planner.radii, HOME, STILL, 0.01, m.cloud, False,
-                              m.work)  # fmt: skip
+    assert CloseTest(m.arm, planner.radii, 0.01, m.work).clear(HOME, STILL, m.cloud)
     given[what] = given[what].copy()
     given[what][-1] = value
     q, dq, radii = given.values()
-    assert not close.motion_clear(m.arm, radii, q, dq, 0.01, m.cloud, False, m.work)
+    assert not CloseTest(m.arm, radii, 0.01, m.work).clear(q, dq, m.cloud)
 
 
 def test_solids_and_configurations_of_no_numbers_are_in_contact(planner):
@@ -138,9 +137,8 @@ def test_solids_and_configurations_of_no_numbers_are_in_contact(planner):
     skip = np.zeros((len(planner.robot.tree_i), 1), bool)
 
     def clear(q, solid):
-        return solids.motion_clear_of_solids(
-            static.arm, 0.01, q, STILL, solid, skip, static.work
-        )
+        solids = kernels.Solids(solid, skip, 0.01)
+        return kernels.motion_clear_of_solids(static.arm, q, STILL, solids, static.work)
 
     for solid, at in ((floor, 4), (box, 13), (box, 2)):
         assert clear(HOME, solid)

@@ -6,7 +6,6 @@ from small import HOME, on_its_way
 
 from odm.search import _beside as beside
 from odm.search import _paths as ways
-from odm.search._state import N_TRACK
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
 
@@ -46,7 +45,7 @@ def test_the_sum_over_joints_alone_would_not_know_it(small_map):
     beyond = 0
     for seed in range(4):
         planner, _, answer = on_its_way(small_map, seed)
-        most = planner.memory.own.terms[N_TRACK]
+        most = planner.memory.terms.beside[0]
         places = on_blends(planner, answer.path)
         beyond += sum(sum_off(planner, answer.path, q) > most for q in places)
     assert beyond > 3
@@ -56,7 +55,7 @@ def test_the_sum_over_joints_alone_would_not_know_it(small_map):
 def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
     planner, _, _ = on_its_way(small_map, seed)
     robot, m = small_map.robot, planner.memory
-    rng, most = np.random.default_rng(seed), planner.memory.own.terms[N_TRACK]
+    rng, most = np.random.default_rng(seed), planner.memory.terms.beside[0]
     located = told = 0
     for _ in range(300):
         k = rng.integers(m.way.count[0] - 1)
@@ -83,7 +82,7 @@ def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
 def test_a_robot_farther_off_is_not_on_its_way(small_map, seed):
     planner, _, answer = on_its_way(small_map, seed)
     robot, m = small_map.robot, planner.memory
-    rng, most = np.random.default_rng(seed), planner.memory.own.terms[N_TRACK]
+    rng, most = np.random.default_rng(seed), planner.memory.terms.beside[0]
     legs = zip(answer.path, answer.path[1:], strict=False)
     on = np.vstack([np.linspace(a, b, 200) for a, b in legs])
     centers = np.array([sphere_centers(robot, q) for q in on])

@@ -9,7 +9,6 @@ from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.search._beside import off_motion
 from odm.search._paths import is_on
-from odm.search._types import N_BESIDE, N_WHERE
 from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics.forward import sphere_centers
 
@@ -137,12 +136,12 @@ def test_a_robot_that_creeps_is_measured_from_what_was_certified(small_map, alwa
     for _ in range(40):
         q = q + np.array([0.0, -1.5e-8, 0.0])
         assert planner.step(points, q=q).status == "following"
-        beside.append(int(planner.memory.own.numbers[N_BESIDE]))
+        beside.append(int(planner.memory.numbers.beside[0]))
         proof = planner.memory.proof
         if not beside[-1]:
-            assert is_on(proof, int(planner.memory.own.numbers[N_WHERE]), q)
+            assert is_on(proof, int(planner.memory.numbers.where[0]), q)
     assert any(beside) or always  # a planner that replans may certify it anew
-    k = int(planner.memory.own.numbers[N_WHERE])
+    k = int(planner.memory.numbers.where[0])
     a, b = proof.begin[k], proof.end[k]
     share = nearest_share(a, b, q)
     off = off_motion(a, b, share, q, proof.motion)
@@ -158,7 +157,7 @@ def test_a_joint_that_moves_no_centre_of_a_sphere_is_off_its_motion_too(small_ma
     points = odm.sample_capsules(POST, 0.03)
     planner.step(points, q=HOME)
     planner.step(points, q=HOME + [0.0, 0.0, 0.5])
-    assert planner.memory.own.numbers[N_BESIDE] == 1
+    assert planner.memory.numbers.beside[0] == 1
 
 
 def test_no_leg_turns_a_continuous_joint_by_more_than_half_a_turn(small_map):

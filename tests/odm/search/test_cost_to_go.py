@@ -38,11 +38,9 @@ def test_buckets_and_heap_give_the_same_bytes(small_map, parts, rng):
     for k in (1, 5):
         node, length = joined(rng, n, k)
         one, two = np.full(n, np.inf), np.full(n, np.inf)
-        cost_to_go.by_heap(graph, node, length, k, search, one)
+        cost_to_go.by_heap(graph, node, length, search, one)
         span = max(graph.adj_length.max(), np.ptp(length))
-        cost_to_go.by_buckets(
-            graph, node, length, k, search, two, width, span, length.min()
-        )
+        cost_to_go.by_buckets(graph, node, length, search, two, width, span)
         assert one.tobytes() == two.tobytes()
 
 
@@ -54,7 +52,7 @@ def test_a_tiny_edge_takes_the_heap_and_no_goal_is_nowhere(small_map, parts, rng
     node, length = joined(rng, n, 2)
     h, want = np.zeros(n), np.full(n, np.inf)
     cost_to_go.exact_cost(short, node, length, 2, search, h)
-    cost_to_go.by_heap(short, node, length, 2, search, want)
+    cost_to_go.by_heap(short, node, length, search, want)
     np.testing.assert_allclose(h, want, rtol=1e-9)
     cost_to_go.exact_cost(graph, node, length, 0, search, h)
     assert np.isinf(h).all()

@@ -10,7 +10,6 @@ from small import small_recipe
 import odm
 from odm.planner.planner import PlannerSettings
 from odm.search._astar import LOOK_BACK, MANY_TESTS
-from odm.search._types import N_COUNTED, N_EDGE_TESTS, N_POPPED
 from roadmap.kinematics.forward import tool_pose
 
 NO_WAY = -4
@@ -55,7 +54,8 @@ def test_long_searches_find_what_dijkstra_finds_and_forget_nothing(wide_map, rng
         for k in range(20):
             points = odm.sample_capsules(bar(0.01 * k - 0.1), 0.03)
             answer = planner.step(points, q=wide_map.roadmap.nodes[a])
-            stats = planner.memory.search.stats.copy()
+            stats = planner.memory.stats
+            popped, counted = stats.popped.item(), stats.counted.item()
             # one that has never searched before finds the same, byte by byte
             fresh = standing_at_nodes(wide_map, a, b)
             other = fresh.step(points, q=wide_map.roadmap.nodes[a])
@@ -71,9 +71,9 @@ def test_long_searches_find_what_dijkstra_finds_and_forget_nothing(wide_map, rng
                 legs = np.diff(answer.path, axis=0)
                 found = np.linalg.norm(legs, axis=1).sum()
             assert np.isclose(found, want, atol=1e-9)
-            closed = max(closed, int(stats[N_POPPED]))
-            settled += int(stats[N_COUNTED])
-            bounded += int(stats[N_POPPED] > LOOK_BACK and k > 0)
+            closed = max(closed, popped)
+            settled += counted
+            bounded += int(popped > LOOK_BACK and k > 0)
     assert closed > 5 * LOOK_BACK
     assert bounded > 20
     assert settled > 0
@@ -89,6 +89,6 @@ def test_settling_all_items_at_once_changes_no_answer(wide_map, rng):
             quick.direct.edges()  # keeps the direct map fresh: it is taken up early
             paths = [planner.step(points, q=q).path for planner in (slow, quick)]
             assert paths[0].tobytes() == paths[1].tobytes()
-            stats = quick.memory.search.stats
-            settled += int(stats[N_COUNTED] and stats[N_EDGE_TESTS] < MANY_TESTS)
+            stats = quick.memory.stats
+            settled += int(stats.counted[0] and stats.edge_tests[0] < MANY_TESTS)
     assert settled > 5

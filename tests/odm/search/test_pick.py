@@ -5,7 +5,7 @@ from small import draw_arm, draw_valid
 
 import odm
 from odm.search import _judge as judge
-from odm.search._types import EDGE_BASE
+from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
 
 
@@ -56,7 +56,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         ref = int(planner.memory.goals.fresh_ref[0])
         if ref < 0:
             continue
-        dq = planner._difference(q, goal)
+        dq = planner.frame.difference(q, goal)
         free = judge.part_free(planner.memory.table, points, ref, q, dq)
         assert not free or clear_of(planner, q, dq, points)
         seen += 1

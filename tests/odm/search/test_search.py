@@ -89,7 +89,9 @@ def pool_cells(planner, item):
 
 
 def length(planner, path):
-    legs = [planner._difference(a, b) for a, b in zip(path, path[1:], strict=False)]
+    legs = [
+        planner.frame.difference(a, b) for a, b in zip(path, path[1:], strict=False)
+    ]
     return np.linalg.norm(legs, axis=1).sum()
 
 

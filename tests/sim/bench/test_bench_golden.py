@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from sim.bench.golden import DIFFERENT, FAILED, HERE, SAME, first_difference, run
+from sim.bench.golden.golden import DIFFERENT, FAILED, HERE, SAME, first_difference, run
 
 QUICK = ("doors", "shapes", "human")
 

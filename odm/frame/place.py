@@ -5,11 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from odm.checks import as_floats
-from odm.close_test import _close as close
 from odm.close_test.static import StaticTest
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search import _attach as kernels
-from odm.search._types import Graph
+from odm.search._state import Graph
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
@@ -58,14 +57,5 @@ def items_in_place(graph: Graph, static: StaticTest, roadmap: Roadmap) -> np.nda
     for item in np.flatnonzero(hit):
         start = roadmap.nodes[item if item < n else ends[item - n, 0]]
         way = still if item < n else dq[item - n]
-        hit[item] = not close.motion_clear(
-            static.arm,
-            static.place_radii,
-            start,
-            way,
-            static.tolerance,
-            static.place_cloud,
-            False,
-            static.work,
-        )
+        hit[item] = not static.clear_of_place(start, way)
     return hit

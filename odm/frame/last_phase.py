@@ -10,70 +10,35 @@ close test alone, and there a class of points is heeded by layers:
 All other points are heeded as ever: by the arm, the gripper and the payload.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 
-from odm.close_test import _close as close
-from odm.close_test._arm import Arm, Work
+from odm.checks import CONTACT, OBJECT
+from odm.close_test._arm import Arm
+from odm.close_test.close_test import CloseTest
 from odm.close_test.sorted_clouds import SortedCloud
+from odm.frame.frame import Cover, Frame
 from odm.obstacles.grid import WorkspaceGrid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import PAYLOAD, hanging_on
+from roadmap.robot.robot import Robot
 
-if TYPE_CHECKING:
-    from odm.planner.planner import ReactivePlanner
-
-AVOID, CONTACT, OBJECT = 0, 1, 2
-CLASSES = ("avoid", "contact", "object")
 GRIPPER_KEEPS = 0.01  # [m]
 _TOUCHED = {"give": CONTACT, "receive": OBJECT}
-
-
-def check_classes(classes: object, n: int) -> np.ndarray | None:
-    """Return the classes of n points as (n,) int8, None for `avoid` alone.
-
-    Raises:
-        BadInput: Wrong number, or a class that there is not.
-    """
-    if classes is None:
-        return None
-    array = np.asarray(classes)
-    if array.shape != (n,) or array.dtype.kind not in "iu":
-        raise BadInput(
-            f"classes have shape {array.shape} and dtype {array.dtype} for {n} points; "
-            "give one integer for each: odm.AVOID, odm.CONTACT or odm.OBJECT"
-        )
-    if n and not (0 <= array.min() and array.max() < len(CLASSES)):
-        bad = array[(array < 0) | (array >= len(CLASSES))][0]
-        raise BadInput(
-            f"a point has class {bad}; the classes are 0 (avoid), 1 (contact) and 2 "
-            "(object)"
-        )
-    return array.astype(np.int8)
-
-
-class Cover(NamedTuple):
-    """Spheres that the close test is run with."""
-
-    arm: Arm
-    radii: np.ndarray  # (n,) radius, covering radius and clearance [m]
-    links: list[str]  # of each sphere
-    work: Work
 
 
 class LastPhase:
     """The close test where some links may touch some points.
 
     Args:
-        planner: Its hand, points and clearance count.
-        grid: Where points are laid out.
+        frame: Its hand and clearance count.
+        grid: Where points are laid out; None: the map's.
     """
 
-    def __init__(self, planner: "ReactivePlanner", grid: WorkspaceGrid) -> None:
+    def __init__(self, frame: Frame, grid: WorkspaceGrid | None = None) -> None:
         """Lay out room."""
-        self.planner = planner
+        self.frame = frame
+        grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)
 
     def look(self, phase: str, points: np.ndarray, classes: np.ndarray | None) -> None:
@@ -108,25 +73,23 @@ class LastPhase:
             (cover.arm, cover.radii + extra, None, 0),
             (arm, radii + extra, kept, 1),
         )
-        tolerance = self.planner.cell_map.motion_tolerance
+        tolerance = self.frame.cell_map.motion_tolerance
         for spheres, grown, of, k in tests:
-            if not close.motion_clear(
-                spheres, grown, q, dq, tolerance, self._clouds[k], False, cover.work
-            ):
-                found, point = cover.work.found[:2].tolist()
-                missing = float(grown[found] - cover.work.value[1])
+            test = CloseTest(spheres, grown, tolerance, cover.work)
+            if not test.clear(q, dq, self._clouds[k]):
+                found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
-                return sphere, int(self._index[k][point]), missing
+                return sphere, int(self._index[k][point]), test.missing
         return None
 
     def _heeding(self, cover: Cover) -> tuple[np.ndarray, Arm, np.ndarray]:
         """Return the spheres that may not touch: their numbers, arm and radii."""
-        planner, arm = self.planner, cover.arm
-        own = gripper_links(planner)
+        frame, arm = self.frame, cover.arm
+        own = gripper_links(frame.robot)
         kept = np.array([n not in self._may for n in cover.links], bool)
         gripper = np.array([n in own for n in cover.links], bool)
         balls = arm.spheres[:, 3] + GRIPPER_KEEPS
-        near = np.array([ball + planner.covering(ball) for ball in balls])
+        near = np.array([ball + frame.covering(ball) for ball in balls])
         radii = np.where(gripper, near, cover.radii)[kept]
         ends = np.arange(len(arm.tree_i) + 1)
         few = arm._replace(
@@ -138,18 +101,18 @@ class LastPhase:
         return np.flatnonzero(kept), few, np.ascontiguousarray(radii)
 
     def _links_that_may(self, phase: str) -> set[str]:
-        planner = self.planner
+        frame = self.frame
         if phase not in _TOUCHED:
             raise BadInput(
                 f"there is no phase {phase!r}; choose 'give' or 'receive', or None"
             )
         if phase == "give":
-            if planner.carrier.thing is None:
+            if frame.thing is None:
                 raise BadInput(
                     "nothing is attached, so nothing can be given; call attach first"
                 )
             return {PAYLOAD}
-        pads, own = set(planner.settings.pads), gripper_links(planner)
+        pads, own = set(frame.pads), gripper_links(frame.robot)
         if not pads or not pads <= own:
             raise BadInput(
                 f"the finger pads are {sorted(pads)}, but must be some of the links "
@@ -159,9 +122,8 @@ class LastPhase:
         return pads
 
 
-def gripper_links(planner: "ReactivePlanner") -> set[str]:
+def gripper_links(robot: Robot) -> set[str]:
     """Return the links that the tool's body carries, and those that hang on it."""
-    robot = planner.robot
     held = hanging_on(robot, int(robot.tip_body))
     pairs = zip(robot.link_names, robot.link_body, strict=True)
     return {name for name, body in pairs if int(body) in held}

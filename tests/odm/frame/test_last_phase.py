@@ -198,7 +198,7 @@ def test_an_approach_ends_at_the_hand_only_in_a_give(cell_map, fine):
 
     planner = odm.ReactivePlanner(cell_map)
     planner.attach(HELD)
-    approacher = Approacher(planner, ApproachSettings(fine=fine))
+    approacher = Approacher(planner.frame, ApproachSettings(fine=fine))
     bend = np.array([-0.6, 1.2, 0.0])
     end = np.array([-0.55, 1.1, 0.0])
     T = tool_pose(cell_map.robot, end)

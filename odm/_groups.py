@@ -1,0 +1,115 @@
+"""Groups of arrays for compiled loops: each array is declared once, beside its name.
+
+A group is a NamedTuple whose defaults say what its arrays are: `array("f8", "n dof")`.
+From that its arrays are made (`new`), checked (`check`) and, in the planner's table,
+viewed (`odm/search/_state.py`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from roadmap.errors import BadInput
+
+LIFE = "life"  # holds as long as map, hand and scenery stay
+GOAL = "goal"  # is remembered from frame to frame
+FRAME = "frame"  # belongs to one frame, or is scratch
+BLOCK = "block"  # ids of blocks: uint16, in grids of more than 65535 of them uint32
+
+
+class Declared(NamedTuple):
+    """What is known of an array before it is made.
+
+    Attributes:
+        dtype: numpy's code of it, or BLOCK.
+        axes: The length of each axis: a number, a name, or a sum of names ("2*m+1").
+            No axis at all: a single number that the group holds itself.
+        life: LIFE, GOAL or FRAME.
+        fill: What it holds at first.
+    """
+
+    dtype: str
+    axes: tuple[str, ...]
+    life: str
+    fill: float
+
+
+def array(dtype: str, axes: str = "1", life: str = LIFE, fill: float = 0) -> Any:  # noqa: ANN401
+    """Declare an array of a group; see `Declared`."""
+    return Declared(dtype, tuple(axes.split()), life, fill)
+
+
+def declared(kind: type) -> dict[str, Declared]:
+    """Return what a group's class declares, by name and in order."""
+    return kind._field_defaults
+
+
+def length(axis: str, sizes: dict[str, int]) -> int:
+    """Return the length of an axis where the names in it have these sizes."""
+    total = 0
+    for term in axis.split("+"):
+        factor, _, name = term.rpartition("*")
+        one = int(name) if name.isdigit() else sizes[name]
+        total += int(factor or 1) * one
+    return total
+
+
+def new(kind: type, sizes: dict[str, int], **given: object) -> Any:  # noqa: ANN401
+    """Return a group of this class: what is not given is made and filled."""
+    made = {
+        name: np.full(
+            tuple(length(axis, sizes) for axis in field.axes), field.fill, field.dtype
+        )
+        for name, field in declared(kind).items()
+        if name not in given
+    }
+    return kind(**made, **given)
+
+
+def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
+    """Refuse groups that compiled loops would read as something else than they are.
+
+    Args:
+        groups: The class that is declared and the group, by the group's name.
+        block: Type of ids of blocks.
+
+    Raises:
+        BadInput: A group of another class; an array of another type, rank or length
+            than its class declares, or one that is not contiguous.
+    """
+    sizes: dict[str, int] = {}
+    for name, (kind, group) in groups.items():
+        if type(group) is not kind:
+            raise BadInput(
+                f"{name} is a {type(group).__name__}, but the table holds a "
+                f"{kind.__name__} there"
+            )
+        for (key, field), value in zip(declared(kind).items(), group, strict=True):
+            _check_type(f"{name}.{key}", field, value, block)
+            for axis, n in zip(field.axes, np.shape(value), strict=True):
+                if axis.isidentifier():
+                    sizes.setdefault(axis, n)
+    for name, (kind, group) in groups.items():
+        for (key, field), value in zip(declared(kind).items(), group, strict=True):
+            shape = tuple(length(axis, sizes) for axis in field.axes)
+            if np.shape(value) != shape:
+                raise BadInput(
+                    f"{name}.{key} has shape {np.shape(value)}, but {shape} is "
+                    f"declared ({', '.join(field.axes)})"
+                )
+
+
+def _check_type(name: str, field: Declared, value: object, block: np.dtype) -> None:
+    if not field.axes:
+        if not isinstance(value, float):
+            raise BadInput(f"{name} is {value!r}, but a float is declared")
+        return
+    dtype = np.dtype(block if field.dtype == BLOCK else field.dtype)
+    what = value.dtype if isinstance(value, np.ndarray) else type(value).__name__
+    if what != dtype or value.ndim != len(field.axes):
+        rank = f" of rank {value.ndim}" if isinstance(value, np.ndarray) else ""
+        raise BadInput(
+            f"{name} is {what}{rank}, but {dtype} of rank {len(field.axes)} is declared"
+        )
+    if not value.flags.c_contiguous:
+        raise BadInput(f"{name} is not contiguous; make a copy of it")

@@ -1,0 +1,72 @@
+"""Beside a person who moves: is the path up to the stop free of where they may be?"""
+
+import math
+
+import numpy as np
+
+from odm.checks import check_classes, check_path, check_points
+from odm.close_test.sorted_clouds import SortedCloud
+from odm.frame.frame import Frame
+from odm.frame.last_phase import LastPhase
+from roadmap.errors import BadInput
+
+
+class PathTest:
+    """Tests whole paths, corner to corner, against points that come nearer.
+
+    Args:
+        frame: Its hand, clearance and points count.
+        last_phase: What tests a phase.
+    """
+
+    def __init__(self, frame: Frame, last_phase: LastPhase) -> None:
+        """Lay out room for points that are expected."""
+        self.frame, self.last_phase = frame, last_phase
+        self._ahead = SortedCloud(frame.cell_map.grid)
+
+    def blocked_leg(
+        self,
+        path: np.ndarray,
+        extra: float,
+        points: np.ndarray | None,
+        phase: str | None,
+        classes: np.ndarray | None,
+    ) -> int | None:
+        """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
+        frame = self.frame
+        path = check_path(frame.robot, path)
+        least = -(frame.cell_map.safety.m + frame.extra)
+        if -math.inf < extra < least - 1e-9:
+            raise BadInput(
+                f"an extra of {extra} m takes away more than the clearance m; give "
+                f"{least:.4g} m or more"
+            )
+        unknown = not math.isfinite(extra)
+        if points is None:
+            points, classes = frame.points, frame.classes
+            unknown = unknown or frame.trouble is not None
+        else:
+            points = check_points(points, None, None, frame.rho)
+            classes = check_classes(classes, len(points))
+            points = frame.world_ahead.points(points)
+        if unknown:
+            return 0
+        if phase is None:
+            return self._blocked(path, extra, points)
+        if not np.isfinite(points).all():
+            return 0
+        self.last_phase.look(phase, points, classes)
+        cover = frame.cover()
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        for k, dq in enumerate(legs):
+            if self.last_phase.hit(cover, path[k], dq, extra) is not None:
+                return k
+        return None
+
+    def _blocked(
+        self, path: np.ndarray, extra: float, points: np.ndarray
+    ) -> int | None:
+        cloud, bad = self._ahead.of_all(points)
+        if bad:
+            return 0
+        return self.frame.close_test.grown(extra).first_blocked(path, cloud)

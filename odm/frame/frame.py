@@ -1,0 +1,342 @@
+"""Frame: what the planner knows now, for itself and for all its helpers.
+
+Helpers take a frame instead of the planner: robot, map and compiled state, the points
+that were seen last, what stands in the hand and around, and the distances that count.
+"""
+
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from odm.cell_map.cell_map import CellMap
+from odm.cell_map.payload import CarriedObject
+from odm.checks import FLOAT, check_classes, check_configuration, check_points
+from odm.close_test._arm import Arm, Work
+from odm.close_test.close_test import CloseTest
+from odm.close_test.static import StaticTest
+from odm.frame.sensor_watch import SensorWatch
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles._cloud import IS_SORTED
+from odm.obstacles.surfaces import rounded_covering
+from odm.obstacles.world_frame import WorldFrame
+from odm.owner import refuse_copy
+from odm.search import _frame as kernels
+from odm.search.state import DirectMap, exchange, lay_out
+from roadmap.kinematics.forward import difference
+from roadmap.ranges import check_number
+
+
+class Cover(NamedTuple):
+    """Spheres that the close test is run with."""
+
+    arm: Arm
+    radii: np.ndarray  # (n,) radius, covering radius and clearance [m]
+    links: list[str]  # of each sphere
+    work: Work
+
+
+class Frame:
+    """The present frame, and what every test of a motion needs to know of it.
+
+    Args:
+        cell_map: The map of the robot.
+        max_points: Room for points; it grows.
+        pads: Links that may touch what is about to be grasped.
+        watch: Judges whether a frame's points can be used.
+
+    Attributes:
+        robot, cell_map, pads, watch: As given.
+        memory: The arrays of the compiled loops.
+        direct: The nodes and edges that the points invalidate.
+        static: The test of what never moves, with what is in the hand.
+        thing: What is in the hand; None for nothing.
+        rho, extra: The map's covering radius, and what is kept beyond its m [m].
+        sampled: (covering radius, rounding) that the points were declared with.
+        keep: A point nearer than this to a sphere is too near [m].
+        world, world_ahead: Where the base stands; each has room for points of its own.
+        q: (dof,) where the robot is.
+        points: (n, 3) of the last frame, base frame [m]; copied.
+        classes: (n,) of these points, or None.
+        trouble: Why the last frame could not be used; None where it could.
+    """
+
+    def __init__(
+        self,
+        cell_map: CellMap,
+        max_points: int,
+        pads: tuple[str, ...],
+        watch: SensorWatch,
+    ) -> None:
+        """Lay out all memory; nothing is seen, carried or placed."""
+        self.cell_map, self.robot = cell_map, cell_map.robot
+        self.pads, self.watch = pads, watch
+        self.static = StaticTest(
+            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
+        )
+        self.thing: CarriedObject | None = None
+        self.memory = lay_out(cell_map, max_points)
+        n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
+        self.direct = DirectMap(self.memory, n, m)
+        self.q = self.memory.own.q
+        self.rho, self.extra = cell_map.safety.rho, 0.0
+        self.set_sampling(None, None)
+        self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
+        # two rooms: the watch may still need the points of an earlier frame
+        self._rooms = [np.empty((max_points, 3)) for _ in range(2)]
+        self._views = [room[:0] for room in self._rooms]
+        self._room = 0
+        self.points = self._views[0]
+        self.classes: np.ndarray | None = None
+        self.trouble: str | None = None
+        self.loaded = 0  # how often a memory was loaded
+
+    def __reduce_ex__(self, protocol: object) -> NoReturn:
+        """Refuse to be copied or pickled, and what holds a frame with it."""
+        refuse_copy()
+
+    # --- what is seen ----------------------------------------------------------
+
+    @property
+    def number(self) -> int:
+        """How many frames were taken, the first of which is number 1."""
+        return self.memory.numbers.step.item()
+
+    @property
+    def epoch(self) -> tuple[int, int]:
+        """Another one whenever points are marked anew: so long a verdict holds."""
+        return self.loaded, self.memory.numbers.frame.item()
+
+    def checked(
+        self,
+        points: np.ndarray,
+        q: np.ndarray,
+        dq: np.ndarray | None,
+        labels: np.ndarray | None,
+        covering_radius: float | None,
+        classes: np.ndarray | None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return a frame's points and q as compiled loops take them; keep the classes.
+
+        Raises:
+            BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
+        """
+        # mostly both are what the compiled frame takes, which is seen at once here
+        if (
+            type(points) is not np.ndarray
+            or points.dtype is not FLOAT
+            or points.ndim != 2
+            or points.shape[1] != 3
+            or not points.flags.carray
+            or labels is not None
+            or covering_radius is not None
+        ):
+            points = check_points(points, labels, covering_radius, self.rho)
+        if (
+            type(q) is not np.ndarray
+            or q.dtype is not FLOAT
+            or q.shape != self.q.shape
+            or not q.flags.carray
+            or dq is not None
+        ):
+            q = check_configuration(self.robot, q, dq)
+        self.classes = None if classes is None else check_classes(classes, len(points))
+        return points, q
+
+    def take(
+        self,
+        points: np.ndarray,
+        covering_radius: float | None,
+        rounding: float | None,
+    ) -> bool:
+        """Copy and mark a frame's points (n, 3), as `checked` returned them.
+
+        Returns:
+            True where some are not finite or most lie outside the grid.
+        """
+        if not self.world.at_base:
+            points = self.world.points(points)
+        if (covering_radius, rounding) != self.sampled:
+            self.set_sampling(covering_radius, rounding)
+        if len(points) > len(self.memory.cloud.where):
+            self.make_room(2 * len(points))
+        room = self.points
+        if self.watch.seen_inside is not None or len(points) != len(room):
+            room = self._room_for(len(points))
+        return kernels.begin_step(self.memory.table, points, room)
+
+    def replace(self, points: np.ndarray) -> None:
+        """Let (n, 3) points be the frame's, which no new frame has brought."""
+        self._room_for(len(points))[...] = points
+        self.mark()
+
+    def mark(self) -> None:
+        """Mark the frame's points anew: verdicts about them are void."""
+        if len(self.points) > len(self.memory.cloud.where):
+            self.make_room(2 * len(self.points))
+        self.look_at(self.points)
+
+    def look_at(self, points: np.ndarray) -> None:
+        """Mark other points than the frame's; `mark` goes back to these."""
+        kernels.take_points(self.memory.table, points)
+
+    def make_room(self, room: int) -> None:
+        """Let clouds hold that many points or more; the frame's stay marked."""
+        memory = self.memory
+        memory.owner.check()
+        grid, room = self.cell_map.grid, max(room, len(memory.cloud.where))
+        exchange(memory, {n: grid.new_cloud(room) for n in ("cloud", "pick")})
+        self.look_at(self.points)
+
+    def _room_for(self, n: int) -> np.ndarray:
+        """Let `points` be an array (n, 3) of our own, and return it to be filled."""
+        if self.watch.points_inside is self.points:
+            self._room = 1 - self._room
+        view = self._views[self._room]
+        if len(view) != n:
+            if n > len(self._rooms[self._room]):
+                self._rooms[self._room] = np.empty((2 * n, 3))
+            view = self._views[self._room] = self._rooms[self._room][:n]
+        self.points = view
+        return view
+
+    def sort(self) -> None:
+        """Lay the frame's points out for the close test, unless they are."""
+        if not self.memory.cloud.counts[IS_SORTED]:
+            occupancy.sort_points(self.points, self.memory.cloud)
+
+    # --- memory ----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return the frame that was seen last."""
+        sampled = [np.nan if value is None else value for value in self.sampled]
+        return {
+            "points": self.points.copy(),
+            "classes": np.zeros(0) if self.classes is None else self.classes.copy(),
+            "trouble": np.array(self.trouble or ""),
+            "sampled": np.array(sampled, float),
+            "q": self.q.copy(),
+            "counted_in": self.memory.direct.frame.copy(),
+        } | {f"watch_{k}": array for k, array in self.watch.save().items()}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take up a frame that was saved, after the arrays of the state."""
+        self.loaded += 1
+        self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
+        self.q[:] = saved["q"]
+        classes = saved["classes"]
+        self.classes = classes.copy() if len(classes) == len(saved["points"]) else None
+        self.trouble = str(saved["trouble"]) or None
+        told = [None if np.isnan(value) else value for value in saved["sampled"]]
+        self.set_sampling(*told)
+        self.memory.numbers.frame[0] -= 1  # which marking adds
+        self.replace(saved["points"])
+        self.direct.clear()
+        self.memory.direct.frame[:] = saved["counted_in"]
+
+    # --- distances -------------------------------------------------------------
+
+    @property
+    def radii(self) -> np.ndarray:
+        """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
+        return self.memory.own.radii
+
+    def set_sampling(
+        self, covering_radius: float | None, rounding: float | None
+    ) -> None:
+        """Let the close test's radii follow how the points were sampled."""
+        if rounding is not None:
+            rounding = check_number("rounding in m", rounding, 0.0, np.inf)
+        self.sampled = (covering_radius, rounding)
+        m = self.cell_map.safety.m + self.extra
+        balls = self.memory.arm.spheres[:, 3] + m
+        needed = [self.covering(ball) for ball in balls]
+        self.radii[:] = balls + needed
+        self.keep = m + float(np.max(needed))
+
+    def covering(self, ball: float) -> float:
+        """Return how far a surface may be from its samples, for a ball's radius [m]."""
+        declared, rounding = self.sampled
+        rho = self.rho if declared is None else declared
+        return rounded_covering(rho, rounding or 0.0, ball)
+
+    def set_extra(self, extra: float) -> None:
+        """Keep that much more distance than the map's clearance [m]."""
+        self.extra = float(extra)
+        self.memory.terms.extra[0] = self.extra
+        self.set_sampling(*self.sampled)
+
+    def hand_changed(self) -> None:
+        """Take up the table's new groups: another arm, other cells."""
+        self.set_sampling(*self.sampled)
+        self.memory.search.memo[:] = -1
+
+    def set_base(self, T_world_base: np.ndarray) -> None:
+        """Say where the base stands; the points stay where they are in the world."""
+        before = self.world.T_world_base
+        self.world = WorldFrame(T_world_base)
+        self.world_ahead = WorldFrame(T_world_base)
+        p_world = self.points @ before[:3, :3].T + before[:3, 3]
+        self.replace(self.world.points(p_world))
+
+    # --- tests of motions ------------------------------------------------------
+
+    def difference(self, q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
+        """Return the motion from q_a to q_b; continuous joints go the short way."""
+        return np.ascontiguousarray(difference(self.robot, q_a, q_b))
+
+    @property
+    def close_test(self) -> CloseTest:
+        """The close test of motions, with what the hand carries."""
+        m = self.memory
+        return CloseTest(m.arm, m.own.radii, self.cell_map.motion_tolerance, m.work)
+
+    def motion_clear(
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        cloud: object = None,
+        more: float = 0.0,
+        escape: bool = False,
+    ) -> bool:
+        """Run the close test of q + t dq, t in [0, 1], against points.
+
+        Args:
+            q: (dof,) start [rad or m].
+            dq: (dof,) displacement.
+            cloud: The points, laid out; None: the frame's.
+            more: More distance than must be kept [m].
+            escape: Only points that are too near now may be near; see `_close.py`.
+        """
+        test = self.close_test
+        if more:
+            test = test.grown(more)
+        return test.clear(q, dq, self._laid_out(cloud), escape)
+
+    def separation(
+        self, q: np.ndarray, cloud: object = None, most: float = np.inf
+    ) -> float:
+        """Return the least distance of the cover at q from points, at most `most` [m].
+
+        None for `cloud`: the frame's points.
+        """
+        return self.close_test.separation(q, self._laid_out(cloud), most)
+
+    def _laid_out(self, cloud: object) -> object:
+        if cloud is not None:
+            return cloud
+        self.sort()
+        return self.memory.cloud
+
+    def nearest(self, q: np.ndarray) -> tuple[float, str | None, int]:
+        """Return (distance [m], link, point) of the frame's nearest point at q."""
+        gap = self.separation(np.ascontiguousarray(q))
+        sphere, point = self.close_test.blocked_by
+        if sphere < 0:
+            return float("inf"), None, -1
+        return gap, self.static.link_of(sphere), point
+
+    def cover(self) -> Cover:
+        """Return the spheres of the map's cover, payload included."""
+        m = self.memory
+        links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
+        return Cover(m.arm, self.radii, links, m.work)

@@ -1,0 +1,85 @@
+"""Which motions and goals are free of everything, and what they are not free of."""
+
+import numpy as np
+
+from odm.answer import Freedom
+from odm.checks import check_numbers, outside_limits
+from odm.close_test.static import StaticTest
+from odm.frame.frame import Frame
+from odm.frame.last_phase import LastPhase
+from roadmap.errors import BadConfiguration
+
+
+def check_valid(static: StaticTest, q: np.ndarray, name: str) -> None:
+    """Raise BadConfiguration where q can never be a goal in this place.
+
+    Args:
+        static: What never moves: `planner.static`.
+        q: (dof,) [rad or m].
+        name: What the message calls it.
+    """
+    if not np.isfinite(q).all():
+        raise BadConfiguration(f"{name} holds NaN or infinity: {q}; give numbers")
+    trouble = outside_limits(static.robot, q, 0.0)
+    if trouble is not None:
+        raise BadConfiguration(f"{name} is out of limits: {trouble}; move it inside")
+    why = static.why(q, np.zeros_like(q))
+    if why is not None:
+        raise BadConfiguration(f"{name} is not free: {why}; choose another one")
+
+
+def is_free(
+    frame: Frame,
+    q_a: np.ndarray,
+    q_b: np.ndarray,
+    phase: str | None = None,
+    last_phase: LastPhase | None = None,
+) -> Freedom:
+    """Test a straight motion; see `ReactivePlanner.is_free`.
+
+    Args:
+        frame: Scenery, and the last frame's points.
+        q_a: (dof,) start [rad or m].
+        q_b: (dof,) end.
+        phase: "give", "receive" or None.
+        last_phase: What tests a phase; needed where one is given.
+
+    Raises:
+        BadInput: Wrong length or not finite, or a phase that cannot be.
+    """
+    ends = []
+    for name, q in (("q_a", q_a), ("q_b", q_b)):
+        q = check_numbers(frame.robot, q, name)
+        trouble = outside_limits(frame.robot, q, 0.0)
+        if trouble is not None:
+            return Freedom(False, "limits", f"{name}: {trouble}")
+        ends.append(q)
+    dq = frame.difference(ends[0], ends[1])
+    why = frame.static.why(ends[0], dq)
+    if why is not None:
+        itself = frame.static.touches_itself(ends[0], dq) is not None
+        return Freedom(False, "self-collision" if itself else "scenery", why)
+    if frame.trouble is not None:
+        text = f"the last frame could not be used: {frame.trouble}"
+        return Freedom(False, "frame", text)
+    if phase is not None:
+        last_phase.look(phase, frame.points, frame.classes)
+        hit = last_phase.hit(frame.cover(), ends[0], dq)
+        if hit is None:
+            return Freedom(True)
+        text = f"{frame.static.link_of(hit[0])} would come too near to point {hit[1]}"
+        return Freedom(False, "frame", f"{text} by {in_cm(hit[2])}")
+    if frame.motion_clear(ends[0], dq):
+        return Freedom(True)
+    test = frame.close_test
+    sphere, point = test.blocked_by
+    text = (
+        f"{frame.static.link_of(sphere)} would come within {in_cm(frame.keep)} "
+        f"of point {point} at {test.blocked_at:.0%} of the motion"
+    )
+    return Freedom(False, "frame", text)
+
+
+def in_cm(length: float) -> str:
+    """Return a length [m] as people read it."""
+    return f"{100 * length:.1f} cm"

@@ -1,0 +1,171 @@
+"""Whether a frame's obstacle data can be used at all; if not, the robot holds.
+
+Values are judged here, not shapes: NaN, age, order, and where the points are. Numbers
+in a wrong unit look like an empty room, since all of them lie outside the grid. A
+person who stands there does, too, so two things tell them apart (decision 0029):
+
+* most points are farther away than anything in a robot's cell ever is, or
+* all points are outside, though so short a time ago some were deeper inside than anyone
+  gets out of the grid in that time. Who has had the time may have left.
+"""
+
+import math
+
+import numpy as np
+
+from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE, Cloud
+from odm.obstacles._occupancy import count_beyond, deepest
+
+_LEAVES = 4.0  # [m/s] nobody gets out of the grid faster
+_JITTER = 0.05  # [m] that measured points may jump
+# from so far a median distance on [m] it looks like these, and this many make a metre
+_UNITS = ((200.0, "millimetres", 1000), (20.0, "centimetres", 100))
+
+
+class SensorWatch:
+    """Judges whether a frame's obstacle data can be used, by what came before.
+
+    Args:
+        max_age_s: Older obstacle data cannot be used [s].
+        max_range_m: Where most points are farther off, their unit is wrong [m].
+
+    Attributes:
+        newest: (stamp, now) of the newest data [s]; None: no stamp was given yet.
+        seen_inside: (stamp, points) of the last stamped frame with some in the grid.
+    """
+
+    def __init__(self, max_age_s: float, max_range_m: float) -> None:
+        """Know of no frame."""
+        self.max_age_s, self.max_range_m = max_age_s, max_range_m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all frames: a clock may have been set back."""
+        self.newest: tuple[float, float | None] | None = None
+        self.seen_inside: tuple[float, np.ndarray] | None = None
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return the newest stamp, and the last points inside the grid."""
+        stamp, now = self.newest or (np.nan, np.nan)
+        seen, points = self.seen_inside or (np.nan, np.zeros((0, 3)))
+        now = np.nan if now is None else now
+        return {"times": np.array([stamp, now, seen]), "inside": points.copy()}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Remember what was saved."""
+        stamp, now, seen = saved["times"].tolist()
+        known = None if math.isnan(now) else now
+        self.newest = None if math.isnan(stamp) else (stamp, known)
+        inside = saved["inside"].copy()
+        self.seen_inside = None if math.isnan(seen) else (seen, inside)
+
+    @property
+    def points_inside(self) -> np.ndarray | None:
+        """The points of `seen_inside`, which must be left as they are."""
+        return None if self.seen_inside is None else self.seen_inside[1]
+
+    def unfit(
+        self,
+        points: np.ndarray,
+        cloud: Cloud,
+        stamp: float | None,
+        now: float | None,
+    ) -> str | None:
+        """Return why this frame's obstacle data cannot be used at all, or None.
+
+        Args:
+            points: (n, 3) of the frame [m].
+            cloud: Where they were just marked.
+            stamp: As in `ReactivePlanner.step` [s].
+            now: The same.
+        """
+        bad = cloud.counts.item(N_BAD)
+        if bad:
+            return (
+                f"{bad} obstacle points are NaN or infinite, so the person may be "
+                "anywhere; check the sensor"
+            )
+        if stamp is not None or now is not None:
+            before = self.newest
+            # mostly it is like this; a NaN is not
+            fine = stamp is not None and now is not None
+            fine = fine and 0.0 <= now - stamp <= self.max_age_s
+            if not fine or (before is not None and not stamp >= before[0]):
+                text = self._untimely(stamp, now)
+                if text is not None:
+                    return text
+            if stamp is not None:
+                self.newest = (stamp, now)
+        inside, outside = cloud.counts.item(N_INSIDE), cloud.counts.item(N_OUTSIDE)
+        if outside > inside:
+            text = self._misplaced(points, cloud, stamp)
+            if text is not None:
+                return text
+        if inside and stamp is not None:
+            self.seen_inside = (stamp, points)
+        return None
+
+    def _untimely(self, stamp: float | None, now: float | None) -> str | None:
+        for name, value in (("stamp", stamp), ("now", now)):
+            if value is not None and not math.isfinite(value):
+                return (
+                    f"the {name} of the obstacle data is {value}, so their age is not "
+                    "known; check the clock"
+                )
+        if stamp is None:
+            return None
+        if now is not None:
+            age, limit = now - stamp, self.max_age_s
+            if not age <= limit:
+                return (
+                    f"the obstacle data are {1e3 * age:.0f} ms old, more than the "
+                    f"{1e3 * limit:.0f} ms allowed; check the sensor or its clock"
+                )
+            if age < 0.0:
+                return (
+                    f"the obstacle data are stamped {-1e3 * age:.0f} ms in the future; "
+                    "use one clock for stamp and now"
+                )
+        before = self.newest
+        if before is not None and stamp < before[0]:
+            known = now is not None and before[1] is not None
+            if not known or now >= before[1]:
+                return (
+                    f"the obstacle data are {1e3 * (before[0] - stamp):.0f} ms older "
+                    "than those of the frame before; drop frames that arrive out of "
+                    "order, or call reset where a clock was set back"
+                )
+            self.seen_inside = None
+        return None
+
+    def _misplaced(
+        self, points: np.ndarray, cloud: Cloud, stamp: float | None
+    ) -> str | None:
+        """Return what is wrong with a frame that is mostly outside, or None."""
+        limit = self.max_range_m
+        if 2 * count_beyond(points, limit) > len(points):
+            far = float(np.median(np.abs(points).max(axis=1)))
+            for least, unit, many in _UNITS:
+                if far >= least:
+                    unit = f"these look like {unit}: divide by {many}"
+                    break
+            else:
+                unit = "give metres"
+            return (
+                f"most of the {len(points)} obstacle points are more than {limit:g} m "
+                f"from the robot's base, {far:.3g} m in the middle; {unit}, or raise "
+                "max_range_m"
+            )
+        before = self.seen_inside
+        if cloud.counts[N_INSIDE] or stamp is None or before is None:
+            return None
+        passed, depth = stamp - before[0], deepest(before[1], cloud)
+        if depth <= _LEAVES * max(passed, 0.0) + _JITTER:
+            self.seen_inside = None  # from now on they may be anywhere
+            return None
+        return (
+            f"all {len(points)} obstacle points lie outside the grid, though "
+            f"{1e3 * passed:.0f} ms before some were {100 * depth:.0f} cm inside it, "
+            "and nobody leaves that fast; check the unit and the frame of the points, "
+            "and whether the sensor lost someone"
+        )

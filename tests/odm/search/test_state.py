@@ -1,0 +1,114 @@
+"""The planner's state: what is declared is what compiled loops see, or is refused."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from odm._groups import FRAME, GOAL, LIFE, declared
+from odm.search._state import KINDS, table_of, view
+from odm.search.state import Memory, exchange, lay_out
+from roadmap.errors import BadInput
+
+
+@pytest.fixture
+def memory(small_map):
+    """Return a memory whose arrays all belong to it alone."""
+    laid_out = lay_out(small_map, 7)
+    copies = {
+        name: kind(*(a if isinstance(a, float) else a.copy() for a in group))
+        for name, kind in KINDS.items()
+        for group in [getattr(laid_out, name)]
+    }
+    copies["stats"] = laid_out.stats
+    return Memory(copies)
+
+
+def writer(name):
+    """Return a compiled loop that marks first and last of all arrays of a group."""
+    lines = [f"def write(table, k):\n    group = view(table, {name!r})"]
+    for key, field in declared(KINDS[name]).items():
+        rank = len(field.axes)
+        for at in (0, -1) if rank else ():
+            place = ", ".join([str(at)] * rank)
+            lines.append(f"    k += 1\n    group.{key}[{place}] = k % 2 + k * {rank}")
+    single = [k for k, field in declared(KINDS[name]).items() if not field.axes]
+    lines.append(f"    return group.{single[0]}" if single else "    return 0.0")
+    space = {"view": view}
+    exec("\n".join(lines), space)
+    return njit(space["write"])
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_each_row_is_written_where_it_is_declared(memory, name):
+    before = {k: a.copy() for k, a in memory.arrays(LIFE, GOAL, FRAME).items()}
+    single = writer(name)(memory.table, 10)
+    group, k, changed = getattr(memory, name), 10, set()
+    for key, field in declared(KINDS[name]).items():
+        array = getattr(group, key)
+        if not field.axes:
+            assert single == array
+            continue
+        changed.add(f"{name}.{key}")
+        rank = array.ndim
+        for at in (0, -1):
+            k += 1
+            value = array.dtype.type(k % 2 + k * rank)
+            if array.size > 1 or at == -1:
+                assert array[(at,) * rank] == value
+    if name == "graph":
+        changed.add("direct.bits")  # the same array
+    if name == "direct":
+        changed.add("graph.taken")
+    for key, array in memory.arrays(LIFE, GOAL, FRAME).items():
+        if key not in changed:
+            assert np.array_equal(array, before[key], equal_nan=array.dtype.kind == "f")
+
+
+def test_wide_ids_of_blocks_have_another_type_of_table(memory):
+    groups = {name: getattr(memory, name) for name in KINDS}
+    for name in ("graph", "pool"):
+        wide = groups[name].block.astype(np.uint32)
+        groups[name] = groups[name]._replace(block=wide)
+    wide = Memory(groups)
+    assert (memory.table.dtype, wide.table.dtype) == (np.int64, np.uint64)
+    writer("pool")(wide.table, 10)
+    assert wide.pool.block[-1] == 16
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "text"),
+    [
+        ("cost", lambda a: a.astype(np.float32), "goals.cost is float32 of rank 1"),
+        ("number", lambda a: a.astype(np.int32), "but int64 of rank 1 is declared"),
+        ("q", lambda a: a.ravel(), "but float64 of rank 2 is declared"),
+        ("q", lambda a: a[:, :1].copy(), r"goals.q has shape \(32, 1\)"),
+        ("h", lambda a: np.asfortranarray(a), "goals.h is not contiguous"),
+        ("q", lambda a: a.tolist(), "goals.q is list"),
+    ],
+)
+def test_an_array_of_another_kind_is_refused(memory, field, change, text):
+    goals = memory.goals
+    wrong = goals._replace(**{field: change(getattr(goals, field))})
+    with pytest.raises(BadInput, match=text):
+        exchange(memory, {"goals": wrong})
+    assert memory.goals is goals
+
+
+def test_another_order_is_refused(memory):
+    with pytest.raises(BadInput, match="fresh is a Way, but the table holds a Starts"):
+        exchange(memory, {"fresh": memory.way})
+    goals = memory.goals
+    swapped = goals._replace(q=goals.h, h=goals.q)
+    with pytest.raises(BadInput, match="is declared"):
+        exchange(memory, {"goals": swapped})
+    cloud = memory.cloud._replace(h=1)
+    with pytest.raises(BadInput, match="cloud.h is 1, but a float is declared"):
+        exchange(memory, {"cloud": cloud})
+
+
+def test_every_array_says_how_long_it_lives(memory):
+    lives = [memory.arrays(life) for life in (LIFE, GOAL, FRAME)]
+    names = [name for arrays in lives for name in arrays]
+    assert len(names) == len(set(names)) and all(lives)
+    n_rows = len(table_of({n: getattr(memory, n) for n in KINDS}, np.dtype("u2")))
+    assert len(names) == n_rows - 2  # the cell size of both clouds is a number
