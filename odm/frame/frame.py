@@ -4,6 +4,8 @@ Helpers take a frame instead of the planner: robot, map and compiled state, the 
 that were seen last, what stands in the hand and around, and the distances that count.
 """
 
+from threading import get_ident
+from time import perf_counter_ns
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -120,6 +122,8 @@ class Frame:
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
+        if get_ident() != self.memory.owner.thread:
+            self.memory.owner.check()
         # mostly both are what the compiled frame takes, which is seen at once here
         if (
             type(points) is not np.ndarray
@@ -147,11 +151,15 @@ class Frame:
         points: np.ndarray,
         covering_radius: float | None,
         rounding: float | None,
-    ) -> bool:
+        stamp: float | None,
+        now: float | None,
+    ) -> int:
         """Copy and mark a frame's points (n, 3), as `checked` returned them.
 
+        `trouble` says whether they can be used.
+
         Returns:
-            True where some are not finite or most lie outside the grid.
+            When they were marked, by `time.perf_counter_ns`.
         """
         if not self.world.at_base:
             points = self.world.points(points)
@@ -162,7 +170,13 @@ class Frame:
         room = self.points
         if self.watch.seen_inside is not None or len(points) != len(room):
             room = self._room_for(len(points))
-        return kernels.begin_step(self.memory.table, points, room)
+        # whether some are not finite or most lie outside the grid
+        odd = kernels.begin_step(self.memory.table, points, room)
+        marked = perf_counter_ns()
+        self.trouble = None
+        if odd or stamp is not None or now is not None:
+            self.trouble = self.watch.unfit(room, self.memory.cloud, stamp, now)
+        return marked
 
     def replace(self, points: np.ndarray) -> None:
         """Let (n, 3) points be the frame's, which no new frame has brought."""

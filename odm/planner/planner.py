@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from threading import get_ident
 from typing import NoReturn
 
 import numpy as np
@@ -271,49 +270,39 @@ class ReactivePlanner:
         question after it is answered with no, until a frame comes that can.
 
         Args:
-            points: (n, 3) float64 points on the obstacles' surfaces [m]; base frame,
-                or the world's after `set_base`. They are copied.
+            points: (n, 3) points on the obstacles' surfaces [m]; base frame, or the
+                world's after `set_base`. They are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
-            stamp: Time of the points [s]; older points than those of a frame before
-                hold, unless `now` went back, too. A clock that was set back without
-                a `now` needs `reset`.
+            stamp: Time of the points [s]. Older ones than before hold, unless `now`
+                went back, too; a clock set back without a `now` needs `reset`.
             now: Present time [s], by the same clock.
             covering_radius: No point of a surface is farther from its nearest sample
-                [m]; None: the map's rho. The close test uses it, so dense points
-                cost less free space.
+                [m]; None: the map's rho. Dense points cost less free space.
             rounding: Smallest radius of the sampled shapes where all are capsules or
-                spheres [m]: proves that less than rho is needed (see
-                `odm.obstacles.surfaces.rounded_covering`).
-            classes: (n,) odm.AVOID, CONTACT or OBJECT of each point; the answer heeds
-                all, a `phase` of other questions makes a difference.
-            closed: The points cover the whole surfaces of closed solids, as those of
-                `odm.sample_capsules` and `odm.surface_of` do; so does `labels`. Else
-                only what was sampled is certified, "visible surface".
+                spheres [m]: less than rho is needed (`surfaces.rounded_covering`).
+            classes: (n,) odm.AVOID, CONTACT or OBJECT of each point; only the `phase`
+                of a question tells them apart.
+            closed: The points cover whole surfaces of closed solids, as those of
+                `odm.surface_of` do, or with `labels`; else the answer certifies the
+                "visible surface" alone.
 
         Returns:
-            The answer; "no path" is an answer, not an exception.
+            The answer; "no path" is one, no exception.
 
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
         begun = time.perf_counter_ns()
         frame = self.frame
-        if get_ident() != self._memory.owner.thread:
-            self._memory.owner.check()
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
         if self.attacher.is_stale:
             self.attacher.forget_all()
-        odd = frame.take(points, covering_radius, rounding)
-        marked = time.perf_counter_ns()
-        trouble = None
-        if odd or stamp is not None or now is not None:
-            trouble = frame.watch.unfit(frame.points, self._memory.cloud, stamp, now)
-        frame.trouble = trouble
+        marked = frame.take(points, covering_radius, rounding, stamp, now)
         times, closed = (begun, marked), closed or labels is not None
-        if trouble is not None:
-            return self._hold(times, closed, trouble)
+        if frame.trouble is not None:
+            return self._hold(times, closed, frame.trouble)
         if not self.hysteresis.always_replan:
             self.history.take(frame.points, now)
         code = self._decision.decide(frame.points, q)

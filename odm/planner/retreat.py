@@ -1,6 +1,7 @@
 """Backing off and escape: a motion to offer while no path to a goal is free."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,30 +106,17 @@ class Retreat:
         clouds = self._coming.of([ahead.points(p).copy() for _, p in coming])
         times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
         ample = frame.keep + _AMPLE
-
-        def duration(leg: np.ndarray) -> float:
-            fastest = speed_scale * frame.robot.max_velocity
-            return max(np.abs(leg / fastest).max(), 1e-9)
-
-        def kept(leg: np.ndarray, least: float) -> float:
-            """Return the least distance on a motion, or some value below `least`."""
-            needed = duration(leg)
-            gap = ample
-            for t, cloud in zip(times, clouds, strict=True):
-                at = q + min(1.0, t / needed) * leg
-                gap = min(gap, frame.separation(at, cloud, gap))
-                if gap <= least:
-                    break
-            return gap
-
-        best, found = kept(np.zeros_like(q), -np.inf) + _WORTH, None
+        fastest = speed_scale * frame.robot.max_velocity
+        expected = _Expected(frame, times, clouds, fastest, ample)
+        best, found = expected.gap(q, np.zeros_like(q), -np.inf) + _WORTH, None
         if best >= ample:
             return None
         escape = self._place_anchor(q)
         for node in self.attacher.nearest(q, _DIRECTIONS):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
-            dq = min(1.0, max(times, default=0.0) / duration(dq)) * dq  # no farther
-            gap = kept(dq, best)
+            # no farther than it gets by then
+            dq = min(1.0, max(times, default=0.0) / expected.duration(dq)) * dq
+            gap = expected.gap(q, dq, best)
             if gap > best and self._is_clear(q, dq, escape):
                 best, found = gap, np.stack([q, q + dq])
                 if best >= ample:
@@ -145,3 +133,28 @@ class Retreat:
         dq = np.ascontiguousarray(dq)
         clear = self.frame.motion_clear(q, dq, escape=escape)
         return clear and self.frame.static.motion_free(q, dq)
+
+
+class _Expected(NamedTuple):
+    """Where points are expected, and how fast the robot may evade them."""
+
+    frame: Frame
+    times: list[float]  # from now [s]
+    clouds: list[object]  # at each of them
+    fastest: np.ndarray  # (dof,) speed of the joints [rad or m per s]
+    ample: float  # more distance is no better [m]
+
+    def duration(self, dq: np.ndarray) -> float:
+        """Return how long a motion takes [s]."""
+        return max(np.abs(dq / self.fastest).max(), 1e-9)
+
+    def gap(self, q: np.ndarray, dq: np.ndarray, least: float) -> float:
+        """Return the least distance on a motion, or some value below `least` [m]."""
+        needed = self.duration(dq)
+        gap = self.ample
+        for t, cloud in zip(self.times, self.clouds, strict=True):
+            at = q + min(1.0, t / needed) * dq
+            gap = min(gap, self.frame.separation(at, cloud, gap))
+            if gap <= least:
+                break
+        return gap
