@@ -157,7 +157,8 @@ def test_compiled_loops_import_numpy_numba_and_compiled_loops_only():
 
 
 def test_nobody_reaches_for_private_names_of_another_object():
-    public = {"_replace", "_asdict", "_fields"}  # of named tuples
+    public = {"_replace", "_asdict", "_fields", "_field_defaults"}  # of named tuples
+    public |= {"_getvalue"}  # of numba's own builders, which have no other name for it
     wrong = []
     for file in MODULES.values():
         for node in ast.walk(tree(file)):

@@ -58,7 +58,7 @@ class StaticTest:
         self.place_points = np.zeros((0, 3))
         self.place_cloud = self._cloud(self.place_points)
         self.set_extra(0.0)
-        self.work = self._work()
+        self.work = self.new_work()
 
     def set_place(self, points: np.ndarray) -> int:
         """Take (n, 3) surface points of this place [m]; return how many lie outside."""
@@ -74,7 +74,7 @@ class StaticTest:
         other.skip = _skipped(loaded, self.scenery)
         grown = self.scenery.covering_radius + self.safety.m
         other.radii = other.arm.spheres[:, 3] + grown
-        other.work = other._work()
+        other.work = other.new_work()
         other.set_extra(self.extra)
         return other
 
@@ -156,7 +156,7 @@ class StaticTest:
         radii, place_radii = self.radii, self.place_radii
         if more:
             radii, place_radii = radii + more, place_radii + more
-        work = self._work()
+        work = self.new_work()
         return kernels.Still(
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
@@ -168,7 +168,8 @@ class StaticTest:
             place_cloud=self.place_cloud,
         )
 
-    def _work(self) -> Work:
+    def new_work(self) -> Work:
+        """Return scratch for one thread of tests."""
         n_bodies = len(self.robot.tree_i)
         return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
 

@@ -105,7 +105,7 @@ class RobotSurface:
         kernels.place_points(self._frames, self._body, self._points, self._placed)
         if T_world_base is None:
             return self._placed
-        T = solid._check_pose(T_world_base)
+        T = solid.check_pose(T_world_base)
         np.dot(self._placed, np.ascontiguousarray(T[:3, :3].T), out=self._turned)
         for k in range(3):  # a row added to all points at once allocates them again
             self._turned[:, k] += T[k, 3]

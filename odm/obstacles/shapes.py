@@ -13,7 +13,8 @@ from roadmap.ranges import is_between
 LARGEST = 1000.0  # [m] size of a shape
 
 
-def _check_pose(T: np.ndarray) -> np.ndarray:
+def check_pose(T: np.ndarray) -> np.ndarray:
+    """Return a (4, 4) pose as floats; refuse what is no rigid motion."""
     T = as_floats("the pose of a shape", T)
     rigid = T.shape == (4, 4) and np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3))
     rigid = rigid and np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9)
@@ -61,7 +62,7 @@ class Sphere(_Posed):
     def __post_init__(self) -> None:
         """Check radius and pose."""
         self._set("radius", _check_size("sphere", "radius", self.radius))
-        self._set("T_base_shape", _check_pose(self.T_base_shape))
+        self._set("T_base_shape", check_pose(self.T_base_shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ class _Rod(_Posed):
         round_end = isinstance(self, Capsule)
         self._set("radius", _check_size(kind, "radius", self.radius))
         self._set("length", _check_size(kind, "length", self.length, round_end))
-        self._set("T_base_shape", _check_pose(self.T_base_shape))
+        self._set("T_base_shape", check_pose(self.T_base_shape))
 
     @classmethod
     def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> "_Rod":
@@ -121,7 +122,7 @@ class Box(_Posed):
         for value in size.tolist():
             _check_size("box", "edge length", value)
         self._set("size", frozen(size, np.float64))
-        self._set("T_base_shape", _check_pose(self.T_base_shape))
+        self._set("T_base_shape", check_pose(self.T_base_shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,7 @@ class Mesh(_Posed):
             )
         self._set("vertices", frozen(vertices, np.float64))
         self._set("faces", frozen(faces, np.int64))
-        self._set("T_base_shape", _check_pose(self.T_base_shape))
+        self._set("T_base_shape", check_pose(self.T_base_shape))
 
     @classmethod
     def from_file(cls, path: str | Path, scale: float | np.ndarray = 1.0) -> "Mesh":

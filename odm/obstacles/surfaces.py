@@ -60,7 +60,7 @@ class Surface:
 
     def moved(self, T: np.ndarray) -> "Surface":
         """Return the surface moved by a rigid `T` (4, 4); the radius stays."""
-        T = solid._check_pose(T)
+        T = solid.check_pose(T)
         return replace(self, points=self.points @ T[:3, :3].T + T[:3, 3])
 
 
