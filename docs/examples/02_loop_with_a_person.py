@@ -66,7 +66,7 @@ def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
         # where the person can be until the robot stands, and the braking for it
         centers = sphere_centers(robot, set_point.q)[robot.moving]
         threat = watcher.look(capsules, points, centers, now, margin=margin)
-        executor.heed(answer, commit, threat)
+        executor.update(answer, commit, threat)
         if np.abs(set_point.dq).max() > 0.01:
             closest = min(closest, planner.separation(set_point.q))
         braked += executor.state in ("slowed", "braked")

@@ -70,7 +70,7 @@ class Arm:
         )
         # all that the other one may still sweep before it stands
         threat = intent_threat(self.other, intent_of(other.executor), self.T)
-        self.executor.heed(answer, commit, threat)
+        self.executor.update(answer, commit, threat)
         return self.planner.separation(self.q)
 
     def advance(self) -> None:

@@ -137,13 +137,17 @@ class PathInUse:
         """Return its weighted length from q, on the robot's segment, to the goal."""
         return step.rest_length(self.frame.memory.table, self._way, self.segment, q)
 
-    def go_straight(self, vertex: int, q: np.ndarray, dq: np.ndarray) -> None:
-        """Let it be the straight motion from `vertex`, at q, to where it ends."""
+    def go_straight(self, vertex: int, q: np.ndarray) -> None:
+        """Let it be the straight motion from `vertex`, at q, to where it ends.
+
+        It ends at the very goal: q plus a difference may lie a rounding out of limits.
+        """
         last = len(self) - 1
         self.vertex[:2] = vertex, self.vertex[last]
-        self.q[0], self.q[1] = q, q + dq
+        self.q[0], self.q[1] = q, self.q[last].copy()
         self.item[0] = NO_ITEM
         self._count[0] = 2
+        kernels.unwind(self._way, self.frame.robot.continuous)
         kernels.certify_whole(self._way, 0, self._proof)
         self._numbers.segment[0] = self._numbers.same[0] = 0
 

@@ -134,4 +134,4 @@ class Straightener:
         if not free or not frame.static.motion_free(q, dq):
             self._next = now + _WAIT
             return
-        path.go_straight(int(frame.memory.goals.count[2]), q, dq)
+        path.go_straight(int(frame.memory.goals.count[2]), q)

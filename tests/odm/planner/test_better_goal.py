@@ -139,3 +139,20 @@ def test_a_start_that_no_motion_leaves_still_goes_straight_to_another_goal(plann
     answer = planner.step(ball, q=HOME)
     assert not planner.is_free(HOME, BETTER) and planner.is_free(HOME, near)
     assert answer.goal == 1
+
+
+def test_the_straight_motion_to_a_goal_at_its_limits_ends_at_the_very_goal(planner):
+    """An end that lies one rounding out of limits is a path that may not be driven."""
+    rng, robot = np.random.default_rng(5), planner.robot
+    planner.step(NOBODY, q=HOME)
+    goal = BETTER
+    while goal is BETTER or not planner.is_free(goal, goal):
+        goal = np.array([robot.upper[0], *draw_valid(planner, rng)[1:]])
+    planner.set_goals([goal])
+    assert planner.step(NOBODY, q=HOME).status != "holding"
+    for _ in range(200):
+        q = rng.uniform(robot.lower, robot.upper)
+        planner.path.go_straight(0, q)
+        end = planner.path.q[1]
+        assert np.array_equal(end[~robot.continuous], goal[~robot.continuous])
+        assert (np.abs(end - q)[robot.continuous] <= np.pi).all()
