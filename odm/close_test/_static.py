@@ -17,6 +17,7 @@ from odm.close_test._close import (
     split_interval,
 )
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import Solids as Shapes
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
@@ -43,6 +44,7 @@ class Still(NamedTuple):
     cloud: Cloud  # points of the recipe's scenery
     place: Clearance
     place_cloud: Cloud  # points of the scenery of this place
+    shapes: Shapes  # none: what stands still is points and rows of `solids`
 
 
 @njit(cache=True, nogil=True)
@@ -160,8 +162,10 @@ def motions_free(still, q, dq, scratch, result):
         pair, _ = keeps_apart(still.itself, q[k], dq[k], apart, fine, scratch)
         if pair >= 0:
             continue
-        if not motion_clear(still.scenery, q[k], dq[k], still.cloud, False):
+        cloud = still.cloud
+        if not motion_clear(still.scenery, q[k], dq[k], cloud, still.shapes, False):
             continue
-        if not motion_clear(still.place, q[k], dq[k], still.place_cloud, False):
+        cloud = still.place_cloud
+        if not motion_clear(still.place, q[k], dq[k], cloud, still.shapes, False):
             continue
         result[k] = True
