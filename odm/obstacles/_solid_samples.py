@@ -17,12 +17,14 @@ from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, MESH, solid_distance
 from odm.obstacles._surfaces import SHRINK, tube_frame, tube_step, walk_cap
 
 # what can be wrong with a shape
-FINE, NOT_FINITE, NO_RADIUS, NO_LENGTH, NO_SIZE, NO_POSE, TOO_LARGE, NO_ROOM = range(8)
+FINE, NOT_FINITE, NO_RADIUS, NO_LENGTH, NO_SIZE, NO_POSE, TOO_LARGE = range(7)
+TOO_ROUND, NO_ROOM = 7, 8
 # rows of each kind, in the order in which they are given
 N_CAPSULES, N_SPHERES, N_CYLINDERS, N_BOXES, N_MESHES = range(5)
 WIDTHS = (7, 4, 7, 15, 12)
 LARGEST = 1000.0  # [m] a size beyond is in another unit
 POSED = 2.0  # key of what has no pattern
+WIDEST = 5.0  # [m] a radius beyond is in another unit, or a wall
 RIGID = 1e-5  # a rotation may be off by so much; it is made exact
 
 
@@ -98,7 +100,9 @@ def take_rod(given, T, kind, solids, n):
             if kind != N_SPHERES:
                 row[3 + a] += T[a, j] * (given[3 + j] - given[j])
         length2 += row[3 + a] * row[3 + a]
-    if not (radius <= LARGEST and length2 <= LARGEST * LARGEST):
+    if not radius <= WIDEST:
+        return TOO_ROUND
+    if not length2 <= LARGEST * LARGEST:
         return TOO_LARGE
     row[6] = radius
     if kind != N_CYLINDERS:

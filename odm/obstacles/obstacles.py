@@ -27,6 +27,7 @@ _WRONG = {
     kernels.NO_LENGTH: "has two equal ends and so no direction; give a sphere",
     kernels.NO_SIZE: "has an edge length that is not above 0; give its true size",
     kernels.NO_POSE: "has a pose that is no rigid motion; give a rotation",
+    kernels.TOO_ROUND: f"has a radius above {kernels.WIDEST:g} m; give metres",
     kernels.TOO_LARGE: f"is larger than {kernels.LARGEST:g} m; give metres",
 }
 
