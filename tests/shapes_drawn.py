@@ -4,12 +4,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import odm
-from odm._groups import new
 from odm.audit._exact import core_distance
 from odm.audit.exact import flat_frames, gather, obstacles_of
-from odm.obstacles._solid_samples import FINE, Patterns, take_solids
-from odm.obstacles._solids import Solids
-from odm.obstacles.obstacles import room_for, write_meshes
+from odm.obstacles.obstacles import SolidRoom
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "mesh")
 _POINT = gather([(np.zeros((1, 3)), 0.0, 0.0, 0.0)], np.zeros(1))
@@ -51,19 +48,14 @@ def draw_shapes(rng, n=1, **where):
     return [draw_shape(str(rng.choice(KINDS)), rng, **where) for _ in range(n)]
 
 
-def solids_of(shapes, T=None, rho=0.03):
+def solids_of(shapes, T=None):
     """Return shapes as the close test takes them, in the order of `Obstacles`."""
     obstacles = shapes
     if not isinstance(shapes, odm.Obstacles):
         obstacles = odm.Obstacles.of(shapes)
-    sizes = {"shapes": 0, "faces": 0, "patterns": 0, "samples": 0}
-    groups = new(Solids, sizes), new(Patterns, sizes)
-    groups[1].rho[0] = rho
-    groups = room_for(obstacles, *groups) or groups
-    write_meshes(obstacles, *groups)
-    T = np.eye(4) if T is None else T
-    assert take_solids(obstacles.data, obstacles.counts, T, *groups) == FINE
-    return groups[0]
+    solids = SolidRoom().of(obstacles, np.eye(4) if T is None else T)
+    assert solids is not None
+    return solids
 
 
 def exact_distance(shape, points):

@@ -37,6 +37,7 @@ class Work(NamedTuple):
     early: np.ndarray = array("i8", "bodies", FRAME)
     stack: np.ndarray = array("i8", "64 2", FRAME)  # level, index
     masks: np.ndarray = array("b1", "64 bodies", FRAME)  # bodies still open
+    state: np.ndarray = array("i8", "bodies", FRAME)  # what solids leave of a body
     # centres at the start of an escape
     anchor: np.ndarray = array("f8", "spheres 3", FRAME)
     # sphere, point, tests, evaluations

@@ -13,7 +13,13 @@ import math
 from numba import njit
 
 from odm.obstacles._cloud import N_LISTED
-from odm.obstacles._solids import chord_keeps, solid_distance
+from odm.obstacles._solids import (
+    CAPSULE,
+    chord_keeps,
+    rod_distance,
+    rod_of,
+    solid_distance,
+)
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
@@ -202,79 +208,114 @@ def solid_threshold(solids, k, radius, i, escape, anchor):
 
 
 @njit(cache=True, nogil=True)
-def body_at_solids(clearance, b, frame, half, solids, escape):
-    """Test body b at one configuration; 0 free, 1 open, 2 in the way of a solid."""
+def bodies_at_solids(clearance, mask, half, solids, escape):
+    """Test the bodies of `mask` at one configuration; False: one is in the way.
+
+    work.state says of each whether it is free, 0, or open, 1. All bodies in one call:
+    the groups that it is handed cost more than the test of a body.
+    """
     arm, bare, work = clearance.arm, clearance.bare, clearance.work
-    near = arm.bound[b, 3] + work.body_bare[b]
-    reach = near + work.body_speed[b] * half
-    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
-    f = frame
-    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
-    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
-    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
-    result = 0
-    for k in range(solids.count[0]):
-        if solid_distance(solids, k, wx, wy, wz, reach) >= reach:
+    for b in range(1, mask.shape[0]):
+        work.state[b] = 0
+        if not mask[b]:
             continue
-        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-            s = arm.spheres[i]
-            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            # once the interval is open, only a solid in the way is news
-            way = work.speed[i] * half if result == 0 else 0.0
-            far = bare[i] + way
-            d = solid_distance(solids, k, cx, cy, cz, far)
-            if d >= far:
+        f, ball = work.frames[0, b], arm.bound[b]
+        near = ball[3] + work.body_bare[b]
+        reach = near + work.body_speed[b] * half
+        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
+        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
+        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        open_ = False
+        for k in range(solids.count[0]):
+            rod, is_rod = rod_of(solids.rows[k]), solids.kind[k] == CAPSULE
+            if is_rod:
+                d = rod_distance(rod, wx, wy, wz)
+            else:
+                d = solid_distance(solids, k, wx, wy, wz, reach)
+            if d >= reach:
                 continue
-            r = solid_threshold(solids, k, bare[i], i, escape, work.anchor)
-            if d < r:
-                work.found[0] = i
-                work.found[1] = FIRST_SOLID - k
-                work.value[1] = d
-                return 2
-            if result == 0 and d < r + way:
-                result = 1
-                reach = near
-    return result
+            for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+                s = arm.spheres[i]
+                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                # once the interval is open, only a solid in the way is news
+                way = 0.0 if open_ else work.speed[i] * half
+                far = bare[i] + way
+                if is_rod:
+                    d = rod_distance(rod, cx, cy, cz)
+                else:
+                    d = solid_distance(solids, k, cx, cy, cz, far)
+                if d >= far:
+                    continue
+                r = bare[i]
+                if escape:
+                    r = solid_threshold(solids, k, r, i, True, work.anchor)
+                if d < r:
+                    work.found[0] = i
+                    work.found[1] = FIRST_SOLID - k
+                    work.value[1] = d
+                    return False
+                if not open_ and d < r + way:
+                    open_ = True
+                    reach = near
+        work.state[b] = 1 if open_ else 0
+    return True
 
 
 @njit(cache=True, nogil=True)
-def body_chord_solids(clearance, b, frames, dt, solids, escape):
-    """Test body b along chords between two frames of work; False: in the way."""
-    arm, bare, work = clearance.arm, clearance.bare, clearance.work
-    f, g, h = frames[1, b], frames[2, b], frames[0, b]  # two ends, and between them
-    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
-    wx = h[0] * bx + h[1] * by + h[2] * bz + h[9]
-    wy = h[3] * bx + h[4] * by + h[5] * bz + h[10]
-    wz = h[6] * bx + h[7] * by + h[8] * bz + h[11]
-    reach = arm.bound[b, 3] + work.body_bare[b] + work.body_speed[b] * 0.5 * dt
-    reach += work.body_bend[b] * dt * dt / 8.0
-    for k in range(solids.count[0]):
-        if solid_distance(solids, k, wx, wy, wz, reach) >= reach:
+def chords_at_solids(clearance, mask, level, solids, escape):
+    """Test bodies along the chords between two frames of work; see `chords_clear`.
+
+    work.state says of each body of `mask` whether it is free, 0, or in the way, 1.
+    """
+    arm, work = clearance.arm, clearance.work
+    dt = 1.0 / (1 << level)
+    for b in range(1, mask.shape[0]):
+        work.state[b] = 0
+        if not mask[b] or level < work.early[b]:
             continue
-        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-            s = arm.spheres[i]
-            ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-            ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-            az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            cx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
-            cy = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
-            cz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
-            sag = work.bend[i] * dt * dt / 8.0
-            r = bare[i] + sag
-            mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
-            half = math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2) * 0.5
-            d = solid_distance(solids, k, mx, my, mz, r + half)
-            if d >= r + half:
+        h, ball = work.frames[0, b], arm.bound[b]  # in the middle of the chords
+        wx = h[0] * ball[0] + h[1] * ball[1] + h[2] * ball[2] + h[9]
+        wy = h[3] * ball[0] + h[4] * ball[1] + h[5] * ball[2] + h[10]
+        wz = h[6] * ball[0] + h[7] * ball[1] + h[8] * ball[2] + h[11]
+        reach = ball[3] + work.body_bare[b] + work.body_speed[b] * 0.5 * dt
+        reach += work.body_bend[b] * dt * dt / 8.0
+        for k in range(solids.count[0]):
+            if solid_distance(solids, k, wx, wy, wz, reach) >= reach:
                 continue
-            if escape:
-                r = solid_threshold(solids, k, bare[i], i, True, work.anchor) + sag
-            if not chord_keeps(solids, k, (ax, ay, az), (cx, cy, cz), r):
-                work.found[0] = i
-                work.found[1] = FIRST_SOLID - k
-                work.value[1] = min(d, bare[i])
-                return False
+            if not chord_at_solid(clearance, b, dt, solids, k, escape):
+                work.state[b] = 1
+                break
+
+
+@njit(cache=True, nogil=True)
+def chord_at_solid(clearance, b, dt, solids, k, escape):
+    """Test body b along its chords against solid k; False: in the way."""
+    arm, bare, work = clearance.arm, clearance.bare, clearance.work
+    f, g = work.frames[1, b], work.frames[2, b]
+    for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+        s = arm.spheres[i]
+        ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+        ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+        az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+        cx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
+        cy = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
+        cz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
+        sag = work.bend[i] * dt * dt / 8.0
+        r = bare[i] + sag
+        mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
+        half = math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2) * 0.5
+        d = solid_distance(solids, k, mx, my, mz, r + half)
+        if d >= r + half:
+            continue
+        if escape:
+            r = solid_threshold(solids, k, bare[i], i, True, work.anchor) + sag
+        if not chord_keeps(solids, k, (ax, ay, az), (cx, cy, cz), r):
+            work.found[0] = i
+            work.found[1] = FIRST_SOLID - k
+            work.value[1] = min(d, bare[i])
+            return False
     return True
 
 
@@ -341,16 +382,16 @@ def motion_clear(clearance, q, dq, cloud, solids, escape):
         mask = work.masks[top]
         open_ = False
         chords = False
+        if shapes and not bodies_at_solids(clearance, mask, 0.5 * dt, solids, escape):
+            work.value[0] = t
+            return False
         for b in range(1, mask.shape[0]):
             if not mask[b]:
                 continue
             frame = work.frames[0, b]
-            half = 0.5 * dt
-            state = 0
+            state = work.state[b] if shapes else 0
             if points:
-                state = body_at(clearance, b, frame, half, cloud, escape)
-            if shapes and state != 2:
-                other = body_at_solids(clearance, b, frame, half, solids, escape)
+                other = body_at(clearance, b, frame, 0.5 * dt, cloud, escape)
                 state = max(state, other)
             if state == 2:
                 work.value[0] = t
@@ -390,13 +431,17 @@ def chords_clear(clearance, q, dq, top, cloud, solids, escape):
     set_point(q, dq, (index + 1) * dt, work.point)
     body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[2])
     work.found[3] += 2
+    points, shapes = cloud.counts[N_LISTED] > 0, solids.count[0] > 0
+    if shapes:
+        chords_at_solids(clearance, mask, level, solids, escape)
     result = 0
     for b in range(1, mask.shape[0]):
         if mask[b] and level >= work.early[b]:
             f, g = work.frames[1, b], work.frames[2, b]
-            if body_chord(clearance, b, f, g, dt, cloud, escape) and body_chord_solids(
-                clearance, b, work.frames, dt, solids, escape
-            ):
+            free = not shapes or work.state[b] == 0
+            if free and points:
+                free = body_chord(clearance, b, f, g, dt, cloud, escape)
+            if free:
                 mask[b] = False
             elif level < work.bottom[b]:
                 result = 1

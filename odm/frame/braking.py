@@ -26,7 +26,7 @@ class PathTest:
         """Lay out room for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
-        self._shapes = SolidRoom(frame.rho)
+        self._shapes = SolidRoom()
 
     def blocked_leg(
         self,

@@ -22,7 +22,7 @@ from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import IS_SORTED, N_BAD, N_INSIDE, N_OUTSIDE
-from odm.obstacles._solid_samples import Patterns, move_solids
+from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
 from odm.obstacles.surfaces import rounded_covering
@@ -119,7 +119,8 @@ class Frame:
         grid = cell_map.grid
         half = 0.5 * (grid.upper - grid.origin)
         self._half = float(np.linalg.norm(half)) + 0.1  # ball around the grid
-        self._near = np.append(grid.origin + half, self._half)
+        self.memory.patterns.near[:] = *(grid.origin + half), self._half
+        self.memory.patterns.base_world[:] = self.base_world
         self._nothing = grid.new_cloud(0)
         self.obstacles: Obstacles | None = None
         self.heeded = 0
@@ -244,12 +245,10 @@ class Frame:
         if self.watch.points_inside is self.points:
             self._room = 1 - self._room
         self.heeded = len(points)
-        shapes = obstacles.data, obstacles.counts
+        data, counts = obstacles.data, obstacles.counts
         while True:
             room = self._rooms[self._room]
-            n = kernels.begin_shapes(
-                memory.table, points, shapes, self.base_world, room, self._near
-            )
+            n = kernels.begin_shapes(memory.table, points, data, counts, room)
             if n == kernels.MORE_PATTERNS:
                 self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
                 continue
@@ -397,9 +396,8 @@ class Frame:
         if len(rows) > len(solids.kind) or len(faces) > len(solids.faces):
             larger = new(Solids, {"shapes": len(rows), "faces": len(faces)})
             sizes = {"shapes": len(rows), "patterns": 0, "samples": 0}
-            patterns = new(
-                Patterns, sizes, rho=patterns.rho, ball_least=patterns.ball_least
-            )
+            kept = {name: getattr(patterns, name) for name in KEPT}
+            patterns = new(Patterns, sizes, **kept)
             exchange(memory, {"solids": larger, "patterns": patterns})
         memory.solids.rows[: len(rows)] = rows
         memory.solids.kind[: len(rows)] = saved["solid_kinds"]
@@ -468,7 +466,7 @@ class Frame:
         """Keep that much more distance than the map's clearance [m]."""
         self.extra = float(extra)
         self.memory.terms.extra[0] = self.extra
-        self._near[3] = self._half + self.extra
+        self.memory.patterns.near[3] = self._half + self.extra
         self.set_sampling(*self.sampled)
 
     def hand_changed(self) -> None:
@@ -482,6 +480,7 @@ class Frame:
         self.world = WorldFrame(T_world_base)
         self.world_ahead = WorldFrame(T_world_base)
         self.base_world = self.world.T_base_world.copy()
+        self.memory.patterns.base_world[:] = self.base_world
         move_solids(self.solids, self.base_world @ before)
         p_world = self.points @ before[:3, :3].T + before[:3, 3]
         self.replace(self.world.points(p_world))

@@ -43,10 +43,17 @@ class Patterns(NamedTuple):
     mesh: np.ndarray = array("i8", "shapes 4", FRAME)
     ball: np.ndarray = array("f8", "shapes 4", FRAME)  # around it, in its own frame
     samples: np.ndarray = array("f8", "samples 3", FRAME)  # of meshes, in their frames
+    # pose of the frame in which shapes are given, in the base frame
+    base_world: np.ndarray = array("f8", "4 4", FRAME)
+    near: np.ndarray = array("f8", "4", FRAME)  # ball in which samples count
     # which shape is wrong: its kind, its number there
     wrong: np.ndarray = array("i8", "2", FRAME)
     rho: np.ndarray = array("f8", "1", FRAME)  # covering radius of the map
     ball_least: np.ndarray = array("f8", "1", FRAME)  # least sphere and clearance m
+
+
+# of the patterns: what stays when there is more room
+KEPT = ("base_world", "near", "wrong", "rho", "ball_least")
 
 
 @njit(cache=True, nogil=True)
@@ -259,6 +266,7 @@ def lay_patterns(solids, patterns):
             angle = math.pi * (2.0 * j / k if j < k else (2.0 * (j - k) + 1.0) / k)
             rows[begin[n] + j, 0] = radius * math.cos(angle)
             rows[begin[n] + j, 1] = radius * math.sin(angle)
+            rows[begin[n] + j, 2] = 0.0
         if cap > 0:
             walk_cap(flat, k, rho / radius, rows, start)
         for j in range(start, start + cap):
@@ -295,13 +303,13 @@ def best_ring(radius, rho):
 
 
 @njit(cache=True, nogil=True)
-def write_samples(solids, patterns, near, points, n):
+def write_samples(solids, patterns, points, n):
     """Write the samples of all shapes behind row n of `points`; return the next row.
 
     Only as many as there is room for; the number goes on. What lies wholly outside
-    the ball `near` (4,), where no cell is, has one sample.
+    the ball `patterns.near`, where no cell is, has one sample.
     """
-    center, reach = near[:3], near[3]
+    center, reach = patterns.near[:3], patterns.near[3]
     for k in range(solids.count[0]):
         kind = solids.kind[k]
         if out_of_reach(solids, k, center, reach):
@@ -355,19 +363,16 @@ def write_rod(solids, k, patterns, center, reach, points, n):
     if gap > 0.0:
         low = max(low, int(math.ceil(max(0.0, middle - wide) / gap)))
         high = min(high, int(math.floor(max(0.0, middle + wide) / gap)))
+    # the groups cost more to hand on than a place: here are the arrays alone
+    rows, origin = patterns.rows, (ax, ay, az)
     for r in range(low, high + 1):
         at = first + ring * (r % 2)
-        z = gap * r
-        for j in range(at, at + ring):
-            n = write_place(patterns, j, z, ax, ay, az, points, n)
+        n = write_places(rows[at : at + ring], 1.0, gap * r, origin, frame, points, n)
+    cap_rows = rows[first + 2 * ring : first + 2 * ring + cap]
     for end in range(2):
         z, sign = (0.0, -1.0) if end == 0 else (length, 1.0)
-        if abs(z - middle) > wide:
-            continue
-        at = first + 2 * ring
-        for j in range(at, at + cap):
-            up = z + sign * patterns.rows[j, 2]
-            n = write_place(patterns, j, up, ax, ay, az, points, n)
+        if abs(z - middle) <= wide:
+            n = write_places(cap_rows, sign, z, origin, frame, points, n)
     return n
 
 
@@ -381,14 +386,18 @@ def axis_of(solids, k, patterns):
 
 
 @njit(cache=True, nogil=True)
-def write_place(patterns, j, z, ax, ay, az, points, n):
-    """Write row j of a pattern at height z above a; return the next row."""
-    if n < points.shape[0]:
-        x, y, frame = patterns.rows[j, 0], patterns.rows[j, 1], patterns.frame
-        points[n, 0] = ax + x * frame[0, 0] + y * frame[1, 0] + z * frame[2, 0]
-        points[n, 1] = ay + x * frame[0, 1] + y * frame[1, 1] + z * frame[2, 1]
-        points[n, 2] = az + x * frame[0, 2] + y * frame[1, 2] + z * frame[2, 2]
-    return n + 1
+def write_places(rows, sign, height, origin, frame, points, n):
+    """Write places (k, 3) of a pattern, up or down from a height; return next row."""
+    ax, ay, az = origin
+    ux, uy, uz = frame[0, 0], frame[0, 1], frame[0, 2]
+    vx, vy, vz = frame[1, 0], frame[1, 1], frame[1, 2]
+    tx, ty, tz = frame[2, 0], frame[2, 1], frame[2, 2]
+    for j in range(min(rows.shape[0], points.shape[0] - n)):
+        x, y, z = rows[j, 0], rows[j, 1], height + sign * rows[j, 2]
+        points[n + j, 0] = ax + x * ux + y * vx + z * tx
+        points[n + j, 1] = ay + x * uy + y * vy + z * ty
+        points[n + j, 2] = az + x * uz + y * vz + z * tz
+    return n + rows.shape[0]
 
 
 @njit(cache=True, nogil=True)

@@ -56,15 +56,26 @@ def solid_gap(solids, k, x, y, z, enough):
 def solid_distance(solids, k, x, y, z, enough):
     """Return the signed distance of a point from solid k; see `solid_gap`."""
     if solids.kind[k] == CAPSULE:
-        row = solids.rows[k]
-        wx, wy, wz = x - row[0], y - row[1], z - row[2]
-        s = 0.0
-        if row[7] > 0.0:
-            s = (wx * row[3] + wy * row[4] + wz * row[5]) / row[7]
-            s = min(1.0, max(0.0, s))
-        dx, dy, dz = wx - s * row[3], wy - s * row[4], wz - s * row[5]
-        return math.sqrt(dx * dx + dy * dy + dz * dz) - row[6]
+        return rod_distance(rod_of(solids.rows[k]), x, y, z)
     return solid_gap(solids, k, x, y, z, enough)[0]
+
+
+@njit(cache=True, nogil=True)
+def rod_of(row):
+    """Return what `rod_distance` takes of a capsule's row."""
+    return row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]
+
+
+@njit(cache=True, nogil=True)
+def rod_distance(rod, x, y, z):
+    """Return the signed distance of a point from a capsule."""
+    ax, ay, az, ux, uy, uz, radius, length2 = rod
+    wx, wy, wz = x - ax, y - ay, z - az
+    s = 0.0
+    if length2 > 0.0:
+        s = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length2))
+    dx, dy, dz = wx - s * ux, wy - s * uy, wz - s * uz
+    return math.sqrt(dx * dx + dy * dy + dz * dz) - radius
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ from odm._groups import new
 from odm.checks import as_floats, check_classes, check_points
 from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
-from odm.obstacles._solid_samples import WIDTHS, Patterns
+from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import Solids
 from roadmap.errors import BadInput
 
@@ -21,6 +21,7 @@ _ROWS = {
     "boxes": "pose (3, 4) row by row, then three edge lengths",
     "meshes": "poses (3, 4) row by row",
 }
+_NO_POINTS = np.zeros((0, 3))
 _WRONG = {
     kernels.NOT_FINITE: "is not finite, so it may be anywhere; check the sensor",
     kernels.NO_RADIUS: "has a radius that is not above 0; give its true radius",
@@ -302,7 +303,11 @@ def _rows(kind: str, given: object, width: int) -> np.ndarray:
 
 
 def room_for(
-    obstacles: Obstacles, solids: Solids, patterns: Patterns, more: int = 0
+    obstacles: Obstacles,
+    solids: Solids,
+    patterns: Patterns,
+    more: int = 0,
+    sampled: bool = True,
 ) -> tuple[Solids, Patterns] | None:
     """Return larger groups where these are too small for the obstacles, or None.
 
@@ -311,10 +316,12 @@ def room_for(
         solids: The group there is.
         patterns: The other one.
         more: Rows of patterns that are needed.
+        sampled: Whether samples of meshes are needed, too.
     """
     faces = sum(len(hull.faces) for hull in obstacles.meshes)
-    spacing = float(patterns.rho[0])
-    samples = sum(len(hull.samples(spacing)) for hull in obstacles.meshes)
+    spacing, samples = float(patterns.rho[0]), 0
+    if sampled:
+        samples = sum(len(hull.samples(spacing)) for hull in obstacles.meshes)
     needed = {
         "shapes": (len(solids.kind), len(obstacles)),
         "faces": (len(solids.faces), faces),
@@ -324,16 +331,17 @@ def room_for(
     if all(there >= need for there, need in needed.values()):
         return None
     sizes = {k: max(there, 2 * need) for k, (there, need) in needed.items()}
-    larger = new(Solids, sizes), new(Patterns, sizes)
-    larger[1].rho[:], larger[1].ball_least[:] = patterns.rho, patterns.ball_least
-    return larger
+    kept = {name: getattr(patterns, name) for name in KEPT}
+    return new(Solids, sizes), new(Patterns, sizes, **kept)
 
 
-def write_meshes(obstacles: Obstacles, solids: Solids, patterns: Patterns) -> None:
+def write_meshes(
+    obstacles: Obstacles, solids: Solids, patterns: Patterns, sampled: bool = True
+) -> None:
     """Write the faces and samples of the obstacles' meshes, for which there is room."""
     face = sample = 0
     for k, hull in enumerate(obstacles.meshes):
-        points = hull.samples(float(patterns.rho[0]))
+        points = hull.samples(float(patterns.rho[0])) if sampled else _NO_POINTS
         ends = face + len(hull.faces), sample + len(points)
         solids.faces[face : ends[0]] = hull.faces
         patterns.samples[sample : ends[1]] = points
@@ -354,28 +362,23 @@ def some_of(solids: Solids, chosen: np.ndarray) -> Solids:
 
 
 class SolidRoom:
-    """Room for obstacles that are no frame's: shapes as solids, again and again.
+    """Room for obstacles that are no frame's: shapes as solids, without samples."""
 
-    Args:
-        rho: Covering radius of samples, which nobody asks for here [m].
-    """
-
-    def __init__(self, rho: float) -> None:
+    def __init__(self) -> None:
         """Have no room yet."""
         sizes = {"shapes": 0, "faces": 0, "patterns": 0, "samples": 0}
         self._solids, self._patterns = new(Solids, sizes), new(Patterns, sizes)
-        self._patterns.rho[0] = rho
 
     def of(self, obstacles: Obstacles, T: np.ndarray) -> Solids | None:
         """Return the shapes as solids, moved by T (4, 4); None where one is wrong.
 
         Those before are overwritten.
         """
-        larger = room_for(obstacles, self._solids, self._patterns)
+        larger = room_for(obstacles, self._solids, self._patterns, sampled=False)
         if larger is not None:
             self._solids, self._patterns = larger
-        write_meshes(obstacles, self._solids, self._patterns)
         solids, patterns = self._solids, self._patterns
+        write_meshes(obstacles, solids, patterns, sampled=False)
         data, counts = obstacles.data, obstacles.counts
         code = kernels.take_solids(data, counts, T, solids, patterns)
         return solids if code == kernels.FINE else None

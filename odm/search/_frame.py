@@ -81,7 +81,7 @@ def begin_step(state, given, points):
 
 
 @njit(cache=True, nogil=True)
-def begin_shapes(state, given, shapes, T, room, reach):
+def begin_shapes(state, given, data, counts, room):
     """Begin a step with points and shapes; return how many points there are in all.
 
     The points (n, 3) are copied to `room`, and the samples of the shapes follow them.
@@ -89,23 +89,21 @@ def begin_shapes(state, given, shapes, T, room, reach):
     Args:
         state: The table.
         given: (n, 3) points that the close test heeds.
-        shapes: Their rows, and how many there are of each kind; see `take_solids`.
-        T: (4, 4) pose of the frame of the shapes in the base frame.
+        data: Rows of the shapes; see `take_solids`.
+        counts: (5,) how many there are of each kind.
         room: (m, 3) where all points go.
-        reach: Centre of the grid and how far samples count (4,).
 
     Returns:
         Points in all, or MORE_POINTS or MORE_PATTERNS: what there was no room for,
         nothing was begun; or WRONG - what is wrong with a shape.
     """
-    data, counts = shapes
     solids, patterns = view(state, "solids"), view(state, "patterns")
-    code = take_solids(data, counts, T, solids, patterns)
+    code = take_solids(data, counts, patterns.base_world, solids, patterns)
     n = given.shape[0]
     if code == FINE:
         if lay_patterns(solids, patterns) != FINE:
             return MORE_PATTERNS
-        n = write_samples(solids, patterns, reach, room, n)
+        n = write_samples(solids, patterns, room, n)
     if n > room.shape[0]:
         patterns.wrong[0] = n
         return MORE_POINTS

@@ -120,15 +120,15 @@ def of_shapes(cell_map, work=None):
 def test_what_is_clear_of_shapes_keeps_m_at_dense_places(small_map, planner, rng):
     nothing, test, m = cloud_of(small_map, NOTHING), of_shapes(small_map), None
     m, free = small_map.safety.m, 0
-    for _ in range(120):
+    for _ in range(70):
         q = draw_valid(planner, rng)
         dq = difference(small_map.robot, q, draw_valid(planner, rng))
         dq = dq * rng.choice([0.0, 0.1, 1.0])
         shapes = draw_shapes(rng, 2)
         if test.clear(q, dq, nothing, solids=solids_of(shapes)):
             free += 1
-            assert smallest_solid_gap(small_map, q, dq, shapes, 60) >= m - 1e-7
-    assert free > 15
+            assert smallest_solid_gap(small_map, q, dq, shapes, 30) >= m - 1e-7
+    assert free > 10
 
 
 def test_what_is_blocked_by_a_shape_comes_within_the_tolerance(small_map, planner, rng):
@@ -151,7 +151,7 @@ def test_shapes_free_what_their_samples_free(small_map, planner, rng):
     """At least that: the samples pay rho, the shapes nothing."""
     nothing, test = cloud_of(small_map, NOTHING), of_shapes(small_map)
     both = shapes_alone = 0
-    for _ in range(250):
+    for _ in range(150):
         q = draw_valid(planner, rng)
         dq = difference(small_map.robot, q, draw_valid(planner, rng))
         dq = dq * rng.choice([0.0, 0.1, 1.0])
@@ -167,7 +167,7 @@ def test_shapes_free_what_their_samples_free(small_map, planner, rng):
             inside = centers(small_map.arm, small_map.robot, q)
             assert exact_distance(shapes[0], inside).min() == 0.0
         both, shapes_alone = both + by_points, shapes_alone + by_shapes
-    assert shapes_alone > both > 20
+    assert shapes_alone > both > 10
 
 
 def test_points_and_shapes_block_each_for_themselves(small_map, planner, rng):
@@ -208,7 +208,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_shape(
 ):
     nothing, work = cloud_of(small_map, NOTHING), work_of(small_map)
     test, free = of_shapes(small_map, work), 0
-    for _ in range(300):
+    for _ in range(200):
         q = draw_valid(planner, rng)
         dq = 0.2 * difference(small_map.robot, q, draw_valid(planner, rng))
         shapes = draw_shapes(rng, 1)
@@ -227,7 +227,7 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_shape(
             there = centers(small_map.arm, small_map.robot, q + t * dq)
             d = np.array([solid_distance(solids, 0, *c, np.inf) for c in there])
             assert (d >= least - 1e-9).all()
-    assert free > 10
+    assert free > 4
 
 
 def test_one_more_shape_never_frees_a_motion(small_map, planner, rng):

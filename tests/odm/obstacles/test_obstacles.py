@@ -9,7 +9,6 @@ from odm.obstacles.mesh_surface import cover_densely
 from odm.obstacles.obstacles import SolidRoom
 from roadmap.errors import BadInput
 
-RHO = 0.03
 CAPSULES = np.array([[0.3, 0.0, 0.4, 0.5, 0.1, 0.6, 0.05]])
 
 
@@ -206,7 +205,7 @@ def test_labels_name_the_shape(planner):
 
 
 def test_shapes_outside_the_frame_know_bad_values():
-    room = SolidRoom(RHO)
+    room = SolidRoom()
     assert room.of(odm.Obstacles(capsules=CAPSULES), np.eye(4)).count[0] == 1
     assert room.of(odm.Obstacles(capsules=1), np.eye(4)) is None
 
