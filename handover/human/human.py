@@ -33,6 +33,7 @@ from handover.human.human_arm import (
 )
 from handover.human.postures import Posture, floor_pose, leg_places, posture_named
 from handover.human.skeleton import Skeleton
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import Surface, sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -231,6 +232,16 @@ class Human:
             (n, 3) [m]; each capsule is closed, its caps are covered.
         """
         return sample_capsules(_seen_from(T_world_base, self.capsules()), spacing)
+
+    def obstacles(self, T_world_base: np.ndarray | None = None) -> Obstacles:
+        """Return the whole body as shapes, labelled: the planner's input.
+
+        Args:
+            T_world_base: As in `surface_points`.
+        """
+        rods = _seen_from(T_world_base, self.capsules())
+        names = [Part(label).words for label in self.labels]
+        return Obstacles(capsules=rods, labels={"capsules": names})
 
     def surface_parts(
         self, spacing: float = 0.03, T_world_base: np.ndarray | None = None

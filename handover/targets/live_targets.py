@@ -17,6 +17,7 @@ from handover.targets.target_choice import TargetChoice
 from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
 from odm.answer import Answer
+from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference
@@ -103,13 +104,18 @@ class LiveTargets:
         self._blocked = 0  # frames without a target that can be reached
 
     def step(
-        self, human: Human, points: np.ndarray, q: np.ndarray, **options: object
+        self,
+        human: Human,
+        points: np.ndarray | Obstacles,
+        q: np.ndarray,
+        **options: object,
     ) -> Answer:
         """Answer one frame: rank the targets, set the goals, plan.
 
         Args:
             human: The person now, world frame.
-            points: (n, 3) points of all obstacles, the person too, base frame [m].
+            points: (n, 3) points of all obstacles, the person too, base frame [m]; or
+                `odm.Obstacles`, as of `human.obstacles()`.
             q: (dof,) present configuration [rad or m].
             options: Further arguments of `ReactivePlanner.step`.
         """

@@ -8,6 +8,7 @@ from numba import njit
 
 from odm.audit._audit import (
     FAR,
+    Asked,
     Audited,
     Solids,
     approach,
@@ -16,7 +17,11 @@ from odm.audit._audit import (
     move_to,
     place_solids,
 )
+from odm.close_test._arm import Clearance
+from odm.close_test._close import motion_clear
 from odm.obstacles._occupancy import clear, mark_points
+from odm.obstacles._solids import CAPSULE
+from odm.obstacles._solids import Solids as Shapes
 
 STEP = 1e-3  # [m] of the scan where a test answers yes or no
 TIGHT = 1e-5  # [m] where the walk of a distance ends
@@ -28,6 +33,16 @@ class Placed(NamedTuple):
 
     solids: Solids
     frames: np.ndarray  # (n, 12)
+
+
+class Close(NamedTuple):
+    """The close test of points, that of shapes, and what they keep [m]."""
+
+    asked: Asked
+    clearance: Clearance
+    solids: Shapes  # where the obstacle goes, as shapes
+    m: float
+    rho: float
 
 
 class StillCells(NamedTuple):
@@ -91,6 +106,48 @@ def scan(audited, motion, coming):
 
 
 @njit(cache=True, nogil=True)
+def place_capsules(library, coming, solids):
+    """Write the capsules of an obstacle, where it is, to `solids`."""
+    parts, f = library.parts, coming.frame
+    n = 0
+    for j in range(
+        library.part_ptr[coming.obstacle], library.part_ptr[coming.obstacle + 1]
+    ):
+        a, b = parts.points[parts.ptr[j]], parts.points[parts.ptr[j + 1] - 1]
+        row = solids.rows[n]
+        row[7] = 0.0
+        for c in range(3):
+            g = f[3 * c : 3 * c + 3]
+            row[c] = g[0] * a[0] + g[1] * a[1] + g[2] * a[2] + f[9 + c]
+            row[3 + c] = g[0] * b[0] + g[1] * b[1] + g[2] * b[2] + f[9 + c] - row[c]
+            row[7] += row[3 + c] * row[3 + c]
+        row[6] = parts.margin[j]
+        solids.kind[n] = CAPSULE
+        n += 1
+    solids.count[0] = n
+
+
+@njit(cache=True, nogil=True)
+def scan_shapes(close, motion, cloud, library, coming):
+    """Return where the close test of shapes first gives a motion up; NaN: never."""
+    asked = close.asked
+    clear(cloud)
+    q, dq = asked.nodes[0], np.zeros(asked.nodes.shape[1])
+    if motion < 0:
+        q = asked.nodes[-1 - motion]
+    else:
+        q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
+    s = FAR
+    while s > -FAR:
+        move_to(s, coming)
+        place_capsules(library, coming, close.solids)
+        if not motion_clear(close.clearance, q, dq, cloud, close.solids, False):
+            return s
+        s -= STEP
+    return np.nan
+
+
+@njit(cache=True, nogil=True)
 def scan_words(words, coming, cloud):
     """Return where a sample first lies in a cell of `words`, coming in from FAR."""
     s = FAR
@@ -107,18 +164,18 @@ def scan_words(words, coming, cloud):
 
 
 @njit(cache=True, nogil=True)
-def node_overheads(audited, solids, spheres, library, pairs, keep, out):
-    """Write the exact distances at which four tests give a node up to out (n, 4).
+def node_overheads(audited, solids, spheres, library, pairs, close, out):
+    """Write the exact distances at which five tests give a node up to out (n, 5).
 
-    Solids; spheres against solids; spheres against samples within rho; cells. NaN
-    where one of them was in the way at FAR already, or never. `keep` are m and rho.
+    Solids; spheres against solids; spheres against samples within rho; cells; the close
+    test of shapes. NaN where one of them was in the way at FAR already, or never.
     """
     asked, arm, cloud = audited.asked, audited.arm, audited.cloud
-    m, rho = keep
+    m, rho = close.m, close.rho
     bodies = np.empty((arm.tree_i.shape[0], 12))
     placed = Placed(solids, np.empty((solids.body.shape[0], 12)))
     cover = Placed(spheres, np.empty((spheres.body.shape[0], 12)))
-    where = np.empty(4)
+    where = np.empty(5)
     for k in range(pairs.motion.shape[0]):
         q = asked.nodes[-1 - pairs.motion[k]]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, placed.frames)
@@ -128,7 +185,8 @@ def node_overheads(audited, solids, spheres, library, pairs, keep, out):
         where[1] = walk(m, SPHERES, cover, library, coming)
         where[2] = walk(m + rho, SAMPLES, cover, library, coming)
         where[3] = scan(audited, pairs.motion[k], coming)
-        for test in range(4):
+        where[4] = scan_shapes(close, pairs.motion[k], cloud, library, coming)
+        for test in range(5):
             out[k, test] = np.nan
             if where[test] < FAR - STEP:
                 out[k, test] = distance_at(where[test], SOLIDS, placed, library, coming)
@@ -153,16 +211,16 @@ def distance_along(s, audited, motion, solids, samples, library, coming):
 
 @njit(cache=True, nogil=True)
 def edge_overheads(audited, close, solids, library, pairs, still, out):
-    """Write the exact distances at which three tests give an edge up to out (n, 3).
+    """Write the exact distances at which four tests give an edge up to out (n, 4).
 
     The close test, which `close` asks; cells of `still` configurations; the cells of
-    the map.
+    the map; the close test of shapes.
     """
     asked, arm, cloud, work, shapes = audited
-    other = Audited(close, arm, cloud, work, shapes)
+    other = Audited(close.asked, arm, cloud, work, shapes)
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
-    where = np.empty(3)
+    where = np.empty(4)
     for k in range(pairs.motion.shape[0]):
         motion = pairs.motion[k]
         q = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
@@ -171,7 +229,8 @@ def edge_overheads(audited, close, solids, library, pairs, still, out):
         where[0] = scan(other, motion, coming)
         where[1] = scan_words(still.words[k], coming, cloud)
         where[2] = scan(audited, motion, coming)
-        for test in range(3):
+        where[3] = scan_shapes(close, motion, cloud, library, coming)
+        for test in range(4):
             out[k, test] = np.nan
             if where[test] < FAR - STEP:
                 out[k, test] = distance_along(

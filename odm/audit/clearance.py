@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm._groups import new
 from odm.audit import _clearance as kernels
 from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
@@ -12,8 +13,9 @@ from odm.audit.exact import flat_frames, gather
 from odm.cell_map._sweep import Lists, sweep_nodes
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.sweep import swept_by
-from odm.close_test._arm import make_work
+from odm.close_test._arm import Clearance, make_work
 from odm.close_test.close_test import NO_SOLIDS
+from odm.obstacles._solids import Solids as ShapeRows
 from roadmap.robot.robot import Robot
 
 _STILL = 65  # configurations that stand for an edge without motion bound
@@ -35,12 +37,15 @@ class ClearanceTax:
       the map less that by the cells of still configurations, closely spaced.
 
     `by_cells` is d3 - m (nodes) and `by_close_test` is d2 - m, `edge_by_cells` and
-    `edge_by_close_test` the same on edges. m itself is not a tax and is listed apart.
+    `edge_by_close_test` the same on edges. `by_shapes` and `edge_by_shapes` are of the
+    close test of the arm as capsules, exactly as far as it is. m itself is not a tax
+    and is listed apart.
 
     Attributes:
         terms: Term -> (mean, median, 95 %) [m].
         by_cells, by_close_test: The whole tax on nodes [m].
         edge_by_cells, edge_by_close_test: The whole tax on edges [m].
+        by_shapes, edge_by_shapes: The whole tax where obstacles are shapes [m].
         m: Clearance [m].
         lines, edge_lines: Approaches that counted.
     """
@@ -50,6 +55,8 @@ class ClearanceTax:
     by_close_test: tuple[float, float, float]
     edge_by_cells: tuple[float, float, float]
     edge_by_close_test: tuple[float, float, float]
+    by_shapes: tuple[float, float, float]
+    edge_by_shapes: tuple[float, float, float]
     m: float
     lines: int
     edge_lines: int
@@ -81,24 +88,29 @@ def clearance_tax(
     pairs = cells.draw(0, n)._replace(
         motion=-1 - rng.integers(0, cell_map.roadmap.n_nodes, n)
     )
-    nodes = np.empty((n, 4))
+    nodes = np.empty((n, 5))
+    arm, tolerance = cell_map.arm, cell_map.motion_tolerance
+    bare = arm.spheres[:, 3] + safety.m
+    clearance = Clearance(arm, cell_map.swept_radii(), bare, tolerance, work)
+    shapes = new(ShapeRows, {"shapes": 4, "faces": 0})
+    asks = kernels.Close(close.asked, clearance, shapes, safety.m, safety.rho)
     kernels.node_overheads(
         audited,
         cells.solids,
         _ball_solids(robot),
         cells.library,
         pairs,
-        (safety.m, safety.rho),
+        asks,
         nodes,
     )
     pairs = cells.draw(1, n_edges)._replace(
         motion=rng.integers(0, cell_map.roadmap.n_edges, n_edges)
     )
     words = np.array([_still_words(cell_map, cells, e) for e in pairs.motion])
-    edges = np.empty((n_edges, 3))
+    edges = np.empty((n_edges, 4))
     still = kernels.StillCells(words, _STILL)
     kernels.edge_overheads(
-        audited, close.asked, cells.solids, cells.library, pairs, still, edges
+        audited, asks, cells.solids, cells.library, pairs, still, edges
     )
     return _summary(nodes, edges, safety.m)
 
@@ -106,8 +118,8 @@ def clearance_tax(
 def _summary(nodes, edges, m) -> ClearanceTax:
     nodes = nodes[np.isfinite(nodes).all(axis=1)]
     edges = edges[np.isfinite(edges).all(axis=1)]
-    d0, d1, d2, d3 = nodes.T
-    close, still, cells = edges.T
+    d0, d1, d2, d3, shapes = nodes.T
+    close, still, cells, edge_shapes = edges.T
     steps = (d1 - d0, d2 - d1, d3 - d2, cells - still)
     return ClearanceTax(
         terms={name: _stats(s) for name, s in zip(TERMS, steps, strict=True)},
@@ -115,6 +127,8 @@ def _summary(nodes, edges, m) -> ClearanceTax:
         by_close_test=_stats(d2 - m),
         edge_by_cells=_stats(cells - m),
         edge_by_close_test=_stats(close - m),
+        by_shapes=_stats(shapes - m),
+        edge_by_shapes=_stats(edge_shapes - m),
         m=m,
         lines=len(nodes),
         edge_lines=len(edges),

@@ -91,6 +91,7 @@ class Frame:
         heeded: How many points were given; samples only mark cells.
         obstacles: The shapes of the last frame; None where it had points alone.
         classes: (n,) of these points, or None.
+        keep_from_points, keep_from_shapes: What is nearer to a sphere is too near [m].
         trouble: Why the last frame could not be used; None where it could.
     """
 
@@ -113,7 +114,7 @@ class Frame:
         self.direct = DirectMap(self.memory, n, m)
         self.q = self.memory.own.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
-        self._heeded_keep = self._bare_keep = 0.0
+        self.keep_from_points = self.keep_from_shapes = 0.0
         self.set_sampling(None, None)
         self.base_world = np.eye(4)
         grid = cell_map.grid
@@ -423,7 +424,7 @@ class Frame:
         needed = [self.covering(ball) for ball in balls]
         self.radii[:] = balls + needed
         self.bare[:] = balls
-        self._bare_keep, self._heeded_keep = m, m + float(np.max(needed))
+        self.keep_from_shapes, self.keep_from_points = m, m + float(np.max(needed))
         # what cells of a payload were made for may have smaller balls than all these
         patterns, layer = self.memory.patterns, self.cell_map.payload
         patterns.rho[0] = self.rho
@@ -442,7 +443,7 @@ class Frame:
         Where there are shapes alone, which need no covering radius, it is less.
         """
         bare = self.heeded == 0 and self.memory.solids.count.item() > 0
-        return self._bare_keep if bare else self._heeded_keep
+        return self.keep_from_shapes if bare else self.keep_from_points
 
     @property
     def solid_classes(self) -> np.ndarray:
@@ -541,8 +542,8 @@ class Frame:
         q, test = np.ascontiguousarray(q), self.close_test
         found = Near(math.inf, self.keep, None, None, -1)
         for cloud, solids, keep in (
-            (self._laid_out(None), NO_SOLIDS, self._heeded_keep),
-            (self._nothing, self.solids, self._bare_keep),
+            (self._laid_out(None), NO_SOLIDS, self.keep_from_points),
+            (self._nothing, self.solids, self.keep_from_shapes),
         ):
             gap = test.separation(q, cloud, solids=solids)
             sphere, point = test.blocked_by
@@ -553,7 +554,7 @@ class Frame:
 
     def kept_from(self, point: int) -> float:
         """Return what is kept from a point that a close test found, or a shape [m]."""
-        return self._bare_keep if point <= FIRST_SOLID else self._heeded_keep
+        return self.keep_from_shapes if point <= FIRST_SOLID else self.keep_from_points
 
     def name_of(self, point: int) -> str:
         """Return what a point is called that a close test found, or a shape."""

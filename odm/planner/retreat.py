@@ -105,7 +105,7 @@ class Retreat:
         ahead = frame.world_ahead
         clouds = self._coming.of([ahead.points(p).copy() for _, p in coming])
         times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
-        ample = frame.keep + _AMPLE
+        ample = frame.keep_from_points + _AMPLE  # what comes is told as points
         fastest = speed_scale * frame.robot.max_velocity
         expected = _Expected(frame, times, clouds, fastest, ample)
         best, found = expected.gap(q, np.zeros_like(q), -np.inf) + _WORTH, None

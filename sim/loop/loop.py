@@ -9,6 +9,7 @@ import numpy as np
 from odm.execution.executor import RETREATING, ExecutionSettings, Executor
 from odm.execution.kinematic import KinematicMover
 from odm.execution.threat import Watcher
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -48,6 +49,8 @@ class LoopSettings:
         polish: Motions the planner may test between two frames to shorten its path;
             none in a frame that found a new one, which took its time, and three times
             as many in the next five: its beginning is soon behind the robot.
+        shapes: The planner is given the person's capsules themselves instead of samples
+            of them, which cost it no covering radius. Braking goes by samples.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -61,6 +64,7 @@ class LoopSettings:
     stand_below: float = 0.022
     keep_paths: int = 0
     polish: int = 4
+    shapes: bool = False
     execution: str = "kinematic"
 
     def __post_init__(self) -> None:
@@ -72,6 +76,8 @@ class LoopSettings:
             value = getattr(self, name)
             if not is_between(value, 0, np.inf) or value in (0, np.inf):
                 raise BadInput(f"{name} is {value}; give a number above 0")
+        if not isinstance(self.shapes, bool):
+            raise BadInput(f"shapes is {self.shapes!r}; give True or False")
         if self.execution not in MOVERS:
             raise BadInput(
                 f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
@@ -192,13 +198,17 @@ class Loop:
         wall, cpu = time.perf_counter(), time.thread_time()
         commit = self.executor.commit()
         surface = _surface_facts(capsules)
+        given = Obstacles(capsules=capsules) if self.settings.shapes else points
         answer = self.planner.step(
-            points, q=commit.q, dq=point.dq, stamp=now, now=now, **surface
+            given, q=commit.q, dq=point.dq, stamp=now, now=now, **surface
         )
         threat = None
         if len(capsules) and self.executor.brakes:
             centers = self._centers[self._moving]
-            margin = self._widest + getattr(self.planner, "keep", 0.0)
+            frame = getattr(self.planner, "frame", None)
+            keep = getattr(self.planner, "keep", 0.0)
+            # braking takes samples, whatever the planner was given
+            margin = self._widest + getattr(frame, "keep_from_points", keep)
             margin += self.executor.off
             threat = self._watcher.look(capsules, points, centers, now, margin=margin)
         self.executor.update(answer, commit, threat)

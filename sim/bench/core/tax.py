@@ -8,7 +8,7 @@ from odm.audit.clearance import ClearanceTax, clearance_tax
 from sim.tables.header import header
 from sim.tables.table import value_row
 
-BY_CELLS, BY_CLOSE_TEST = 9.0, 5.0  # asked of the means [cm]
+BY_CELLS, BY_CLOSE_TEST, BY_SHAPES = 9.0, 5.0, 1.6  # asked of the means [cm]
 NOTES = {
     "cover": "the spheres stick out of the solids",
     "rho": "a sample stands for the surface around it",
@@ -67,6 +67,8 @@ def _rows(found: ClearanceTax) -> list[dict]:
         by_close_test = getattr(found, f"{prefix}by_close_test")
         rows += _pair(f"{where}, cells", by_cells, most=BY_CELLS)
         rows += _pair(f"{where}, close test", by_close_test, most=BY_CLOSE_TEST)
+        by_shapes = getattr(found, f"{prefix}by_shapes")
+        rows += _pair(f"{where}, shapes", by_shapes, most=BY_SHAPES)
     for term, value in found.terms.items():
         rows += _pair(f"term {term}", value, NOTES[term])
     return rows

@@ -168,6 +168,15 @@ def test_a_person_looks_where_told():
     assert there.looking(None).gaze is None
 
 
+def test_the_obstacles_of_a_person_are_its_capsules_with_their_names():
+    human = Human(1.75, T_world_pelvis=TURNED)
+    obstacles = human.obstacles()
+    np.testing.assert_array_equal(obstacles.capsules, human.capsules())
+    assert Part(human.labels[0]).words in obstacles.name(0)
+    seen, moved = human.obstacles(TURNED).capsules, human.moved(np.eye(4))
+    np.testing.assert_allclose(seen, moved.obstacles().capsules, atol=1e-12)
+
+
 def test_surface_points_cover_the_capsules_in_the_robots_frame():
     human = Human(1.75, T_world_pelvis=TURNED)
     points = human.surface_points(0.03)

@@ -34,6 +34,10 @@ def test_no_term_takes_more_than_it_may(tax, small_map):
         assert -1e-3 <= mean <= most + 2e-3 and median <= high <= most + 2e-3
     assert tax.terms["mu"][0] <= 0.5 * safety.mu + safety.h
     assert tax.by_close_test[0] <= tax.by_cells[0]
+    # shapes pay the cover, and a millimetre of the scan, but no covering radius
+    assert tax.terms["cover"][0] - 1.1e-3 <= tax.by_shapes[0]
+    assert tax.by_shapes[0] <= tax.terms["cover"][0] + 2e-3
+    assert tax.edge_by_shapes[0] < tax.edge_by_close_test[0] - 0.01
     assert tax.as_dict()["m"] == safety.m
 
 

@@ -17,7 +17,9 @@ def map_dir(tmp_path_factory):
     return planner.build_map(small_recipe()).save(folder / "arm3")
 
 
-WAYS = [f"{a}, {b}" for a in ("nodes", "edges") for b in ("cells", "close test")]
+WAYS = [
+    f"{a}, {b}" for a in ("nodes", "edges") for b in ("cells", "close test", "shapes")
+]
 
 
 def rows_of(result):
@@ -32,7 +34,7 @@ def test_the_table_shows_every_way_to_ask_and_every_term(odm, map_dir, tmp_path)
     assert result["header"]["map"]["hash"] == planner.load_map(map_dir).hash
     assert 0 < result["setup"]["approaches to edges"] <= 20
     rows = rows_of(result)
-    assert len(rows) == 16
+    assert len(rows) == 20
     for name in WAYS:
         mean, high = rows[f"{name}: mean"], rows[f"{name}: p95"]
         assert mean["unit"] == "cm" and 0 < mean["value"] <= high["value"] < 20
@@ -52,13 +54,14 @@ def test_the_same_seed_gives_the_same_tax(map_dir):
 
 @pytest.mark.parametrize(("cells", "close", "met"), [(0.08, 0.04, 1), (0.1, 0.06, 0)])
 def test_the_means_are_held_against_9_and_5_cm(cells, close, met, map_dir, monkeypatch):
-    whole = ((cells, 0.0, 0.2), (close, 0.0, 0.2)) * 2
+    whole = ((cells, 0.0, 0.2), (close, 0.0, 0.2)) * 2 + ((0.02, 0.0, 0.2),) * 2
     terms = {name: (0.01, 0.01, 0.02) for name in TERMS}
     known = ClearanceTax(terms, *whole, m=0.01, lines=9, edge_lines=3)
     monkeypatch.setattr(tax, "clearance_tax", lambda *args: known)
     rows = rows_of(tax.run(map_dir))
     assert rows["edges, cells: mean"]["value"] == pytest.approx(100 * cells)
     assert rows["term mu: p95"]["value"] == pytest.approx(2.0)
-    for name in WAYS:
+    for name in [way for way in WAYS if "shapes" not in way]:
         assert rows[f"{name}: mean"]["met"] is bool(met)
         assert rows[f"{name}: p95"]["met"] is None
+    assert not rows["edges, shapes: mean"]["met"]  # 2 cm: no more than 1.6 are asked
