@@ -333,3 +333,20 @@ def test_a_kinematic_robot_that_is_pushed_comes_to_its_places(small_map):
 
 def test_without_pushes_nothing_is_said_of_them(small_map):
     assert "pushed" not in played(small_map, None, None, 0.5).summary()
+
+
+@pytest.mark.parametrize("execution", ["kinematic", "timed"])
+@pytest.mark.parametrize("name", ["sweep", "reach"])
+def test_beside_a_person_told_as_shapes_it_touches_nobody_while_it_moves(
+    small_map, name, execution
+):
+    planner = odm.ReactivePlanner(small_map)
+    person = before_work_places(make_motion(name, 0), planner.robot, PLACES)
+    gaps = []
+    settings = LoopSettings(duration_s=4.0, execution=execution, shapes=True)
+    result = run_loop(
+        planner, planner.robot, PLACES, person, settings,
+        on_frame=lambda frame: gaps.append(frame.separation),
+    )  # fmt: skip
+    assert result.contacts == 0 and min(gaps) > 0.0
+    assert planner.frame.heeded == 0 and len(planner.points) > 0
