@@ -38,6 +38,8 @@ _SIZES = {
     "item_entries": 1_000_000,
     "shortcuts": 8192,
     "past": 8,
+    "branches": 2048,
+    "route": 256,
 }
 
 
