@@ -18,8 +18,8 @@ from numba import njit
 
 from odm.close_test._close import displacement
 from odm.close_test._static import Still, motion_free
-from odm.search._judge import close_free, stands_free
-from odm.search._state import LOST, view
+from odm.search._judge import close_free, part_free, ref_free, stands_free
+from odm.search._state import view
 
 SPENT, MET, FULL, CUT_OFF = 0, 1, 2, 3
 ROOT = -1  # parent of the start; of goal g: ROOT - g
@@ -27,7 +27,9 @@ DEAD = -1000
 STRIDE = 1.0  # [rad or m, weighted] longest motion between two branches
 NEARBY = 2  # every so many-th sample is drawn near a branch,
 SPREAD = 0.3  # [rad or m] this far from it, twice or three times as far
-TURN = 2.5  # [rad] most that a continuous joint turns in a motion: the short way is sure
+TURN = (
+    2.5  # [rad] most that a continuous joint turns in a motion: the short way is sure
+)
 STATIC_COST = 8  # evaluations that a test against what stands still counts for
 LOOK_COST = 256  # branches looked at for one evaluation
 MOST_FAILED = 60  # draws in a row without a cut, after which shortening ends
@@ -157,7 +159,6 @@ def grow(problem, side, near, q, far):
         return -1
     trees.parent[side, new] = near
     trees.seen[side, new] = view(problem.state, "numbers").frame[0]
-    trees.domain[side, new] = math.inf
     trees.count[side] = new + 1
     trees.reached[0] = share == 1.0
     return new
@@ -166,11 +167,10 @@ def grow(problem, side, near, q, far):
 @njit(cache=True, nogil=True)
 def drop(trees, side, branch):
     """Remove a branch and all that grew from it; the others keep their order."""
-    n, kept = trees.count[side], 0
+    n, kept = trees.count[side], branch
     trees.moved[branch] = DEAD
     for i in range(branch):
         trees.moved[i] = i
-    kept = branch
     for i in range(branch + 1, n):
         parent = trees.parent[side, i]
         if parent >= 0 and trees.moved[parent] == DEAD:
@@ -179,7 +179,6 @@ def drop(trees, side, branch):
         trees.moved[i] = kept
         trees.parent[side, kept] = trees.moved[parent] if parent >= 0 else parent
         trees.seen[side, kept] = trees.seen[side, i]
-        trees.domain[side, kept] = trees.domain[side, i]
         for j in range(trees.q.shape[2]):
             trees.q[side, kept, j] = trees.q[side, i, j]
         kept += 1
@@ -234,7 +233,6 @@ def add_root(problem, side, q, parent):
     trees.q[side, new] = q
     trees.parent[side, new] = parent
     trees.seen[side, new] = view(problem.state, "numbers").frame[0]
-    trees.domain[side, new] = math.inf
     trees.count[side] = new + 1
     return True
 
@@ -445,3 +443,24 @@ def route_passes(problem):
         if not leg_passes(problem, trees.route[k], trees.route[k + 1]):
             return False
     return True
+
+
+@njit(cache=True, nogil=True)
+def free_from(state, points, k):
+    """Return the corner from which found path k is free to its end; -1: from none.
+
+    Where only its last corner is left, that is none.
+    """
+    found, own = view(state, "found"), view(state, "own")
+    last = found.count[k] - 1
+    first = last
+    while first > 0:
+        ref, begin = found.ref[k, first - 1], found.q[k, first - 1]
+        for j in range(begin.shape[0]):
+            own.dq[j] = found.q[k, first, j] - begin[j]
+        if not ref_free(state, ref) and not part_free(
+            state, points, ref, begin, own.dq
+        ):
+            break
+        first -= 1
+    return first if first < last else -1

@@ -223,8 +223,6 @@ class Trees(NamedTuple):
     parent: np.ndarray = array("i4", "2 branches", GOAL)
     # frame in which the motion from the parent was found free
     seen: np.ndarray = array("i8", "2 branches", GOAL)
-    # farthest sample that it is grown towards
-    domain: np.ndarray = array("f8", "2 branches", GOAL)
     count: np.ndarray = array("i8", "2", GOAL)
     drawn: np.ndarray = array("i8", "1", GOAL)  # samples
     sample: np.ndarray = array("f8", "dof", FRAME)
@@ -233,13 +231,23 @@ class Trees(NamedTuple):
     moved: np.ndarray = array("i4", "branches", FRAME)  # where branches went
     route: np.ndarray = array("f8", "route dof", FRAME)  # the path that was found
     until: np.ndarray = array("f8", "route", FRAME)  # its length up to a corner
-    # corners of it; goal that it leads to; 1: the last motion came to its end
+    # corners of it; goal that it leads to; 1: the last branch came to its end
     corners: np.ndarray = array("i8", "1", FRAME)
     goal: np.ndarray = array("i8", "1", FRAME)
     reached: np.ndarray = array("i8", "1", FRAME)
     # tests against what stands still; branches looked at
     static: np.ndarray = array("i8", "1", FRAME)
     looked: np.ndarray = array("i8", "1", FRAME)
+
+
+class Found(NamedTuple):
+    """Paths that the trees made, each a `Way`."""
+
+    vertex: np.ndarray = array("i8", "found corners", GOAL)
+    ref: np.ndarray = array("i8", "found corners", GOAL, NO_ITEM)
+    q: np.ndarray = array("f8", "found corners dof", GOAL)
+    count: np.ndarray = array("i8", "found", GOAL)  # corners of each, 0 none
+    next: np.ndarray = array("i8", "1", GOAL)  # that is replaced
 
 
 class Terms(NamedTuple):
@@ -313,6 +321,7 @@ class Groups:
     terms: Terms
     numbers: Numbers
     trees: Trees  # where the roadmap has no path
+    found: Found
 
 
 KINDS: dict[str, type] = Groups.__annotations__

@@ -40,6 +40,7 @@ _SIZES = {
     "past": 8,
     "branches": 2048,
     "route": 256,
+    "found": 4,
 }
 
 

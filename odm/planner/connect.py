@@ -1,0 +1,191 @@
+"""Beyond the roadmap: a search by certified motions where it has no path.
+
+A frame whose start and goal are free, but for which the roadmap has no path, grows two
+trees of tested motions (`odm/search/_connect.py`), within a counted budget; what is
+left is done in the next such frames, and between them. A path that was found is
+remembered with the cells of its legs, and tried again, leg by leg, in every frame for
+which the roadmap has none.
+"""
+
+import numpy as np
+
+from odm.frame.frame import Frame
+from odm.planner.attaching import Attacher
+from odm.planner.path import PathInUse
+from odm.search import _connect as kernels
+from odm.search._state import NO_ITEM
+
+_SHORTEN = 1000  # configurations looked at to shorten a path that was found
+_SHARE = 250  # for each motion that `polish` may test
+_JOINS = 3  # corners of a found path that another start is joined with
+
+
+class Connector:
+    """Looks for paths beyond the roadmap, and remembers those that it found.
+
+    Args:
+        frame: The present frame.
+        path: The path in use.
+        attacher: Makes cells of legs, and numbers of vertices.
+        budget: Configurations that a frame looks at; 0: it never searches.
+    """
+
+    def __init__(
+        self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
+    ) -> None:
+        """Know no path, and no trees."""
+        self.frame, self.path, self.attacher = frame, path, attacher
+        self.budget = budget
+        self.trees, self.found = frame.memory.trees, frame.memory.found
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget trees and paths: other things stand still, or another hand."""
+        self.trees.count[:] = self.trees.drawn[:] = 0
+        self.found.count[:] = self.found.next[:] = 0
+        self._root, self._goals = b"", b""
+        self._asked = -1  # frame whose search goes on between frames
+        self._looked = 0  # configurations, for this start and these goals
+
+    def answer(self, q: np.ndarray) -> bool:
+        """Let the path in use be one beyond the roadmap, if there is one already.
+
+        Args:
+            q: (dof,) where the robot is, inside its limits.
+        """
+        if not self.budget or not len(self.attacher.goals):
+            return False
+        if self._take_found(q):
+            return True
+        self._asked = self.frame.number
+        return self._search(self.budget) and self._take_found(q)
+
+    def improve(self, budget: int) -> int:
+        """Go on searching for the frame that was held; return whether it found a path.
+
+        The next frame takes it, if it is free then. `budget` counts motions.
+        """
+        if self._asked != self.frame.number:
+            return 0
+        return int(self._search(_SHARE * budget))
+
+    def told(self) -> str:
+        """Return how far a search has come, for an explanation."""
+        if not self._looked:
+            return ""
+        return (
+            f"a search beyond the roadmap looked at {self._looked} configurations and "
+            "has found none yet"
+        )
+
+    # --- searching --------------------------------------------------------------
+
+    def _search(self, budget: int) -> bool:
+        """Grow the trees; True where a path was found, and is remembered."""
+        frame, attacher = self.frame, self.attacher
+        q, goals = frame.q.tobytes(), attacher.goals.tobytes()
+        if goals != self._goals:
+            self._goals, self._looked = goals, 0
+            self.trees.count[1] = 0
+        if q != self._root:
+            self._root, self._looked = q, 0
+            self.trees.count[0] = 0
+            if not frame.static.motion_free(frame.q, np.zeros_like(frame.q)):
+                self._asked = -1
+                return False
+        static = frame.static
+        problem = kernels.Problem(
+            frame.memory.table, frame.points, static.still(), static.itself.scratch()
+        )
+        if not kernels.plant(problem):
+            self._asked = -1
+            return False
+        before = kernels.work_done(problem)
+        code = kernels.connect(problem, budget)
+        self._looked += kernels.work_done(problem) - before
+        if code != kernels.MET:
+            return False
+        kernels.shorten(problem, _SHORTEN)
+        self._asked = -1
+        return self._remember()
+
+    def _remember(self) -> bool:
+        """Remember the path that the trees made, with the cells of its legs."""
+        trees, found, attacher = self.trees, self.found, self.attacher
+        n = trees.corners.item()
+        if n > found.vertex.shape[1]:
+            return False
+        k = found.next.item()
+        found.count[k] = 0
+        attacher.tidy()
+        q = found.q[k, :n]
+        q[0] = trees.route[0]
+        for i in range(1, n):  # continuous joints go on the short way
+            turns = np.round((trees.route[i] - q[i - 1]) / (2.0 * np.pi))
+            q[i] = trees.route[i] - 2.0 * np.pi * turns * self.frame.robot.continuous
+        first = attacher.sweep(q[:-1], np.diff(q, axis=0))
+        found.ref[k, : n - 1] = NO_ITEM if first < 0 else first + np.arange(n - 1)
+        found.vertex[k, : n - 1] = [attacher.new_vertex() for _ in range(n - 1)]
+        goal = self.frame.memory.goals.vertex[trees.goal.item()]
+        found.vertex[k, n - 1] = goal
+        found.count[k] = n
+        found.next[0] = (k + 1) % len(found.count)
+        return True
+
+    # --- paths that were found --------------------------------------------------
+
+    def _take_found(self, q: np.ndarray) -> bool:
+        """Let the path in use be a remembered one that is free; the latest first."""
+        found, goals = self.found, self.frame.memory.goals
+        ranks = goals.vertex[: goals.count.item(0)].tolist()
+        for back in range(1, len(found.count) + 1):
+            k = (found.next.item() - back) % len(found.count)
+            if not found.count.item(k):
+                continue
+            end = found.vertex.item(k, found.count.item(k) - 1)
+            if end in ranks and self._take(k, ranks.index(end), q):
+                return True
+        return False
+
+    def _take(self, k: int, goal: int, q: np.ndarray) -> bool:
+        """Let the path in use be found path k, or the rest of it; False: not free."""
+        frame, found, n = self.frame, self.found, self.found.count.item(k)
+        first = kernels.free_from(frame.memory.table, frame.points, k)
+        if first < 0:
+            return False
+        vertex, corners = found.vertex[k, :n], found.q[k, :n]
+        items = found.ref[k, : n - 1].tolist()
+        if first == 0 and np.array_equal(corners[0], q):
+            self.path.lead(goal, vertex, corners, items)
+            return True
+        if n + 1 > len(self.path.vertex):
+            return False
+        legs = np.array([frame.difference(q, corner) for corner in corners[first:]])
+        far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
+        for i in np.argsort(far, kind="stable")[:_JOINS].tolist():
+            leg, c = legs[i], first + i
+            if frame.motion_clear(q, leg) and frame.static.motion_free(q, leg):
+                item = self.attacher.sweep(q[None], leg[None])
+                self.path.lead(
+                    goal,
+                    np.r_[self.attacher.new_vertex(), vertex[c:]],
+                    np.vstack([q, corners[c:]]),
+                    [NO_ITEM if item < 0 else int(item), *items[c:]],
+                )
+                return True
+        return False
+
+    # --- memory -----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return what is remembered beside the trees and the paths."""
+        return {
+            "root": np.frombuffer(self._root, np.uint8),
+            "goals": np.frombuffer(self._goals, np.uint8),
+            "counts": np.array([self._asked, self._looked], np.int64),
+        }
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take up trees and paths whose arrays were loaded."""
+        self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
+        self._asked, self._looked = saved["counts"].tolist()
