@@ -7,6 +7,8 @@ remembered with the cells of its legs, and tried again, leg by leg, in every fra
 which the roadmap has none.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from odm.frame.frame import Frame
@@ -18,6 +20,22 @@ from odm.search._state import NO_ITEM
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found
 _SHARE = 250  # for each motion that `polish` may test
 _JOINS = 3  # corners of a found path that another start is joined with
+
+
+class FoundPath(NamedTuple):
+    """A path that is free now.
+
+    Attributes:
+        goal: Rank of the goal that it leads to.
+        vertex: (n,) numbers of its corners.
+        q: (n, dof) the corners [rad or m].
+        item: Cells of its legs, as numbers of the pool.
+    """
+
+    goal: int
+    vertex: np.ndarray
+    q: np.ndarray
+    item: list[int]
 
 
 class Connector:
@@ -46,19 +64,42 @@ class Connector:
         self._root, self._goals = b"", b""
         self._asked = -1  # frame whose search goes on between frames
         self._looked = 0  # configurations, for this start and these goals
+        self._wary = 0  # frames in a row that a path must be there to be taken
 
-    def answer(self, q: np.ndarray) -> bool:
+    def answer(self, q: np.ndarray, patience: int, waits: bool) -> bool:
         """Let the path in use be one beyond the roadmap, if there is one already.
+
+        Where the path before was of that kind, or only just free, and was blocked, the
+        next one must be there for `patience` frames in a row: what opens and closes as
+        a hand trembles is not taken.
 
         Args:
             q: (dof,) where the robot is, inside its limits.
+            patience: See `PlannerSettings`.
+            waits: Paths that are only just free are not taken now.
         """
         if not self.budget or not len(self.attacher.goals):
             return False
-        if self._take_found(q):
-            return True
-        self._asked = self.frame.number
-        return self._search(self.budget) and self._take_found(q)
+        if self.path.followed and (waits or self._is_mine()):
+            self._wary = patience
+        path = self._free_path(q)
+        if path is None:
+            self._asked = self.frame.number
+            if self._search(self.budget):
+                path = self._free_path(q)
+        if path is None:
+            self._wary = patience if self._wary else 0
+            return False
+        self._wary = max(0, self._wary - 1)
+        if self._wary:
+            return False
+        self.path.lead(*path)
+        return True
+
+    def _is_mine(self) -> bool:
+        """Return whether the path in use is one that was found here."""
+        corners = self.path.vertex[: max(0, len(self.path) - 1)]
+        return bool(np.isin(corners, self.found.vertex).any())
 
     def improve(self, budget: int) -> int:
         """Go on searching for the frame that was held; return whether it found a path.
@@ -134,46 +175,45 @@ class Connector:
 
     # --- paths that were found --------------------------------------------------
 
-    def _take_found(self, q: np.ndarray) -> bool:
-        """Let the path in use be a remembered one that is free; the latest first."""
+    def _free_path(self, q: np.ndarray) -> FoundPath | None:
+        """Return a remembered path that is free from q on, the latest first."""
         found, goals = self.found, self.frame.memory.goals
         ranks = goals.vertex[: goals.count.item(0)].tolist()
         for back in range(1, len(found.count) + 1):
             k = (found.next.item() - back) % len(found.count)
-            if not found.count.item(k):
-                continue
-            end = found.vertex.item(k, found.count.item(k) - 1)
-            if end in ranks and self._take(k, ranks.index(end), q):
-                return True
-        return False
+            n = found.count.item(k)
+            if n and found.vertex.item(k, n - 1) in ranks:
+                rank = ranks.index(found.vertex.item(k, n - 1))
+                path = self._from(k, rank, q)
+                if path is not None:
+                    return path
+        return None
 
-    def _take(self, k: int, goal: int, q: np.ndarray) -> bool:
-        """Let the path in use be found path k, or the rest of it; False: not free."""
+    def _from(self, k: int, rank: int, q: np.ndarray) -> FoundPath | None:
+        """Return found path k, or the rest of it with a leg from q; None: not free."""
         frame, found, n = self.frame, self.found, self.found.count.item(k)
         first = kernels.free_from(frame.memory.table, frame.points, k)
         if first < 0:
-            return False
+            return None
         vertex, corners = found.vertex[k, :n], found.q[k, :n]
-        items = found.ref[k, : n - 1].tolist()
         if first == 0 and np.array_equal(corners[0], q):
-            self.path.lead(goal, vertex, corners, items)
-            return True
+            return FoundPath(rank, vertex, corners, found.ref[k, : n - 1].tolist())
         if n + 1 > len(self.path.vertex):
-            return False
+            return None
         legs = np.array([frame.difference(q, corner) for corner in corners[first:]])
         far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
         for i in np.argsort(far, kind="stable")[:_JOINS].tolist():
             leg, c = legs[i], first + i
             if frame.motion_clear(q, leg) and frame.static.motion_free(q, leg):
+                self.attacher.tidy()
                 item = self.attacher.sweep(q[None], leg[None])
-                self.path.lead(
-                    goal,
+                return FoundPath(
+                    rank,
                     np.r_[self.attacher.new_vertex(), vertex[c:]],
                     np.vstack([q, corners[c:]]),
-                    [NO_ITEM if item < 0 else int(item), *items[c:]],
+                    [max(item, NO_ITEM), *found.ref[k, c : n - 1].tolist()],
                 )
-                return True
-        return False
+        return None
 
     # --- memory -----------------------------------------------------------------
 
@@ -182,10 +222,10 @@ class Connector:
         return {
             "root": np.frombuffer(self._root, np.uint8),
             "goals": np.frombuffer(self._goals, np.uint8),
-            "counts": np.array([self._asked, self._looked], np.int64),
+            "counts": np.array([self._asked, self._looked, self._wary], np.int64),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
-        self._asked, self._looked = saved["counts"].tolist()
+        self._asked, self._looked, self._wary = saved["counts"].tolist()

@@ -309,7 +309,10 @@ class ReactivePlanner:
         if not self.hysteresis.always_replan:
             self.history.take(frame.points, now)
         code = self._decision.decide(frame.points, q)
-        searched = code in codes.HAS_NO_PATH and self.connector.answer(q)
+        h = self.hysteresis
+        searched = code in codes.HAS_NO_PATH and self.connector.answer(
+            q, h.patience, h.waits
+        )
         if code > codes.PLANNED and not searched:
             return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
         return self._lead(q, codes.PLANNED if searched else code, times, closed)
