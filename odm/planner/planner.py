@@ -9,7 +9,11 @@ import numpy as np
 from odm.answer import (
     FOLLOWING,
     HOLDING,
+    IN_USE,
     REPLANNED,
+    ROADMAP,
+    SEARCH,
+    STRAIGHT,
     VISIBLE,
     WHOLE,
     Answer,
@@ -315,7 +319,9 @@ class ReactivePlanner:
         )
         if code > codes.PLANNED and not searched:
             return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
-        return self._lead(q, codes.PLANNED if searched else code, times, closed)
+        answer = self._lead(q, codes.PLANNED if searched else code, times, closed)
+        answer.stage = stage_of(code, answer.path)
+        return answer
 
     def _lead(
         self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
@@ -721,6 +727,15 @@ class ReactivePlanner:
         """Raise BadConfiguration where a goal can never be reached in this place."""
         for k, q in enumerate(goals):
             check_valid(self.static, q, f"goal {k}")
+
+
+def stage_of(code: int, path: np.ndarray) -> str:
+    """Return what found a path, where a frame came to that code."""
+    if code == codes.FOLLOWING:
+        return IN_USE
+    if code != codes.PLANNED:
+        return SEARCH
+    return STRAIGHT if len(path) == 2 else ROADMAP
 
 
 def _told_apart(cell_map: CellMap) -> bytes:
