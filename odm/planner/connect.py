@@ -46,6 +46,9 @@ class Connector:
         path: The path in use.
         attacher: Makes cells of legs, and numbers of vertices.
         budget: Configurations that a frame looks at; 0: it never searches.
+
+    Attributes:
+        looked: Configurations looked at for this start and these goals.
     """
 
     def __init__(
@@ -63,7 +66,7 @@ class Connector:
         self.found.count[:] = self.found.next[:] = 0
         self._root, self._goals = b"", b""
         self._asked = -1  # frame whose search goes on between frames
-        self._looked = 0  # configurations, for this start and these goals
+        self.looked = 0
         self._wary = 0  # frames in a row that a path must be there to be taken
 
     def answer(self, q: np.ndarray, patience: int, waits: bool) -> bool:
@@ -112,10 +115,10 @@ class Connector:
 
     def told(self) -> str:
         """Return how far a search has come, for an explanation."""
-        if not self._looked:
+        if not self.looked:
             return ""
         return (
-            f"a search beyond the roadmap looked at {self._looked} configurations and "
+            f"a search beyond the roadmap looked at {self.looked} configurations and "
             "has found none yet"
         )
 
@@ -126,10 +129,10 @@ class Connector:
         frame, attacher = self.frame, self.attacher
         q, goals = frame.q.tobytes(), attacher.goals.tobytes()
         if goals != self._goals:
-            self._goals, self._looked = goals, 0
+            self._goals, self.looked = goals, 0
             self.trees.count[1] = 0
         if q != self._root:
-            self._root, self._looked = q, 0
+            self._root, self.looked = q, 0
             self.trees.count[0] = 0
             if not frame.static.motion_free(frame.q, np.zeros_like(frame.q)):
                 self._asked = -1
@@ -141,9 +144,8 @@ class Connector:
         if not kernels.plant(problem):
             self._asked = -1
             return False
-        before = kernels.work_done(problem)
         code = kernels.connect(problem, budget)
-        self._looked += kernels.work_done(problem) - before
+        self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
         kernels.shorten(problem, _SHORTEN)
@@ -222,10 +224,10 @@ class Connector:
         return {
             "root": np.frombuffer(self._root, np.uint8),
             "goals": np.frombuffer(self._goals, np.uint8),
-            "counts": np.array([self._asked, self._looked, self._wary], np.int64),
+            "counts": np.array([self._asked, self.looked, self._wary], np.int64),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
-        self._asked, self._looked, self._wary = saved["counts"].tolist()
+        self._asked, self.looked, self._wary = saved["counts"].tolist()

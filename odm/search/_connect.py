@@ -109,10 +109,18 @@ def nearest(problem, side, q):
 
 
 @njit(cache=True, nogil=True)
-def work_done(problem):
-    """Return the counted work of the planner so far; see `connect`."""
+def begin_work(problem):
+    """Begin to count; what was counted before must not decide where a search ends."""
     trees = view(problem.state, "trees")
-    tests = view(problem.state, "work").found[3]
+    trees.static[0], trees.looked[0] = 0, 0
+    trees.tests[0] = view(problem.state, "work").found[3]
+
+
+@njit(cache=True, nogil=True)
+def work_done(problem):
+    """Return the work since `begin_work`, in configurations that are looked at."""
+    trees = view(problem.state, "trees")
+    tests = view(problem.state, "work").found[3] - trees.tests[0]
     return tests + STATIC_COST * trees.static[0] + trees.looked[0] // LOOK_COST
 
 
@@ -262,9 +270,9 @@ def connect(problem, budget):
     """
     state = problem.state
     trees, own = view(state, "trees"), view(state, "own")
-    until = work_done(problem) + budget
+    begin_work(problem)
     full = trees.parent.shape[1]
-    while work_done(problem) < until:
+    while work_done(problem) < budget:
         if trees.count[0] == 0 or trees.count[1] == 0:
             return CUT_OFF
         if trees.count[0] == full or trees.count[1] == full:
@@ -390,11 +398,11 @@ def lay_out(trees, i, j, a, b):
 def shorten(problem, budget):
     """Cut corners of the route between drawn points; return how many cuts were made."""
     trees, own = view(problem.state, "trees"), view(problem.state, "own")
-    until = work_done(problem) + budget
+    begin_work(problem)
     a, b = trees.ends[0], trees.ends[1]
     made, failed, k = 0, 0, 0
     measure(trees, own)
-    while work_done(problem) < until and trees.corners[0] > 2 and failed < MOST_FAILED:
+    while work_done(problem) < budget and trees.corners[0] > 2 and failed < MOST_FAILED:
         k += 1
         u, w = halton(k, 2), halton(k, 3)
         if k == 1:  # all of it at once

@@ -238,6 +238,7 @@ class Trees(NamedTuple):
     # tests against what stands still; branches looked at
     static: np.ndarray = array("i8", "1", FRAME)
     looked: np.ndarray = array("i8", "1", FRAME)
+    tests: np.ndarray = array("i8", "1", FRAME)  # evaluations when they began
 
 
 class Found(NamedTuple):
