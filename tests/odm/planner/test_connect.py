@@ -22,8 +22,8 @@ class Scene:
         self.ends = []
         while len(self.ends) < 2:
             self.balls = [
-                Sphere(rng.uniform(0.03, 0.08), odm_pose(at))
-                for at in rng.uniform([-0.7, -0.05, 0.3], [0.7, 0.05, 1.0], (4, 3))
+                Sphere(rng.uniform(0.03, 0.06), odm_pose(at))
+                for at in rng.uniform([-0.7, -0.05, 0.3], [0.7, 0.05, 1.0], (6, 3))
             ]
             self.points = points_of(self.balls)
             planner.step(self.points, q=HOME, covering_radius=FINE)
@@ -79,7 +79,7 @@ def assert_free(cell_map, path, balls, m=0.0):
 def scenes(small_map):
     rng = np.random.default_rng(4)
     planner = odm.ReactivePlanner(small_map, settings=OFF)
-    return [Scene(planner, rng) for _ in range(40)]
+    return [Scene(planner, rng) for _ in range(60)]
 
 
 @pytest.fixture(scope="module")
@@ -237,7 +237,7 @@ def test_while_balls_move_every_answer_is_free_in_its_own_frame(small_map, hard)
     for scene in hard[:6]:
         planner = odm.ReactivePlanner(small_map, settings=settings)
         planner.set_goals([scene.ends[1]])
-        drift = rng.normal(0.0, 0.02, (4, 3)) * [1, 0, 1]
+        drift = rng.normal(0.0, 0.02, (6, 3)) * [1, 0, 1]
         for k in range(25):
             s = np.sin(0.4 * k)
             balls = [
