@@ -115,7 +115,7 @@ class Answer:
     def work(self) -> "Work":
         """Counted work of the frame."""
         counts, stats = (np.frombuffer(c, np.int64).tolist() for c in self._counted)
-        blocks, inside, outside, bad, _ = counts
+        blocks, inside, outside, bad = counts[:4]
         popped, tests, flooded, close, runs = stats[:5]
         n_points = inside + outside + bad
         return Work(n_points, outside, blocks, tests, popped, flooded, close, runs)

@@ -17,6 +17,7 @@ from odm.close_test._close import (
     split_interval,
 )
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import Solids as Shapes
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
@@ -43,6 +44,7 @@ class Still(NamedTuple):
     cloud: Cloud  # points of the recipe's scenery
     place: Clearance
     place_cloud: Cloud  # points of the scenery of this place
+    shapes: Shapes  # none: what stands still is points and rows of `solids`
 
 
 @njit(cache=True, nogil=True)
@@ -157,9 +159,10 @@ def motion_free(still, q, dq, scratch):
     pair, _ = keeps_apart(still.itself, q, dq, still.margin, still.tolerance, scratch)
     if pair >= 0:
         return False
-    if not motion_clear(still.scenery, q, dq, still.cloud, False):
+    shapes = still.shapes
+    if not motion_clear(still.scenery, q, dq, still.cloud, shapes, False):
         return False
-    return motion_clear(still.place, q, dq, still.place_cloud, False)
+    return motion_clear(still.place, q, dq, still.place_cloud, shapes, False)
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ import numpy as np
 from odm.close_test import _static as kernels
 from odm.close_test._arm import Clearance, Work, make_work
 from odm.close_test.arm import arm_of
-from odm.close_test.close_test import CloseTest
+from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import _world_frame as layers
@@ -162,10 +162,11 @@ class StaticTest:
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
             solids=kernels.Solids(self.scenery.solids, self.skip, self.safety.m + more),
-            scenery=Clearance(self.arm, radii, self.tolerance, work),
+            scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
             cloud=self.cloud,
-            place=Clearance(self.arm, place_radii, self.tolerance, work),
+            place=Clearance(self.arm, place_radii, place_radii, self.tolerance, work),
             place_cloud=self.place_cloud,
+            shapes=NO_SOLIDS,
         )
 
     def new_work(self) -> Work:

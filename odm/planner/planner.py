@@ -36,6 +36,7 @@ from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
 from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
@@ -260,7 +261,7 @@ class ReactivePlanner:
 
     def step(
         self,
-        points: np.ndarray,
+        points: np.ndarray | Obstacles,
         q: np.ndarray,
         dq: np.ndarray | None = None,
         labels: np.ndarray | None = None,
@@ -278,7 +279,9 @@ class ReactivePlanner:
 
         Args:
             points: (n, 3) points on the obstacles' surfaces [m]; base frame, or the
-                world's after `set_base`. They are copied.
+                world's after `set_base`. Or `odm.Obstacles`: shapes and points
+                together; then what is told of points holds for its points.
+                All are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
@@ -293,7 +296,7 @@ class ReactivePlanner:
                 of a question tells them apart.
             closed: The points cover whole surfaces of closed solids, as those of
                 `odm.surface_of` do, or with `labels`; else the answer certifies the
-                "visible surface" alone.
+                "visible surface" alone. Shapes without points are whole.
 
         Returns:
             The answer; "no path" is one, no exception.
@@ -307,7 +310,8 @@ class ReactivePlanner:
         if self.attacher.is_stale:
             self.attacher.forget_all()
         marked = frame.take(points, covering_radius, rounding, stamp, now)
-        times, closed = (begun, marked), closed or labels is not None
+        shapes = frame.obstacles is not None and frame.heeded == 0
+        times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
         if not self.hysteresis.always_replan:
@@ -678,7 +682,7 @@ class ReactivePlanner:
         self,
         path: np.ndarray,
         extra: float = 0.0,
-        points: np.ndarray | None = None,
+        points: np.ndarray | Obstacles | None = None,
         phase: str | None = None,
         classes: np.ndarray | None = None,
     ) -> int | None:
@@ -693,8 +697,8 @@ class ReactivePlanner:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
             extra: Distance the points may have come nearer meanwhile [m]; down to -m
                 for a robot that may come as near as touch.
-            points: (n, 3) where they are then [m], also outside the grid. None: where
-                they are in the frame.
+            points: (n, 3) where they are then [m], also outside the grid; or
+                `odm.Obstacles`. None: what is in the frame, where it is.
             phase: As in `is_free`.
             classes: (n,) of `points`, where they are given.
 

@@ -22,6 +22,8 @@ from numba.np.numpy_support import from_dtype
 from odm._groups import BLOCK, FRAME, GOAL, array, declared
 from odm.close_test._arm import Arm, Work
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solid_samples import Patterns
+from odm.obstacles._solids import Solids
 
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of Beside.free
@@ -280,6 +282,7 @@ class Own(NamedTuple):
     """What belongs to no other group."""
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
+    bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
     # most that joint j moves any sphere's centre per unit
     sway: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -303,6 +306,8 @@ class Groups:
     arm: Arm
     work: Work
     cloud: Cloud  # the frame's points
+    solids: Solids  # the frame's shapes
+    patterns: Patterns  # what their samples are made from
     pick: Cloud  # those inside the cells of one motion
     graph: Graph
     direct: Direct
