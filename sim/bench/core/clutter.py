@@ -1,4 +1,4 @@
-"""`odm bench clutter`: shelves, boxes, cages and tables given as a frame's obstacles.
+"""`odm bench clutter`: shelves, boxes, cages and tables, as boxes of the frame.
 
 Each scene is asked once, by a planner that knows nothing of it: one `step`, and where
 that holds, `polish` and `step` in turn until there is a path, within a counted number
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm import ReactivePlanner, load_map, surface_of
+from odm import Obstacles, ReactivePlanner, load_map
 from odm.answer import HOLDING, ROADMAP, SEARCH, STRAIGHT, Answer
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
@@ -26,7 +26,6 @@ from sim.tables.header import header
 from sim.tables.table import value_row
 
 LIMIT_S = 2.0  # that OMPL gets
-COVERING = 0.006  # [m] of the boxes' samples
 MOTIONS, MOST_CALLS = 8, 60  # of `polish`: budget, and calls for a scene
 IMPROVED = 10  # further calls of `polish` on a path that was found
 STEP = 0.004  # [m] no point of the robot moves farther between two checks
@@ -83,7 +82,6 @@ def run(
         "scenes": len(scenes),
         "seed": seed,
         "ends": f"{100 * CLEAR:g} cm from all boxes by exact geometry, or more",
-        "boxes": f"sampled, covering radius {1e3 * COVERING:g} mm",
         "calls": f"step; polish({MOTIONS}) and step in turn, {MOST_CALLS} times",
     }
     rows = _rows(tried, bench)
@@ -146,19 +144,14 @@ class _Bench:
             self.ompl = None
 
     def solve(self, scene: Scene) -> Tried:
-        points = np.concatenate([surface_of(b, COVERING).points for b in scene.boxes])
+        rows = [np.r_[b.T_base_shape[:3].ravel(), b.size] for b in scene.boxes]
+        obstacles = Obstacles(boxes=np.array(rows))
         planner, clock, calls = self.planner, Clock(), 0
         planner.reset()
         self.set_goals(planner.set_goals, [scene.q_goal])
 
         def ask() -> Answer:
-            return clock(
-                planner.step,
-                points,
-                q=scene.q_start,
-                covering_radius=COVERING,
-                closed=True,
-            )
+            return clock(planner.step, obstacles, q=scene.q_start)
 
         answer = ask()
         while answer.status == HOLDING and calls < MOST_CALLS:
