@@ -24,9 +24,9 @@ from odm.search._state import view
 SPENT, MET, FULL, CUT_OFF = 0, 1, 2, 3
 ROOT = -1  # parent of the start; of goal g: ROOT - g
 DEAD = -1000
-STRIDE = 1.0  # [rad or m, weighted] longest motion between two branches
-NEARBY = 2  # every so many-th sample is drawn near a branch,
-SPREAD = 0.3  # [rad or m] this far from it, twice or three times as far
+STRIDE = 1.4  # [rad or m, weighted] longest motion between two branches
+NEARBY = 4  # every so many-th sample is drawn near a branch,
+SPREAD = 0.7  # [rad or m] this far from it, twice or four times as far
 TURN = (
     2.5  # [rad] most that a continuous joint turns in a motion: the short way is sure
 )
@@ -60,13 +60,13 @@ def halton(index, base):
 
 @njit(cache=True, nogil=True)
 def draw(trees, own, side):
-    """Write the next sample to trees.sample; every other one is near a branch."""
+    """Write the next sample to trees.sample; some are drawn near a branch."""
     trees.drawn[0] += 1
     number = trees.drawn[0]
     i = np.int64(halton(number, 61) * trees.count[side])
     spread = 0.0
     if number % NEARBY == 0:
-        spread = SPREAD * (1.0 + (number // NEARBY) % 3)
+        spread = SPREAD * (1 << (number // NEARBY) % 3)
     for j in range(own.lower.shape[0]):
         u = halton(trees.drawn[0], PRIMES[j % PRIMES.shape[0]])
         low, high = own.lower[j], own.upper[j]
