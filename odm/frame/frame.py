@@ -481,7 +481,7 @@ class Frame:
         before = self.world.T_world_base
         self.world = WorldFrame(T_world_base)
         self.world_ahead = WorldFrame(T_world_base)
-        self.base_world = self.world.Tbase_world.copy()
+        self.base_world = self.world.T_base_world.copy()
         move_solids(self.solids, self.base_world @ before)
         p_world = self.points @ before[:3, :3].T + before[:3, 3]
         self.replace(self.world.points(p_world))

@@ -86,6 +86,7 @@ def test_the_part_of_a_large_shape_inside_the_grid_is_sampled(planner, rng):
         points = samples_of(planner, [shape])
         assert 20 < len(points) < 60_000
         surface = dense_surface(odm.Box([2.0, 2.0, 10.2], T), rng)
+        surface = surface[surface[:, 2] > 0.1 - 1e-9]  # the sides are farther out
         if shape is rod:
             mid = odm.Capsule.between([-1.0, 0.2, 0.4], [1.0, 0.2, 0.4], 0.05)
             surface = dense_surface(mid, rng)

@@ -8,7 +8,6 @@ from shapes_drawn import draw_shape, draw_shapes, smallest_solid_gap
 from small import AWAY, HOME, POST, draw_arm, draw_valid
 
 import odm
-from odm.obstacles.surfaces import surface_of
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 
@@ -22,7 +21,8 @@ def legs(robot, path):
 
 
 def test_every_leg_of_an_answer_keeps_m_from_the_very_shapes(small_map, rng):
-    planner, answered, by_points = odm.ReactivePlanner(small_map), 0, 0
+    planner = odm.ReactivePlanner(small_map, always_replan=True)
+    answered = 0
     planner.set_goals([AWAY])
     m = small_map.safety.m
     for _ in range(60):
@@ -34,8 +34,6 @@ def test_every_leg_of_an_answer_keeps_m_from_the_very_shapes(small_map, rng):
             answered += 1
             assert smallest_solid_gap(small_map, a, dq, shapes, 40) >= m - 1e-7
             assert planner.is_free(a, a + dq)
-        points = np.concatenate([surface_of(s, planner.rho).points for s in shapes])
-        by_points += len(odm.ReactivePlanner(small_map).step(points, q=q).path) > 0
     assert answered > 30
 
 
@@ -171,9 +169,7 @@ def test_a_hold_names_the_shape_and_its_label(small_map):
 
 def test_a_robot_inside_a_solid_is_not_free(small_map, planner):
     everything = odm.Obstacles(spheres=np.array([[0.0, 0.0, 0.0, 4.9]]))
-    planner.set_goals([AWAY])
-    answer = planner.step(everything, q=HOME)
-    assert answer.status == "holding"
+    planner.step(everything, q=HOME)
     assert not planner.is_free(HOME, HOME)
     assert planner.separation(HOME) < 0.0
 
