@@ -20,13 +20,18 @@ import numpy as np
 
 from odm import (
     Box,
+    Capsule,
     CellMap,
+    Cylinder,
     DepthCamera,
+    Mesh,
+    Obstacles,
     PlannerSettings,
     ReactivePlanner,
     Recipe,
     SeenSettings,
     SeenSpace,
+    Sphere,
     build_map,
     load_map,
     sample_capsules,
@@ -37,6 +42,7 @@ from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
 from roadmap.unfinished import temporary_folder
 
 if TYPE_CHECKING:
@@ -200,12 +206,33 @@ def exercise(cell_map: CellMap) -> None:
             planner.attacher.attach_start(start, quick=True)
             planner.invalid_nodes()
             planner.invalid_edges()
+        shapes = _shapes(points)
+        for given in (shapes, Obstacles.of([]), shapes):
+            answer = planner.step(given, q=start)
+            _ = answer.reason, answer.retreat
+            planner.separation(start)
+            planner.blocked_leg(np.stack([start, goal]), 0.1, given)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
             planner.step(np.full((1, 3), bad), q=start)
         planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
         planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
         planner.reset()
+
+
+def _shapes(points: np.ndarray) -> Obstacles:
+    """Return a shape of each kind, and points."""
+    T = pose_of((0.3, 0.0, 0.3), (0.1, 0.2, 0.3))
+    corners = np.vstack([np.zeros(3), 0.1 * np.eye(3)])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    solids = [
+        Sphere(0.05, T),
+        Capsule(0.04, 0.2, T),
+        Cylinder(0.04, 0.2, T),
+        Box(np.array([0.1, 0.2, 0.1]), T),
+        Mesh(corners, faces, T),
+    ]
+    return Obstacles.of(solids, points)
 
 
 def _two_nodes(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
