@@ -148,24 +148,25 @@ def motion_clear_of_solids(arm, q, dq, solids, work):
 
 
 @njit(cache=True, nogil=True)
-def motions_free(still, q, dq, scratch, result):
-    """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`.
+def motion_free(still, q, dq, scratch):
+    """Return whether the motion q + t dq is free of `still`.
 
     `scratch` is that of the self-collision.
     """
     arm, work = still.scenery.arm, still.scenery.work
-    apart, fine = still.margin, still.tolerance
+    if not motion_clear_of_solids(arm, q, dq, still.solids, work):
+        return False
+    pair, _ = keeps_apart(still.itself, q, dq, still.margin, still.tolerance, scratch)
+    if pair >= 0:
+        return False
+    shapes = still.shapes
+    if not motion_clear(still.scenery, q, dq, still.cloud, shapes, False):
+        return False
+    return motion_clear(still.place, q, dq, still.place_cloud, shapes, False)
+
+
+@njit(cache=True, nogil=True)
+def motions_free(still, q, dq, scratch, result):
+    """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`."""
     for k in range(q.shape[0]):
-        result[k] = False
-        if not motion_clear_of_solids(arm, q[k], dq[k], still.solids, work):
-            continue
-        pair, _ = keeps_apart(still.itself, q[k], dq[k], apart, fine, scratch)
-        if pair >= 0:
-            continue
-        cloud = still.cloud
-        if not motion_clear(still.scenery, q[k], dq[k], cloud, still.shapes, False):
-            continue
-        cloud = still.place_cloud
-        if not motion_clear(still.place, q[k], dq[k], cloud, still.shapes, False):
-            continue
-        result[k] = True
+        result[k] = motion_free(still, q[k], dq[k], scratch)

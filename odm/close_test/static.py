@@ -96,7 +96,7 @@ class StaticTest:
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            still, scratch = self._still(more), self.itself.scratch()
+            still, scratch = self.still(more), self.itself.scratch()
             kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
@@ -151,7 +151,7 @@ class StaticTest:
         order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
 
-    def _still(self, more: float) -> kernels.Still:
+    def still(self, more: float = 0.0) -> kernels.Still:
         """Return all that stands still, with scratch for one thread."""
         radii, place_radii = self.radii, self.place_radii
         if more:

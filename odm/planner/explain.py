@@ -1,5 +1,6 @@
 """Why the robot holds, and what would help."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +35,7 @@ class Reasons:
         attacher: The goals.
         retreat: Finds a motion out of the way.
         trouble: A reason known already.
+        searched: Tells how far a search beyond the roadmap has come.
     """
 
     def __init__(
@@ -42,9 +44,11 @@ class Reasons:
         attacher: Attacher,
         retreat: Retreat,
         trouble: str | None,
+        searched: Callable[[], str],
     ) -> None:
         """Remember the frame."""
         self.frame, self.attacher, self.trouble = frame, attacher, trouble
+        self._searched = searched
         self._retreat = retreat
         self.epoch = frame.epoch
         self.q = frame.q.copy()
@@ -113,6 +117,8 @@ class Reasons:
             f"({what} is {in_cm(gap)} from {link} there); move it away, or "
             "give another goal"
         )
+        told = self._searched()
+        text += f"; {told}" if told else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
 
