@@ -1,4 +1,4 @@
-"""Scenery of a recipe: planes and boxes held exactly, meshes as surface points."""
+"""Scenery of a recipe: planes and boxes held exactly, all else as surface points."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,10 +10,14 @@ from roadmap.errors import BadRecipe
 from roadmap.ranges import is_between
 from roadmap.transforms import pose_of
 
+_ROUND = {"type", "name", "radius", "position", "covering_radius"}
 _KEYS = {
     "plane": {"type", "name", "normal", "offset"},
     "box": {"type", "name", "size", "position", "rpy"},
     "mesh": {"type", "name", "file", "scale", "position", "rpy", "covering_radius"},
+    "sphere": _ROUND,
+    "capsule": _ROUND | {"length", "rpy"},
+    "cylinder": _ROUND | {"length", "rpy"},
 }
 
 
@@ -23,7 +27,7 @@ class Scenery:
 
     Attributes:
         solids: (n, 16) half-spaces and boxes; see `odm/close_test/_static.py`.
-        points: (k, 3) surface points of meshes [m].
+        points: (k, 3) surface points of what is neither plane nor box [m].
         covering_radius: Of those points [m].
         names: Name of each solid.
         dropped: (link, solid) pairs that always touch and are not tested.
@@ -89,7 +93,8 @@ def parse_scenery(
     Args:
         tables: As in the TOML file.
         folder: Where relative paths of mesh files start; None: the current folder.
-        meshes: Whether mesh files are read and sampled, or only looked for.
+        meshes: Whether mesh files are read and sampled, or only looked for; round
+            shapes are sampled, or only checked.
 
     Raises:
         BadRecipe: An unknown type or key, or a value that makes no solid.
@@ -109,9 +114,13 @@ def parse_scenery(
                 f"scenery {k} ({kind}) has no key {sorted(unknown)[0]!r}; known keys: "
                 f"{', '.join(sorted(_KEYS[kind]))}"
             )
-        if kind == "mesh":
-            read = _mesh_points if meshes else _mesh_found
-            found, radius = read(table, k, folder)
+        if kind not in ("plane", "box"):
+            if kind != "mesh":
+                found, radius = _round_points(table, k, kind, meshes)
+            elif meshes:
+                found, radius = _mesh_points(table, k, folder)
+            else:
+                found, radius = _mesh_found(table, k, folder)
             points.append(found)
             rho = max(rho, radius)
             continue
@@ -173,7 +182,7 @@ def _numbers(
 
 
 def _number(
-    table: dict, k: int, key: str, default: float, low: float, high: float
+    table: dict, k: int, key: str, default: float | None, low: float, high: float
 ) -> float:
     value = table.get(key, default)
     if not is_between(value, low, high):
@@ -193,6 +202,26 @@ def _mesh_found(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, f
     if not file.is_file():
         raise BadRecipe(f"scenery {k}: there is no mesh {file}; correct its file")
     return np.zeros((0, 3)), 0.0
+
+
+def _round_points(
+    table: dict, k: int, kind: str, sampled: bool
+) -> tuple[np.ndarray, float]:
+    """Return the samples of a sphere, capsule or cylinder; none if only checked."""
+    from odm.obstacles.shapes import Capsule, Cylinder, Sphere
+    from odm.obstacles.surfaces import surface_of
+
+    spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
+    sizes = [_number(table, k, "radius", None, 1e-6, 100.0)]
+    if kind != "sphere":
+        least = 0.0 if kind == "capsule" else 1e-6
+        sizes.append(_number(table, k, "length", None, least, 1e3))
+    pose = _pose(table, k)
+    make = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[kind]
+    if not sampled:
+        return np.zeros((0, 3)), 0.0
+    surface = surface_of(make(*sizes, pose), spacing)
+    return surface.points, surface.covering_radius
 
 
 def _mesh_points(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, float]:

@@ -8,6 +8,7 @@ from odm.obstacles.scenery import Scenery, parse_scenery
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.errors import BadInput, BadRecipe
+from roadmap.transforms import pose_of
 
 PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}
 BOX = {
@@ -24,6 +25,14 @@ MESH = {
     "rpy": [0.0, 0.1, 0.2],
     "covering_radius": 0.01,
 }
+SPHERE = {
+    "type": "sphere",
+    "radius": 0.1,
+    "position": [0.0, 1.0, 2.0],
+    "covering_radius": 0.02,
+}
+CAPSULE = {**SPHERE, "type": "capsule", "length": 0.4, "rpy": [0.0, 0.1, 0.2]}
+CYLINDER = {**CAPSULE, "type": "cylinder"}
 WRONG = [np.nan, np.inf, -np.inf, 1e9, None, "1", True, [1.0], {}]
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -31,7 +40,7 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 def numbers():
     """Yield each table with each place in it where a number stands."""
-    for table in (PLANE, BOX, MESH):
+    for table in (PLANE, BOX, MESH, SPHERE, CAPSULE, CYLINDER):
         for key, value in table.items():
             if isinstance(value, list):
                 yield from ((table, key, i) for i in range(len(value)))
@@ -55,6 +64,18 @@ def test_each_number_of_a_recipe_must_be_one(table, key, at, wrong):
         parse_scenery((changed(table, key, at, wrong),))
 
 
+@pytest.mark.parametrize("table", [SPHERE, CAPSULE, CYLINDER])
+def test_round_scenery_is_sampled_with_a_proved_covering_radius(table):
+    found = parse_scenery((table, PLANE, table))
+    kind = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[table["type"]]
+    sizes = [table[key] for key in ("radius", "length") if key in table]
+    pose = pose_of(table["position"], table.get("rpy", (0.0, 0.0, 0.0)))
+    alone = surface_of(kind(*sizes, pose), 0.02).points
+    assert np.array_equal(found.points, np.concatenate([alone, alone]))
+    assert found.covering_radius == 0.02 and found.names == ("plane 1",)
+    assert len(parse_scenery((table,), meshes=False).points) == 0
+
+
 @pytest.mark.parametrize("wrong", [None, 3, [], [1.0, 2.0], "abc", [[1.0], [1.0, 2.0]]])
 @pytest.mark.parametrize(
     ("table", "key"), [(PLANE, "normal"), (BOX, "size"), (BOX, "rpy"), (MESH, "rpy")]
@@ -66,7 +87,11 @@ def test_each_row_of_a_recipe_has_three_numbers(table, key, wrong):
 
 @pytest.mark.parametrize("table", [None, 3, "plane", {"type": []}, {"type": None}, {}])
 def test_a_table_of_no_known_type_is_refused(table):
-    told = "choose one of plane, box, mesh" if isinstance(table, dict) else "scenery 0"
+    told = (
+        "choose one of plane, box, mesh, sphere, capsule, cylinder"
+        if isinstance(table, dict)
+        else "scenery 0"
+    )
     with pytest.raises(BadRecipe, match=told):
         parse_scenery((table,))
 
