@@ -315,7 +315,9 @@ class Frame:
 
         The close test goes on to heed the frame's shapes.
         """
-        heeded = self.heeded if points is self.points else len(points)
+        heeded = len(points)
+        if points is self.points:  # those of the frame before, while room is made
+            heeded = min(heeded, self.heeded)
         kernels.take_points(self.memory.table, points, heeded)
 
     def make_room(self, room: int) -> None:

@@ -82,6 +82,17 @@ def test_the_same_frames_give_the_same_bytes(small_map):
     assert lives(one, 3, 12) == lives(other, 3, 12)
 
 
+def test_a_planner_whose_room_must_grow_says_the_same(small_map):
+    said = []
+    for room in (1, 32768):
+        settings = odm.PlannerSettings(max_points=room)
+        planner = odm.ReactivePlanner(small_map, settings=settings)
+        planner.set_goals([AWAY])
+        planner.step(np.zeros((1, 3)), q=HOME)
+        said.append(lives(planner, 8, 6))
+    assert said[0] == said[1]
+
+
 def test_a_memory_with_shapes_is_saved_and_loaded(small_map, rng):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])
