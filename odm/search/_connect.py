@@ -444,16 +444,6 @@ def merge(problem):
 
 
 @njit(cache=True, nogil=True)
-def route_passes(problem):
-    """Test each leg of the route as a motion of its own."""
-    trees = view(problem.state, "trees")
-    for k in range(trees.corners[0] - 1):
-        if not leg_passes(problem, trees.route[k], trees.route[k + 1]):
-            return False
-    return True
-
-
-@njit(cache=True, nogil=True)
 def free_from(state, points, k):
     """Return the corner from which found path k is free to its end; -1: from none.
 

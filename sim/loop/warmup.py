@@ -204,6 +204,7 @@ def exercise(cell_map: CellMap) -> None:
                 planner.attacher.forget_start()
                 planner.straightener.run()
             planner.attacher.attach_start(start, quick=True)
+            planner.connector.answer(planner.frame.q.copy(), 0, False)
             planner.invalid_nodes()
             planner.invalid_edges()
         shapes = _shapes(points)
