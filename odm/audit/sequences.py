@@ -202,7 +202,7 @@ class Sequence:
 
     def polish(self) -> None:
         """Improve the path in use."""
-        self.planner.polish(int(self.rng.integers(0, 13)))
+        self.planner.improve(int(self.rng.integers(0, 13)))
 
     def polish_ahead(self) -> None:
         """Improve it from a place that the robot will come to, or just not."""
@@ -212,7 +212,7 @@ class Sequence:
         ahead = a + self.rng.random() * (b - a)
         if self.rng.random() < 0.3:
             ahead = ahead + self.rng.normal(0.0, 1e-3, self.robot.dof)
-        self.planner.polish(int(self.rng.integers(0, 13)), ahead)
+        self.planner.improve(int(self.rng.integers(0, 13)), ahead)
 
     def switch_goals(self) -> None:
         """Set other goals, sometimes some of the old ones with them."""

@@ -142,7 +142,7 @@ def exercise(cell_map: CellMap) -> None:
                 planner.step(points, q=q, dq=np.zeros_like(q))
                 answer = planner.step(points, q=q, stamp=0.0, now=0.01)
                 _ = answer.reason, answer.blockers, answer.retreat
-            planner.polish(8)
+            planner.improve(8)
             planner.separation(start)
             planner.is_free(start, goal)
             planner.blocked_leg(np.stack([start, goal]), 0.1, points)

@@ -156,7 +156,7 @@ class Planned:
     def advance(self) -> None:
         """Move on by one period; at a work place, take the next one as the goal."""
         if self.settings.polish:
-            self.planner.polish(self.settings.polish)
+            self.planner.improve(self.settings.polish)
         self.executor.advance()
         self.q = self.executor.set_point.q
         off = difference(self.robot, self.q, self.places[self.place])

@@ -62,7 +62,7 @@ def _pass(cell_map: odm.CellMap, pairs: list[tuple]) -> dict[str, list[int]]:
                 if name == "replanned":
                     continue
                 begun = time.thread_time_ns()
-                planner.polish(4)
+                planner.improve(4)
                 times["polished"].append(time.thread_time_ns() - begun)
                 if len(found.path):
                     q = scenes.advance(found.path)

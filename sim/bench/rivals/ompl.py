@@ -84,7 +84,7 @@ def _compare(
             rows.append(
                 (found, length(answer.path), its, length(path), took, clear, bent)
             )
-        planner.polish(4)
+        planner.improve(4)
     return rows
 
 

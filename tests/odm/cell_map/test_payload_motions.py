@@ -135,7 +135,7 @@ def test_every_path_keeps_robot_and_object_off_a_moving_arm(cell_map, rng):
                 now = exact_gap(loaded, shapes, q, q, 1)
                 away = exact_gap(loaded, shapes, *answer.retreat)
                 assert away >= min(m, now) - 1e-3
-            planner.polish()
+            planner.improve()
             if legs:
                 dq = difference(cell_map.robot, *legs[0])
                 q = q + dq * min(1.0, 0.1 / max(np.abs(dq).max(), 1e-9))

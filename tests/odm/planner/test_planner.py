@@ -117,7 +117,7 @@ def test_polishing_never_lengthens_and_is_remembered(small_map, planner, rng):
         before = planner.step(points, q=q)
         if before.status == "holding" or len(before.path) < 3:
             continue
-        made = planner.polish(8)
+        made = planner.improve(8)
         after = planner.step(points, q=q)
         cuts += made
         gain = length(before.path) - length(after.path)

@@ -136,7 +136,7 @@ DOORS = {
     "cover": lambda p: p.cover(),
     "reason": lambda p: p.last.reason,
     "retreat": lambda p: p.last.retreat,
-    "polish": lambda p: p.polish(),
+    "improve": lambda p: p.improve(),
     "reset": lambda p: p.reset(),
     "attach": lambda p: p.attach(np.array([[0, 0, 0, 0.01]])),
     "detach": lambda p: p.detach(),

@@ -46,7 +46,7 @@ class Life:
             said += [self.answer.reason, str(self.answer.retreat)]
             said += [planner.separation(self.q), planner.invalid_edges().tobytes()]
             said += [planner.is_free(self.q, AWAY).reason]
-        said.append(planner.polish(6))
+        said.append(planner.improve(6))
         if k == 50:
             planner.prepare_goal(draw_valid(planner, rng))
         if len(self.answer.path) > 1 and k % 7:
@@ -206,5 +206,5 @@ def test_frames_are_counted_one_by_one(arm3):
     for k in range(1, 20):
         points = ball_at((0.4, 0.1, 0.4)) if k % 3 else np.full((1, 3), np.nan)
         assert planner.step(points, q=HOME).frame == k == planner.frame_number
-        planner.polish(4)
+        planner.improve(4)
         planner.set_extra_clearance(0.01 * (k % 2))  # marks the points once more

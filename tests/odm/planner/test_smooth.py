@@ -11,7 +11,7 @@ from roadmap.kinematics.forward import sphere_centers
 def smoothed(planner, points, q, rounds=40, ahead=None):
     answer = None
     for _ in range(rounds):
-        planner.polish(4, ahead)
+        planner.improve(4, ahead)
         answer = planner.step(points, q=q)
         assert answer.status == "following"
     return answer
@@ -81,7 +81,7 @@ def test_nothing_is_smoothed_while_it_holds_or_goes_straight(small_map):
     planner.set_goals([AWAY])
     assert planner.smoother.run(4) == 0  # no frame yet
     planner.step(NOBODY, q=AWAY + [0.1, 0.0, 0.0])
-    assert planner.polish(8) == 0
+    assert planner.improve(8) == 0
 
 
 def new_legs(planner, points):
