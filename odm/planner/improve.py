@@ -73,7 +73,7 @@ class Improver:
             self._next = self.frame.number + LOOK_EVERY
             self._join()
             budget -= 1
-            made += self._look()
+            made += self._look(ahead)
         candidate.begin()
         if budget > 0:
             straight = smoother.go_straight(ahead)
@@ -85,10 +85,13 @@ class Improver:
             self._next = 0
         return made + cuts + smoother.run(budget - half + left, ahead)
 
-    def _look(self) -> int:
+    def _look(self, ahead: np.ndarray | None) -> int:
         """Search a better path than the one in use; return 1 where it is offered."""
         frame = self.frame
         found = bool(step.offer_better(frame.memory.table, frame.points))
+        if found and ahead is not None and self.candidate.locate(ahead)[0] < 0:
+            self.candidate.withdraw()  # the path up to there stays
+            return 0
         if not found and frame.memory.numbers.better[0]:
             self._next = frame.number + 1  # it must be found several times in a row
         return int(found)

@@ -187,6 +187,10 @@ class CandidatePath(PathInUse):
         """Begin with the path in use; a candidate that waits is changed further."""
         step.begin_candidate(self.frame.memory.table)
 
+    def withdraw(self) -> None:
+        """Offer nothing to the next frame."""
+        self._numbers.candidate[0] = 0
+
     def write(
         self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]
     ) -> None:

@@ -83,6 +83,8 @@ def test_what_the_table_says_is_done(planner, joined):
     joined.clear()
     for _ in range(12):
         planner.step(NOBODY, q=HOME + 0.01)
+    assert joined == []  # it has a path: that can wait until there is time
+    planner.improve(1)
     assert joined == [(LINGERS, STANDS, FEW, MANY), MANY]
 
 
