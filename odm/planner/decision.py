@@ -111,8 +111,8 @@ class Decision:
             # then the robot's own motions may lead to it: the ends of a straight motion
             # are no nodes
             self._join(BETTER_GOAL, q)
-            code = step.take_better(self._memory.table, points, q)
-            return step.packed(self._memory.table, code)
+            self._numbers.wish[0] = 1
+            said = step.respond(self._memory.table, points, q, now)
         return said
 
     def _again(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
@@ -147,11 +147,14 @@ class Decision:
         q = self.frame.q
         if self.attacher.quick and self._numbers.stood.item() >= _LINGERS:
             return self._join(LINGERS, q)
-        table, points = self._memory.table, self.frame.points
-        if self.path.goal > 0 and self._robot() == STANDS:
-            if step.better_goal_stands_clear(table, points):
-                return self._join(BETTER_GOAL, q)
+        if self._robot() == STANDS and self.sees_better_goal():
+            return self._join(BETTER_GOAL, q)
         return False
+
+    def sees_better_goal(self) -> bool:
+        """Return whether a goal of better rank keeps its distance from the points."""
+        table, points = self._memory.table, self.frame.points
+        return bool(step.better_goal_stands_clear(table, points))
 
     def _join(self, case: str, q: np.ndarray, robot: str | None = None) -> bool:
         """Join q to the roadmap as `JOIN` says; return whether it was."""

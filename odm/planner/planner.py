@@ -70,6 +70,7 @@ class ReactivePlanner:
         frame: What is known now; all helpers look at it.
         path, candidate, candidates, attacher: What is remembered between frames: the
             path in use, what was found to better it, motions to the roadmap.
+        decision: Decides what a frame comes to.
         direct: The nodes and edges that the frame invalidates.
         last: The last answer, None before the first.
     """
@@ -106,7 +107,7 @@ class ReactivePlanner:
             s.kept_goals,
         )
         # what works on it
-        self._decision = Decision(frame, path, attacher, always_replan)
+        self.decision = Decision(frame, path, attacher, always_replan)
         self._improver = Improver(
             frame,
             path,
@@ -119,7 +120,7 @@ class ReactivePlanner:
                 s.comfort,
                 s.calm if s.memory_s else 0.0,
             ),
-            self._decision.join_between,
+            self.decision.join_between,
         )
         self._retreat = Retreat(frame, attacher)
         self._set_rules()
@@ -152,11 +153,11 @@ class ReactivePlanner:
     @property
     def always_replan(self) -> bool:
         """Whether every frame searches from scratch; it may be set."""
-        return self._decision.always_replan
+        return self.decision.always_replan
 
     @always_replan.setter
     def always_replan(self, always: bool) -> None:
-        self._decision.always_replan = always
+        self.decision.always_replan = always
 
     @property
     def smoother(self) -> Smoother:
@@ -241,7 +242,7 @@ class ReactivePlanner:
         self._check_goals(goals)
         self.attacher.set_goals(goals, costs)
         self.smoother.look_straight()
-        self._decision.new_goals = True
+        self.decision.new_goals = True
 
     def prepare_goal(self, q: np.ndarray) -> bool:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
@@ -321,7 +322,7 @@ class ReactivePlanner:
         times, closed = (begun, marked), closed or labels is not None
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
-        said = self._decision.decide(frame.points, q, now)
+        said = self.decision.decide(frame.points, q, now)
         code = said % codes.SEGMENT
         if code > codes.PLANNED:
             return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
@@ -440,7 +441,7 @@ class ReactivePlanner:
             "state": StateArrays(self._memory),
             "attachments": self.attacher,
             "path": self.path,
-            "decision": self._decision,
+            "decision": self.decision,
             "improving": self._improver,
             "frame": self.frame,
         }

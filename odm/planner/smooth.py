@@ -234,9 +234,8 @@ class Smoother:
         item = self.attacher.sweep(begin, dq)
         if item < 0 or len(self.path) + 3 >= len(self.path.vertex):
             return 0
-        table = self.frame.memory.table
         legs = range(item, item + len(begin))
-        if self.calm and any(recent.was_hit(table, leg) for leg in legs):
+        if self.calm and any(self.was_hit(leg) for leg in legs):
             return 0
         self._make(change, item)
         return 1
@@ -244,6 +243,10 @@ class Smoother:
     def _clear(self, legs: list, more: float) -> bool:
         """Whether motions (q, dq) keep so much more distance than they must [m]."""
         return all(self.frame.motion_clear(q, leg, None, more) for q, leg in legs)
+
+    def was_hit(self, item: int) -> bool:
+        """Return whether a pool item has cells that lately were occupied, not now."""
+        return bool(recent.was_hit(self.frame.memory.table, item))
 
     def _saves(self, change: Change) -> float:
         """Return the share of the time for the rest of the path that a change saves."""

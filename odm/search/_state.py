@@ -278,6 +278,7 @@ class Numbers(NamedTuple):
     start: np.ndarray = array("i8", "1", GOAL)  # its segment that q was on
     bare: np.ndarray = array("i8", "1", GOAL)  # 1: the way was only just free
     waits: np.ndarray = array("i8", "1", GOAL)  # frames such a way must be there yet
+    wish: np.ndarray = array("i8", "1", FRAME)  # 1: look for a better goal now
     seen: np.ndarray = array("i8", "1", GOAL)  # step whose q and time were noted
     stood: np.ndarray = array("i8", "1", GOAL)  # frames without a move
     heed: np.ndarray = array("i8", "1", FRAME)  # 1: this search heeds Recent.wary

@@ -468,7 +468,10 @@ def respond(state, points, q, now):
     if code == LOOK:
         code = replan(state, points)
     elif code == FOLLOWING and way.count[1] > 0:
-        if numbers.step[0] % BETTER_EVERY == 0:
+        if numbers.wish[0] == 1:
+            code = take_better(state, points, q)
+        elif numbers.step[0] % BETTER_EVERY == 0:
             if better_goal_stands_clear(state, points):
                 code = BETTER
+    numbers.wish[0] = 0
     return packed(state, code)

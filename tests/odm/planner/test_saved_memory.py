@@ -127,7 +127,7 @@ def test_with_something_in_the_hand_too(carrying_map):
         a, b = one.step(points, q=HOME), other.step(points, q=HOME)
         assert (a.status, a.reason) == (b.status, b.reason)
         assert a.path.tobytes() == b.path.tobytes()
-        assert one.polish(4) == other.polish(4)
+        assert one.improve(4) == other.improve(4)
 
 
 def test_a_frame_that_could_not_be_used_still_answers_no(arm3):
