@@ -397,9 +397,7 @@ class Attacher:
         if not full and not self.candidates.is_filling:
             return
         self.candidates.forget_cuts()
-        refs = [self.path.items()]
-        if self.candidate.waits:
-            refs.append(self.candidate.items())
+        refs = [self.path.items(), self.candidate.items()]
         refs.append(m.fresh.ref[: m.fresh.count[0]])
         g = int(m.goals.count[0])
         refs.append(m.goals.fresh_ref[:g])

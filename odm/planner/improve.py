@@ -83,7 +83,9 @@ class Improver:
         cuts, left = self.cutter.run(half)
         if cuts:
             self._next = 0
-        return made + cuts + smoother.run(budget - half + left, ahead)
+        made += cuts + smoother.run(budget - half + left, ahead)
+        candidate.end()
+        return made
 
     def _look(self, ahead: np.ndarray | None) -> int:
         """Search a better path than the one in use; return 1 where it is offered."""

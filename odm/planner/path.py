@@ -61,7 +61,12 @@ class PathInUse:
 
     def drop(self) -> None:
         """Forget it, and what would better it; the next frame looks for another."""
-        self._count[0] = self._numbers.candidate[0] = 0
+        self._count[0] = 0
+        self.withdraw()
+
+    def withdraw(self) -> None:
+        """Offer no candidate to the next frame."""
+        step.drop_candidate(self.frame.memory.table)
 
     def reset(self) -> None:
         """Forget it, and that the robot was on it."""
@@ -75,7 +80,7 @@ class PathInUse:
 
     def goals_changed(self, vertex: int, vertices: np.ndarray) -> None:
         """Find its goal, of that `vertex`, among the vertices of the new goals."""
-        self._numbers.candidate[0] = 0
+        self.withdraw()
         if len(self):
             same = np.flatnonzero(vertices == vertex)
             self._count[1] = same[0] if len(same) else -1
@@ -178,18 +183,14 @@ class CandidatePath(PathInUse):
         self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
         self._segment = m.numbers.start
 
-    @property
-    def waits(self) -> bool:
-        """Whether there is one that no frame has tested yet."""
-        return self._numbers.candidate.item() != 0
-
     def begin(self) -> None:
         """Begin with the path in use; a candidate that waits is changed further."""
         step.begin_candidate(self.frame.memory.table)
 
-    def withdraw(self) -> None:
-        """Offer nothing to the next frame."""
-        self._numbers.candidate[0] = 0
+    def end(self) -> None:
+        """Let it wait for the next frame where it was changed."""
+        if not self._numbers.candidate.item():
+            self.withdraw()
 
     def write(
         self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]

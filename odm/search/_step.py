@@ -186,6 +186,13 @@ def judge(state, points, q):
 
 
 @njit(cache=True, nogil=True)
+def drop_candidate(state):
+    """Forget the candidate: nothing waits for the next frame, no item is kept for it."""
+    view(state, "numbers").candidate[0] = 0
+    view(state, "better").count[0] = 0
+
+
+@njit(cache=True, nogil=True)
 def take_candidate(state, points, q):
     """Let the candidate be the way in use where q is on it and it is free; True if so.
 
@@ -199,8 +206,11 @@ def take_candidate(state, points, q):
     )
     proof, kind = view(state, "better_proof"), numbers.candidate[0]
     numbers.candidate[0] = 0
-    where = locate_on_way(state, better, 0, q, own.out)
+    where = -1
+    if better.count[0] >= 2 and better.count[1] >= 0:
+        where = locate_on_way(state, better, 0, q, own.out)
     if where < 0 or turns_back(better, where, q, own.continuous):
+        drop_candidate(state)
         return False
     numbers.beside[0] = 0
     if not is_on(proof, where, q):
@@ -208,10 +218,12 @@ def take_candidate(state, points, q):
         if not is_known_beside(view(state, "beside"), better, where, q):
             numbers.candidate[0] = kind
             return False
-    if better.count[1] < 0 or rest_free(state, points, better, where, q) >= 0:
+    if rest_free(state, points, better, where, q) >= 0:
+        drop_candidate(state)
         return False
     copy_way(better, view(state, "way"))
     copy_proof(proof, view(state, "proof"), better.count[0] - 1)
+    drop_candidate(state)
     numbers.where[0] = numbers.segment[0] = where
     numbers.rest[0] = 1
     numbers.same[0] = numbers.better[0] = 0
@@ -426,7 +438,8 @@ def adopt(state):
     """Take the way that a search found; numbers.same tells that it is the old."""
     own, numbers = view(state, "own"), view(state, "numbers")
     way, spare = view(state, "way"), view(state, "spare")
-    numbers.better[0] = numbers.candidate[0] = 0
+    numbers.better[0] = 0
+    drop_candidate(state)
     numbers.same[0] = 1 if same_rest(way, numbers.where[0], spare) else 0
     copy_way(spare, way)
     numbers.segment[0] = 0
