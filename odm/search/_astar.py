@@ -19,7 +19,7 @@ from odm.search._bound import free_bound, recent_bound, remember_way
 from odm.search._invalidation import refresh
 from odm.search._items import BLOCKED, FREE, MAYBE, is_taken, item_free, way_in_free
 from odm.search._judge import can_enter, start_clear, way_in_clear
-from odm.search._recent import TOLL, item_wary, ref_wary
+from odm.search._recent import TOLL, TOLLED, item_wary, ref_wary
 from odm.search._state import EDGE_BASE, view
 
 LOOK_BACK = 8  # vertices closed before the last way is looked at,
@@ -313,7 +313,8 @@ def a_star(state, points, starts, only):
     n = view(state, "graph").adj_ptr.shape[0] - 1
     h = view(state, "own").h_any if only < 0 else goals.h[only]
     low, high = (0, goals.count[0]) if only < 0 else (only, only + 1)
-    heed = numbers.heed[0] == 1
+    heed = numbers.heed[0] != 0
+    numbers.heed[0] = 1 if heed else 0
     add_starts(state, starts, h, low, high)
     search.tail[0] = NOT_BEGUN
     is_recent = frame - view(state, "direct").frame[0] <= RECENT
@@ -345,6 +346,9 @@ def a_star(state, points, starts, only):
                 continue
         search.done[v] = run
         popped += 1
+        if heed and popped == TOLLED:
+            heed = False
+            numbers.heed[0] = 2
         if v >= n:
             stats.popped[0] += popped
             if popped > LOOK_BACK and only >= 0:

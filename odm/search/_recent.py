@@ -20,7 +20,8 @@ from odm.search._state import EDGE_BASE, view
 
 PERIOD_S = 0.01  # [s] between two frames where no time is given
 PERIODS = 3  # of the memory; the ring has one more
-TOLL = 3.0  # times its length a motion counts more that enters wary cells
+TOLL = 3.0  # times its length a motion counts more that enters wary cells,
+TOLLED = 160  # and so many vertices of a search, until it is content with any way
 _SLACK_S = 1e-6  # clocks round
 # of a word's bits ix << 4 | iy << 2 | iz, those at the high end of an axis
 _HIGH_X = np.uint64(0xFFFF000000000000)
@@ -206,19 +207,20 @@ def item_wary(state, item):
 
 
 @njit(cache=True, nogil=True)
-def pool_meets(state, words, item):
-    """Return True if cells of a pool item are among `words`, which may be wary."""
+def pool_wary(state, item):
+    """Return True if cells of a pool item are to be wary of."""
     pool, recent = view(state, "pool"), view(state, "recent")
     if apart(pool.sign, item, recent.sign):
         return False
-    return list_hit(words, pool.block, pool.mask, pool.begin[item], pool.end[item])
+    begin, end = pool.begin[item], pool.end[item]
+    return list_hit(recent.wary, pool.block, pool.mask, begin, end)
 
 
 @njit(cache=True, nogil=True)
 def ref_wary(state, ref):
     """Return True if the cells of a way's segment are wary; unknown ones are not."""
     if ref >= 0:
-        return pool_meets(state, view(state, "recent").wary, ref)
+        return pool_wary(state, ref)
     if ref > EDGE_BASE:
         return False
     graph, edge = view(state, "graph"), EDGE_BASE - ref
@@ -239,39 +241,46 @@ def way_wary(state, way):
 
 
 @njit(cache=True, nogil=True)
+def list_was_hit(state, block, mask, begin, end):
+    """Return True if cells of a list [begin:end] were occupied lately, but not now.
+
+    What is occupied now is asked by the close test.
+    """
+    lately, words = view(state, "recent").lately, view(state, "cloud").words
+    for k in range(begin, end):
+        word = lately[block[k]]
+        if word != 0 and word & ~words[block[k]] & mask[k] != 0:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def way_bare(state, way):
-    """Return True if cells of a way were occupied lately."""
-    recent, graph = view(state, "recent"), view(state, "graph")
-    n, words = graph.adj_ptr.shape[0] - 1, recent.lately
+    """Return True if a way is only just free: through cells left lately."""
+    pool, graph = view(state, "pool"), view(state, "graph")
+    n = graph.adj_ptr.shape[0] - 1
     for k in range(way.count[0] - 1):
         ref = way.ref[k]
-        if ref >= 0 and pool_meets(state, words, ref):
-            return True
-        if ref > EDGE_BASE or not ref_wary(state, ref):
+        if not ref_wary(state, ref):
+            continue
+        if ref >= 0:
+            begin, end = pool.begin[ref], pool.end[ref]
+            if list_was_hit(state, pool.block, pool.mask, begin, end):
+                return True
             continue
         edge = EDGE_BASE - ref
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
         for item in (n + edge, a, b):
             begin, end = graph.ptr[item], graph.ptr[item + 1]
-            if list_hit(words, graph.block, graph.mask, begin, end):
+            if list_was_hit(state, graph.block, graph.mask, begin, end):
                 return True
     return False
 
 
 @njit(cache=True, nogil=True)
 def was_hit(state, item):
-    """Return True if a pool item has cells that were occupied lately, but are not now.
-
-    What is occupied now is asked by the close test.
-    """
+    """Return True if a pool item has cells that were occupied lately, not now."""
     lay_out_recent(state)
-    pool, recent, cloud = (
-        view(state, "pool"),
-        view(state, "recent"),
-        view(state, "cloud"),
-    )
-    for k in range(pool.begin[item], pool.end[item]):
-        b = pool.block[k]
-        if recent.lately[b] & ~cloud.words[b] & pool.mask[k] != 0:
-            return True
-    return False
+    pool = view(state, "pool")
+    begin, end = pool.begin[item], pool.end[item]
+    return list_was_hit(state, pool.block, pool.mask, begin, end)

@@ -281,7 +281,9 @@ class Numbers(NamedTuple):
     wish: np.ndarray = array("i8", "1", FRAME)  # 1: look for a better goal now
     seen: np.ndarray = array("i8", "1", GOAL)  # step whose q and time were noted
     stood: np.ndarray = array("i8", "1", GOAL)  # frames without a move
-    heed: np.ndarray = array("i8", "1", FRAME)  # 1: this search heeds Recent.wary
+    heed: np.ndarray = array(
+        "i8", "1", FRAME
+    )  # 1: this search heeds Recent.wary, 2: no more
     where: np.ndarray = array("i8", "1", FRAME)  # segment that q is on, -1: none
     rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the way is free
     beside: np.ndarray = array("i8", "1", GOAL)  # 1: q is beside its segment

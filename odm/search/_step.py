@@ -187,7 +187,7 @@ def judge(state, points, q):
 
 @njit(cache=True, nogil=True)
 def drop_candidate(state):
-    """Forget the candidate: nothing waits for the next frame, no item is kept for it."""
+    """Forget the candidate: no item is kept for it."""
     view(state, "numbers").candidate[0] = 0
     view(state, "better").count[0] = 0
 
