@@ -73,6 +73,7 @@ class Decision:
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.new_goals = False
+        self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
 
     @property
@@ -108,6 +109,9 @@ class Decision:
         if code == step.NO_PATH and has_goals and self._join(NO_PATH, q):
             said, code = self._again(points, q, now)
         if code == step.BETTER:
+            ago = self.frame.number - self._looked
+            if ago <= step.BETTER_EVERY and self._robot() == STANDS:
+                return said + step.FOLLOWING - step.BETTER  # it is looked for between
             # then the robot's own motions may lead to it: the ends of a straight motion
             # are no nodes
             self._join(BETTER_GOAL, q)
@@ -144,7 +148,7 @@ class Decision:
 
         Where it stands, a better path may leave by other nodes than those on its way.
         """
-        q = self.frame.q
+        q, self._looked = self.frame.q, self.frame.number
         if self.attacher.quick and self._numbers.stood.item() >= _LINGERS:
             return self._join(LINGERS, q)
         if self._robot() == STANDS and self.sees_better_goal():
@@ -180,9 +184,12 @@ class Decision:
         return MOVES if moved < _PASSES else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return whether goals were set since the last frame."""
-        return {"new_goals": np.array(self.new_goals)}
+        """Return whether goals were set since the last frame, and the last look."""
+        return {
+            "new_goals": np.array(self.new_goals),
+            "looked": np.array(self._looked),
+        }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned."""
-        self.new_goals = bool(saved["new_goals"])
+        self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])

@@ -94,6 +94,6 @@ class Improver:
         if found and ahead is not None and self.candidate.locate(ahead)[0] < 0:
             self.candidate.withdraw()  # the path up to there stays
             return 0
-        if not found and frame.memory.numbers.better[0]:
-            self._next = frame.number + 1  # it must be found several times in a row
+        if frame.memory.numbers.beside.item():
+            self._next = frame.number + 1  # a robot beside its path offers none
         return int(found)
