@@ -126,9 +126,16 @@ class Decision:
         return said, said % step.SEGMENT
 
     def _beside(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
-        """Test the motions from q, beside its segment, and answer."""
-        self.path.certify_beside(q)
-        said = step.respond(self._memory.table, points, q, now)
+        """Test the motions from q, beside its segment, and answer.
+
+        Of the candidate first, then of the path in use, if that is not free.
+        """
+        for _ in range(2):
+            waits = self._numbers.candidate.item() and not self._always
+            (self.attacher.candidate if waits else self.path).certify_beside(q)
+            said = step.respond(self._memory.table, points, q, now)
+            if said % step.SEGMENT != step.BESIDE:
+                break
         return said, said % step.SEGMENT
 
     def _join_ahead(self, q: np.ndarray) -> None:

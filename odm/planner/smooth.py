@@ -142,24 +142,33 @@ class Smoother:
         """
         path, now = self.path, self.frame.number
         last = len(path) - 1
-        if (
-            now < self._next
-            or last < 2
-            or not self._begin(ahead)
-            or self._at >= last - 1
-        ):
+        if now < self._next or last < 2 or not self._begin(ahead):
             return -1
-        at = path.q[self._at]
-        q = at + self._share * (path.q[self._at + 1] - at)
+        at, share = self._turn(ahead is not None)
+        if at >= last - 1:
+            return -1
+        q = path.q[at] + share * (path.q[at + 1] - path.q[at])
         corners = np.stack([q, path.q[last]])
-        change = Change(self._at, last - 1, False, True, corners)
+        change = Change(at, last - 1, share == 0.0 and at > self._at, True, corners)
         weights = self.frame.cell_map.roadmap.weights
-        rest = np.vstack([q[None], path.q[self._at + 1 : last + 1]])
+        rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
         length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()
         if length < _DETOUR * np.linalg.norm((corners[1] - q) * weights):
             return -1
         self._next = now + _WAIT
         return self._try(change)
+
+    def _turn(self, moves: bool) -> tuple[int, float]:
+        """Return the segment and the share of it from which the robot can turn.
+
+        One that moves is led to a corner a little ahead, which it can round.
+        """
+        at, own, q = self._at, self.frame.memory.own, self.path.q
+        if not moves and (own.before == own.q).all():
+            return at, self._share
+        leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
+        share = self._share + _LEAD_S / max(float(leg.max()), 1e-9)
+        return (at, share) if share < 1.0 else (at + 1, 0.0)
 
     def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
         """Test at most `budget` new legs; return how many changes were made.

@@ -150,7 +150,8 @@ def judge(state, points, q):
     """Judge the way in use: FOLLOWING, a trouble's code, or LOOK for a new way.
 
     With LOOK numbers.where is the segment that q is on, -1 for none. With BESIDE it is
-    not on that segment but beside it, and the group Beside is to be filled first.
+    not on that segment but beside it, and the group Beside is to be filled first: for
+    the candidate if one waits, else for the way in use.
     """
     own, numbers, way = view(state, "own"), view(state, "numbers"), view(state, "way")
     trouble = take_configuration(state, q)
@@ -162,6 +163,8 @@ def judge(state, points, q):
         kind = numbers.candidate[0]
         if take_candidate(state, points, q):
             return FOLLOWING if kind == EDITED else PLANNED
+        if numbers.candidate[0] != 0:
+            return BESIDE
     numbers.rest[0] = 0
     where = -1
     if way.count[0] >= 2:
@@ -196,8 +199,8 @@ def drop_candidate(state):
 def take_candidate(state, points, q):
     """Let the candidate be the way in use where q is on it and it is free; True if so.
 
-    It has one chance. Only where q is beside a segment of which nothing is known yet,
-    it waits: the way in use has the same segment, and asks.
+    It has one chance. Only where q is beside its segment numbers.where it still waits:
+    the group Beside is to be filled for that first.
     """
     numbers, own, better = (
         view(state, "numbers"),
@@ -216,7 +219,7 @@ def take_candidate(state, points, q):
     if not is_on(proof, where, q):
         numbers.beside[0] = 1
         if not is_known_beside(view(state, "beside"), better, where, q):
-            numbers.candidate[0] = kind
+            numbers.candidate[0], numbers.where[0] = kind, where
             return False
     if rest_free(state, points, better, where, q) >= 0:
         drop_candidate(state)
