@@ -16,13 +16,16 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="module")
 def shipped():
-    """Return the packages that pip puts into the wheel."""
+    """Return the packages that pip puts into the wheel.
+
+    A folder that holds no file, only what was compiled in it once, ships nothing.
+    """
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     find = tomllib.loads(text)["tool"]["setuptools"]["packages"]["find"]
     found = PEP420PackageFinder.find(
         str(ROOT), include=find["include"], exclude=find["exclude"]
     )
-    return {name for name in found if not name.endswith("__pycache__")}
+    return {name for name in found if any((ROOT / Path(*name.split("."))).glob("*.py"))}
 
 
 def folders(*packages):

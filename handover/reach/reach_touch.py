@@ -4,12 +4,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from handover._chain import forward
 from handover.chain import Chain
 from handover.reach._reach_touch import LANES, MARGIN, TABLE, Touch, fill_tables
 from roadmap.arrays import frozen
 from roadmap.geometry._self_collision import SelfModel, pair_clearance
 from roadmap.geometry.self_collision import self_collision
+from roadmap.kinematics._chain import forward
 from roadmap.kinematics._forward import body_frames
 
 _LOOKS = 12  # configurations at which a link must stand alike to follow a row

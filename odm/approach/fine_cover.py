@@ -19,8 +19,9 @@ from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
 from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
+from roadmap.kinematics.joint_tree import PARENT
 from roadmap.loading.held_link import with_payload
-from roadmap.robot.robot import PARENT, Robot
+from roadmap.robot.robot import Robot
 
 EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
 
