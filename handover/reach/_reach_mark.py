@@ -23,7 +23,7 @@ _QUEUE = 24  # entries per cell of a position
 
 
 class Queue(NamedTuple):
-    """The cells of one position that wait, by the best quality they may get.
+    """Priority queue of one position's unfilled cells, by the quality they may get.
 
     Attributes:
         head: (256,) first entry of each quality, -1 for none.

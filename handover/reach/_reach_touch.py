@@ -23,7 +23,7 @@ LANES = 8  # points of a shell are looked at so many at a time
 
 
 class Touch(NamedTuple):
-    """What self-collision is tested with; no pairs: not at all.
+    """Tables of the self-collision test; without pairs nothing is tested.
 
     Attributes:
         pair: (n_pairs, 5) int32 two shells, table or -1, the one or two joints of the

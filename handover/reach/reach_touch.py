@@ -1,4 +1,4 @@
-"""What the self-collision of a chain's configurations is tested with, made once."""
+"""Tables for testing many configurations of a chain for self-collision, made once."""
 
 from functools import lru_cache
 
@@ -17,7 +17,7 @@ _ALIKE = 1e-9  # [m, or of a rotation's entries]
 
 
 def touch_of(chain: Chain) -> Touch:
-    """Return what self-collision is tested with, for one thread."""
+    """Return the tables of the self-collision test with scratch for one thread."""
     tables = _tables(chain)
     own = ("axes", "direction", "places", "simplex", "whole", "frames")
     return tables._replace(**{name: getattr(tables, name).copy() for name in own})

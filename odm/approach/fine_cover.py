@@ -133,10 +133,10 @@ class FineTest:
     def cover(self) -> Cover:
         """Return the spheres for `LastPhase`."""
         links = [self.robot.link_names[k] for k in self.link]
-        return Cover(self.arm, self.radii, links, self.work)
+        return Cover(self.arm, self.radii, links, self.work, self.balls)
 
     @property
     def close_test(self) -> CloseTest:
         """The close test of motions with the fine cover."""
         tolerance = self.frame.cell_map.motion_tolerance
-        return CloseTest(self.arm, self.radii, tolerance, self.work)
+        return CloseTest(self.arm, self.radii, tolerance, self.work, self.balls)

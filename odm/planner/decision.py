@@ -30,12 +30,11 @@ JOIN = {
     (LINGERS, STANDS, FEW): MANY,
     (NOT_JOINED, STANDS, NOTHING): FEW,
     (NOT_JOINED, MOVES, NOTHING): FEW,
-    (NOT_JOINED, JUMPED, NOTHING): MANY,
+    (NOT_JOINED, JUMPED, NOTHING): FEW,
     (NO_PATH, STANDS, NOTHING): MANY,
     (NO_PATH, STANDS, FEW): MANY,
     (NO_PATH, MOVES, NOTHING): FEW,
-    (NO_PATH, JUMPED, NOTHING): MANY,
-    (NO_PATH, JUMPED, FEW): MANY,
+    (NO_PATH, JUMPED, NOTHING): FEW,
     (BETTER_GOAL, STANDS, NOTHING): MANY,
     (BETTER_GOAL, MOVES, NOTHING): FEW,
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
@@ -57,6 +56,8 @@ class Decision:
         path: The path in use.
         attacher: Joins a configuration to the roadmap.
         always_replan: Search from scratch in every frame: nothing is kept.
+        patience: Frames that a path must be there after one was blocked that was only
+            just free.
 
     Attributes:
         new_goals: Goals were set since the last frame.
@@ -68,11 +69,12 @@ class Decision:
         path: PathInUse,
         attacher: Attacher,
         always_replan: bool,
+        patience: int,
     ) -> None:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = False
+        self.new_goals, self._patience = False, patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
 
@@ -85,6 +87,16 @@ class Decision:
     def always_replan(self, always: bool) -> None:
         self._always = always
         self._memory.rules.always[0] = bool(always)
+
+    @property
+    def waits(self) -> bool:
+        """Whether paths that are only just free are not taken now."""
+        return self._numbers.waits.item() > 0
+
+    @property
+    def patience(self) -> int:
+        """Frames that such a path must be there after one was blocked."""
+        return 0 if self._always else self._patience
 
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""

@@ -10,7 +10,11 @@ import numpy as np
 from odm.answer import (
     FOLLOWING,
     HOLDING,
+    IN_USE,
     REPLANNED,
+    ROADMAP,
+    SEARCH,
+    STRAIGHT,
     VISIBLE,
     WHOLE,
     Answer,
@@ -33,9 +37,11 @@ from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
 from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
+from odm.planner.connect import Connector
 from odm.planner.decision import Decision
 from odm.planner.explain import Reasons, start_trouble
 from odm.planner.improve import Improver
@@ -70,6 +76,7 @@ class ReactivePlanner:
         frame: What is known now; all helpers look at it.
         path, candidate, candidates, attacher: What is remembered between frames: the
             path in use, what was found to better it, motions to the roadmap.
+        connector: What was found beyond the roadmap.
         decision: Decides what a frame comes to.
         direct: The nodes and edges that the frame invalidates.
         last: The last answer, None before the first.
@@ -107,7 +114,9 @@ class ReactivePlanner:
             s.kept_goals,
         )
         # what works on it
-        self.decision = Decision(frame, path, attacher, always_replan)
+        self.decision = Decision(
+            frame, path, attacher, always_replan, s.patience if s.memory_s else 0
+        )
         self._improver = Improver(
             frame,
             path,
@@ -122,6 +131,7 @@ class ReactivePlanner:
             ),
             self.decision.join_between,
         )
+        self.connector = Connector(frame, path, attacher, s.search)
         self._retreat = Retreat(frame, attacher)
         self._set_rules()
         self.last: Answer | None = None
@@ -272,7 +282,7 @@ class ReactivePlanner:
 
     def step(
         self,
-        points: np.ndarray,
+        points: np.ndarray | Obstacles,
         q: np.ndarray,
         dq: np.ndarray | None = None,
         labels: np.ndarray | None = None,
@@ -290,7 +300,9 @@ class ReactivePlanner:
 
         Args:
             points: (n, 3) points on the obstacles' surfaces [m]; base frame, or the
-                world's after `set_base`. They are copied.
+                world's after `set_base`. Or `odm.Obstacles`: shapes and points
+                together; then what is told of points holds for its points.
+                All are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
@@ -305,7 +317,7 @@ class ReactivePlanner:
                 of a question tells them apart.
             closed: The points cover whole surfaces of closed solids, as those of
                 `odm.surface_of` do, or with `labels`; else the answer certifies the
-                "visible surface" alone.
+                "visible surface" alone. Shapes without points are whole.
 
         Returns:
             The answer; "no path" is one, no exception.
@@ -319,13 +331,14 @@ class ReactivePlanner:
         if self.attacher.is_stale:
             self.attacher.forget_all()
         marked = frame.take(points, covering_radius, rounding, stamp, now)
-        times, closed = (begun, marked), closed or labels is not None
+        shapes = frame.obstacles is not None and frame.heeded == 0
+        times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
         said = self.decision.decide(frame.points, q, now)
         code = said % codes.SEGMENT
         if code > codes.PLANNED:
-            return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
+            return self._beyond(q, code, times, closed)
         # the path in use from the robot's segment on, which was just found free
         begin = said % codes.COUNT // codes.SEGMENT
         path = self.path
@@ -335,13 +348,36 @@ class ReactivePlanner:
         path.followed = True
         status = FOLLOWING if following else REPLANNED
         goal = said // codes.GOAL - 1
-        return self._answer(status, corners, goal, times, closed, None)
+        answer = self._answer(status, corners, goal, times, closed, None)
+        answer.stage = stage_of(code, corners)
+        return answer
+
+    def _beyond(
+        self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
+    ) -> Answer:
+        """Answer a frame for which the roadmap has no path, or hold."""
+        decision, path = self.decision, self.path
+        if code not in codes.HAS_NO_PATH or not self.connector.answer(
+            q, decision.patience, decision.waits
+        ):
+            return self._hold(
+                times, closed, start_trouble(self.robot, self.frame.q, code)
+            )
+        corners = path.q[: len(path)].copy()
+        corners[0] = q
+        following = path.followed and path.is_same
+        path.followed = True
+        status = FOLLOWING if following else REPLANNED
+        answer = self._answer(status, corners, path.goal, times, closed, None)
+        answer.stage = stage_of(code, corners)
+        return answer
 
     def _hold(
         self, times: tuple[int, int], closed: bool, trouble: str | None
     ) -> Answer:
         self.path.followed = False
-        why = Reasons(self.frame, self.attacher, self._retreat, trouble)
+        told = self.connector.told
+        why = Reasons(self.frame, self.attacher, self._retreat, trouble, told)
         return self._answer(HOLDING, self._nowhere, None, times, closed, why)
 
     def _answer(
@@ -366,7 +402,9 @@ class ReactivePlanner:
 
         Call it after the answer was sent. It looks for a better goal and a shorter
         path, and makes the path in use quicker. What it finds is a candidate: the next
-        frame takes it if it is free then, and else goes on as before.
+        frame takes it if it is free then, and else goes on as before. After a frame
+        that was held for want of a path it goes on searching for one instead, and
+        returns 1 where it found one.
 
         Args:
             budget: Tests of motions and searches at most. Same frames and budgets, same
@@ -382,8 +420,10 @@ class ReactivePlanner:
         budget = check_number("the budget of improve", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
-        if self.frame.trouble is not None or not self.path.followed:
+        if self.frame.trouble is not None:
             return 0
+        if not self.path.followed:
+            return self.connector.improve(budget)
         if self.always_replan:
             return self._improver.cut(budget)
         return self._improver.run(budget, ahead)
@@ -393,6 +433,7 @@ class ReactivePlanner:
         self._memory.owner.check()
         self.path.reset()
         self.attacher.forget_start()
+        self.connector.reset()
         self._improver.reset()
         recent.forget_recent(self._memory.recent)
         self._numbers.bare[0] = self._numbers.waits[0] = 0
@@ -443,6 +484,7 @@ class ReactivePlanner:
             "path": self.path,
             "decision": self.decision,
             "improving": self._improver,
+            "search": self.connector,
             "frame": self.frame,
         }
 
@@ -567,6 +609,7 @@ class ReactivePlanner:
         points = self.frame.world_ahead.points(self._p_world_place).copy()
         self.static_outside = self.carrier.set_place(points)
         self.attacher.forget_all()
+        self.connector.reset()
 
     # --- what it is asked between frames ---------------------------------------
 
@@ -670,7 +713,7 @@ class ReactivePlanner:
         self,
         path: np.ndarray,
         extra: float = 0.0,
-        points: np.ndarray | None = None,
+        points: np.ndarray | Obstacles | None = None,
         phase: str | None = None,
         classes: np.ndarray | None = None,
     ) -> int | None:
@@ -685,8 +728,8 @@ class ReactivePlanner:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
             extra: Distance the points may have come nearer meanwhile [m]; down to -m
                 for a robot that may come as near as touch.
-            points: (n, 3) where they are then [m], also outside the grid. None: where
-                they are in the frame.
+            points: (n, 3) where they are then [m], also outside the grid; or
+                `odm.Obstacles`. None: what is in the frame, where it is.
             phase: As in `is_free`.
             classes: (n,) of `points`, where they are given.
 
@@ -719,6 +762,15 @@ class ReactivePlanner:
         """Raise BadConfiguration where a goal can never be reached in this place."""
         for k, q in enumerate(goals):
             check_valid(self.static, q, f"goal {k}")
+
+
+def stage_of(code: int, path: np.ndarray) -> str:
+    """Return what found a path, where a frame came to that code."""
+    if code == codes.FOLLOWING:
+        return IN_USE
+    if code != codes.PLANNED:
+        return SEARCH
+    return STRAIGHT if len(path) == 2 else ROADMAP
 
 
 def _told_apart(cell_map: CellMap) -> bytes:

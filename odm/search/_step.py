@@ -38,6 +38,7 @@ from odm.search._state import (
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
 LOOK, BESIDE, BETTER = 6, 7, 8
+HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 WORTH_A_LOOK = 1.1  # times the straight distance
 BETTER_EVERY = 8  # frames between two looks for a better goal
