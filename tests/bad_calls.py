@@ -111,7 +111,7 @@ def calls(odm, planner, hand, home):
         "a goal of NaN": lambda: planner.set_goals([home * nan]),
         "ragged goals": lambda: planner.set_goals([home, home[:-1]]),
         "goals of text": lambda: planner.set_goals("home"),
-        "polish of NaN": lambda: planner.polish(nan),
+        "improve of NaN": lambda: planner.improve(nan),
         "a plane of NaN": lambda: parse_scenery(({"type": "plane", "offset": nan},)),
         "a box at NaN": lambda: parse_scenery(
             ({"type": "box", "size": [1, 1, 1], "position": [nan, 0, 0]},)

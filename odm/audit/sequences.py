@@ -39,12 +39,12 @@ PATIENCE = 12  # frames without a path, then the obstacles leave
 # What happens between two frames, and how often relative to each other.
 EVENTS = {
     "follow": 60, "push": 5, "misread": 2, "tremble": 6, "bump": 3, "jump": 1,
-    "wait": 8, "polish": 25, "polish_ahead": 5, "switch_goals": 3, "keep_goals": 4,
+    "wait": 8, "improve": 25, "improve_ahead": 5, "switch_goals": 3, "keep_goals": 4,
     "costs": 1, "approach_robot": 20, "move_obstacles": 20, "clear": 1, "come": 6,
     "reset": 0.3, "hand": 0.4, "base": 0.15, "clearance": 0.3, "scenery": 0.15,
     "stale": 0.8, "broken": 0.8, "grow": 0.03, "prepare": 0.4,
 }  # fmt: skip
-QUIET = {"wait", "polish", "keep_goals", "tremble"}  # while the robot is being pushed
+QUIET = {"wait", "improve", "keep_goals", "tremble"}  # while the robot is being pushed
 
 
 @dataclass(frozen=True)
@@ -220,11 +220,11 @@ class Sequence:
     def wait(self) -> None:
         """Stay."""
 
-    def polish(self) -> None:
+    def improve(self) -> None:
         """Improve the path in use."""
-        self.planner.polish(int(self.rng.integers(0, 13)))
+        self.planner.improve(int(self.rng.integers(0, 13)))
 
-    def polish_ahead(self) -> None:
+    def improve_ahead(self) -> None:
         """Improve it from a place that the robot will come to, or just not."""
         if self.answer is None or self.answer.status == HOLDING:
             return
@@ -232,7 +232,7 @@ class Sequence:
         ahead = a + self.rng.random() * (b - a)
         if self.rng.random() < 0.3:
             ahead = ahead + self.rng.normal(0.0, 1e-3, self.robot.dof)
-        self.planner.polish(int(self.rng.integers(0, 13)), ahead)
+        self.planner.improve(int(self.rng.integers(0, 13)), ahead)
 
     def switch_goals(self) -> None:
         """Set other goals, sometimes some of the old ones with them."""

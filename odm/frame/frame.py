@@ -476,6 +476,7 @@ class Frame:
         """Take up the table's new groups: another arm, other cells."""
         self.set_sampling(*self.sampled)
         self.memory.search.memo[:] = -1
+        self.memory.recent.memo[:] = -1
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -7,7 +7,7 @@ from odm.cell_map.cell_map import ROUNDING
 from odm.cell_map.sweep import swept_by
 from odm.frame.frame import Frame
 from odm.planner.kept_goals import KeptGoals
-from odm.planner.path import Candidates, PathInUse
+from odm.planner.path import CandidatePath, Candidates, PathInUse
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
@@ -29,6 +29,7 @@ class Attacher:
     Args:
         frame: Scenery, hand and memory.
         path: The path in use; its items are kept.
+        candidate: What betters that path; its items are kept, too.
         candidates: Their items are thrown away when the pool runs full.
         goals: Motions that join a goal to near nodes.
         starts: The same for a start.
@@ -45,13 +46,15 @@ class Attacher:
         self,
         frame: Frame,
         path: PathInUse,
+        candidate: CandidatePath,
         candidates: Candidates,
         goals: int,
         starts: int,
         kept: int,
     ) -> None:
         """Attach nothing yet."""
-        self.frame, self.path, self.candidates = frame, path, candidates
+        self.frame, self.path = frame, path
+        self.candidate, self.candidates = candidate, candidates
         self.roadmap = frame.cell_map.roadmap
         self._for_goals = min(goals, MAX_ATTACHMENTS)
         self._for_starts = min(starts, MAX_ATTACHMENTS)
@@ -76,7 +79,8 @@ class Attacher:
         tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
         self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
         self.room = sweep_room(arm, self.swept.grid, frame.robot.dof)
-        frame.memory.proof.motion[:] = point_motion(arm, frame.robot.dof)
+        motion = point_motion(arm, frame.robot.dof)
+        frame.memory.proof.motion[:] = frame.memory.better_proof.motion[:] = motion
 
     def hand_changed(self) -> None:
         """Throw all motions away; the goals are attached anew before they are used."""
@@ -394,7 +398,7 @@ class Attacher:
         if not full and not self.candidates.is_filling:
             return
         self.candidates.forget_cuts()
-        refs = [self.path.items()]
+        refs = [self.path.items(), self.candidate.items()]
         refs.append(m.fresh.ref[: m.fresh.count[0]])
         g = int(m.goals.count[0])
         refs.append(m.goals.fresh_ref[:g])

@@ -18,7 +18,7 @@ from odm.search import _connect as kernels
 from odm.search._state import NO_ITEM
 
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found
-_SHARE = 250  # for each motion that `polish` may test
+_SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
 

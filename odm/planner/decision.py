@@ -4,11 +4,12 @@ A robot finds a path only from a configuration that was joined to the roadmap, b
 motions to near nodes. That costs milliseconds, so it is done where `JOIN` says so.
 """
 
+import math
+
 import numpy as np
 
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
-from odm.planner.hysteresis import Hysteresis
 from odm.planner.path import PathInUse
 from odm.search import _step as step
 
@@ -39,19 +40,27 @@ JOIN = {
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
 }
 
-_STAYS = 3  # frames at the same place,
-_LINGERS = 12  # and with a path that it could follow
+_STAYS = 3  # frames at the same place, and without a path,
+_LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
 class Decision:
     """Decides what a frame comes to.
 
+    The common frame is one compiled call (`odm/search/_step.py::respond`); what it
+    cannot answer alone is decided here.
+
     Args:
         frame: The present frame.
         path: The path in use.
         attacher: Joins a configuration to the roadmap.
-        hysteresis: Chooses between paths.
+        always_replan: Search from scratch in every frame: nothing is kept.
+        patience: Frames that a path must be there after one was blocked that was only
+            just free.
+
+    Attributes:
+        new_goals: Goals were set since the last frame.
     """
 
     def __init__(
@@ -59,91 +68,147 @@ class Decision:
         frame: Frame,
         path: PathInUse,
         attacher: Attacher,
-        hysteresis: Hysteresis,
+        always_replan: bool,
+        patience: int,
     ) -> None:
         """No frame was seen."""
-        self.frame, self.path = frame, path
-        self.attacher, self.hysteresis = attacher, hysteresis
-        self._numbers = frame.memory.numbers
-        self.new_goals = False
-        self._here = b""  # configuration of the last frame, and of the one before it
-        self._before = b""
-        self._stood = 0  # frames without a move
+        self.frame, self.path, self.attacher = frame, path, attacher
+        self._memory, self._numbers = frame.memory, frame.memory.numbers
+        self.new_goals, self._patience = False, patience
+        self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
+        self.always_replan = always_replan
 
-    def decide(self, points: np.ndarray, q: np.ndarray) -> int:
-        """Answer a frame that can be used; a code of `odm/search/_step.py`."""
-        here = q.tobytes()  # compared much faster than arrays
-        self._before, self._here = self._here, here
-        same = here == self._before
-        attacher, always = self.attacher, self.hysteresis.always_replan
-        numbers = self._numbers
-        due = not always and numbers.step.item() % step.IMPROVE_EVERY == 0
-        # looks in a row that found a better path
-        found = numbers.better.item() if due else 0
-        if self.new_goals:
-            self.new_goals, self._stood = False, 0
-            if same:
-                self._join(NEW_GOALS, q)
-        else:
-            self._stood = self._stood + 1 if same else 0
-            stays = _LINGERS if self.path.followed else _STAYS
-            if attacher.quick and self._stood >= stays:
-                self._join(LINGERS, q)
-        code = self.hysteresis.step(points, q)
+    @property
+    def always_replan(self) -> bool:
+        """Whether every frame searches from scratch."""
+        return self._always
+
+    @always_replan.setter
+    def always_replan(self, always: bool) -> None:
+        self._always = always
+        self._memory.rules.always[0] = bool(always)
+
+    @property
+    def waits(self) -> bool:
+        """Whether paths that are only just free are not taken now."""
+        return self._numbers.waits.item() > 0
+
+    @property
+    def patience(self) -> int:
+        """Frames that such a path must be there after one was blocked."""
+        return 0 if self._always else self._patience
+
+    def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
+        """Answer a frame that can be used: what `respond` returns."""
+        if self.new_goals or self.attacher.quick:
+            self._join_ahead(q)
+        now = math.nan if now is None else now
+        said = step.respond(self._memory.table, points, q, now)
+        code = said % step.SEGMENT
+        if code <= step.PLANNED:
+            return said
+        return self._decide(said, code, points, q, now)
+
+    def _decide(
+        self, said: int, code: int, points: np.ndarray, q: np.ndarray, now: float
+    ) -> int:
+        """Join q to what it needs, and answer again."""
+        if code == step.BESIDE:
+            said, code = self._beside(points, q, now)
         if code == step.NOT_ATTACHED and self._join(NOT_JOINED, q):
-            code = self.hysteresis.step(points, q)
-        if code == step.NO_PATH and len(attacher.goals) and self._join(NO_PATH, q):
-            code = self.hysteresis.step(points, q)
-        if due and code == step.FOLLOWING and self._may_do_better(q):
+            said, code = self._again(points, q, now)
+        has_goals = len(self.attacher.goals) > 0
+        if code == step.NO_PATH and has_goals and self._join(NO_PATH, q):
+            said, code = self._again(points, q, now)
+        if code == step.BETTER:
+            ago = self.frame.number - self._looked
+            if ago <= step.BETTER_EVERY and self._robot() == STANDS:
+                return said + step.FOLLOWING - step.BETTER  # it is looked for between
+            # then the robot's own motions may lead to it: the ends of a straight motion
+            # are no nodes
             self._join(BETTER_GOAL, q)
-            code = self.hysteresis.better(points, q, found)
-        return code
+            self._numbers.wish[0] = 1
+            said = step.respond(self._memory.table, points, q, now)
+        return said
 
-    def _join(self, case: str, q: np.ndarray) -> bool:
+    def _again(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
+        said = step.respond(self._memory.table, points, q, now)
+        if said % step.SEGMENT == step.BESIDE:
+            return self._beside(points, q, now)
+        return said, said % step.SEGMENT
+
+    def _beside(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
+        """Test the motions from q, beside its segment, and answer.
+
+        Of the candidate first, then of the path in use, if that is not free.
+        """
+        for _ in range(2):
+            waits = self._numbers.candidate.item() and not self._always
+            (self.attacher.candidate if waits else self.path).certify_beside(q)
+            said = step.respond(self._memory.table, points, q, now)
+            if said % step.SEGMENT != step.BESIDE:
+                break
+        return said, said % step.SEGMENT
+
+    def _join_ahead(self, q: np.ndarray) -> None:
+        """Join q to the roadmap before the frame is answered."""
+        stands = bool((q == self.frame.q).all())
+        if self.new_goals:
+            self.new_goals = False
+            self._numbers.stood[0] = -1
+            if stands:
+                self._join(NEW_GOALS, q, STANDS)
+        elif stands and not self.path.followed:
+            if self._numbers.stood.item() + 1 >= _STAYS:
+                self._join(LINGERS, q, STANDS)
+
+    def join_between(self) -> bool:
+        """Join the robot anew between frames, where it lingers or a goal has cleared.
+
+        Where it stands, a better path may leave by other nodes than those on its way.
+        """
+        q, self._looked = self.frame.q, self.frame.number
+        if self.attacher.quick and self._numbers.stood.item() >= _LINGERS:
+            return self._join(LINGERS, q)
+        if self._robot() == STANDS and self.sees_better_goal():
+            return self._join(BETTER_GOAL, q)
+        return False
+
+    def sees_better_goal(self) -> bool:
+        """Return whether a goal of better rank keeps its distance from the points."""
+        table, points = self._memory.table, self.frame.points
+        return bool(step.better_goal_stands_clear(table, points))
+
+    def _join(self, case: str, q: np.ndarray, robot: str | None = None) -> bool:
         """Join q to the roadmap as `JOIN` says; return whether it was."""
         attacher = self.attacher
         joined = NOTHING
         if attacher.is_at(q):
             joined = FEW if attacher.quick else MANY
-        what = None if joined == MANY else JOIN.get((case, self._robot(q), joined))
+        robot = robot or self._robot()
+        what = None if joined == MANY else JOIN.get((case, robot, joined))
         if what is None or not np.isfinite(q).all():
             return False
         attacher.attach_start(q, quick=what == FEW)
         return True
 
-    def _robot(self, q: np.ndarray) -> str:
+    def _robot(self) -> str:
         """Return what the robot did since the frame before."""
-        if self._here == self._before:
+        own = self._memory.own
+        if (own.before == own.q).all():
             return STANDS
-        if not self._before:
+        if not np.isfinite(own.before).all():
             return JUMPED
-        moved = np.abs(self.frame.difference(np.frombuffer(self._before), q)).max()
+        moved = np.abs(self.frame.difference(own.before, own.q)).max()
         return MOVES if moved < _PASSES else JUMPED
 
-    def _may_do_better(self, q: np.ndarray) -> bool:
-        """Return whether a better goal than that of the path in use keeps clear now.
-
-        Then it is worth to join the robot to the roadmap anew: the ends of a straight
-        motion are no nodes, and from them no path to another goal is ever found. Where
-        q is joined already, and no obstacle history is kept, every look finds it.
-        """
-        attacher, frame = self.attacher, self.frame
-        if attacher.is_at(q) and not self.hysteresis.settings.memory_s:
-            return False
-        if attacher.costs is not None:  # then no goal is better by its rank
-            return False
-        still = np.zeros_like(q)
-        better = attacher.goals[: max(self.path.goal, 0)]
-        return any(frame.motion_clear(goal, still) for goal in better)
-
     def save(self) -> dict[str, np.ndarray]:
-        """Return what is remembered of the frame before."""
+        """Return whether goals were set since the last frame, and the last look."""
         return {
-            "here": np.frombuffer(self._here, np.uint8),
-            "counts": np.array([self._stood, self.new_goals], np.int64),
+            "new_goals": np.array(self.new_goals),
+            "looked": np.array(self._looked),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned."""
-        self._here = saved["here"].tobytes()
-        self._stood, self.new_goals = int(saved["counts"][0]), bool(saved["counts"][1])
+        self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])

@@ -5,7 +5,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.search import _paths as kernels
 from odm.search import _step as step
-from odm.search._state import NO_ITEM, NO_WAY
+from odm.search._state import EDITED, NO_WAY
 
 _ROOM = 0.01  # [m] a robot beside its segment by less needs no test of its own
 
@@ -31,6 +31,7 @@ class PathInUse:
         self._way, self._proof, self._beside = memory.way, memory.proof, memory.beside
         self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
         self._count, self._numbers = self._way.count, memory.numbers
+        self._segment = memory.numbers.segment
         self.followed = False
         self._room_key = b""  # end and begin of a segment, and
         self._has_room = False  # whether it is free with room around it
@@ -47,7 +48,7 @@ class PathInUse:
     @property
     def segment(self) -> int:
         """The segment that the robot was on in the last frame."""
-        return self._numbers.segment.item()
+        return self._segment.item()
 
     @property
     def is_same(self) -> bool:
@@ -59,8 +60,13 @@ class PathInUse:
         return self.item[: max(0, len(self) - 1)]
 
     def drop(self) -> None:
-        """Forget it; the next frame looks for another one."""
+        """Forget it, and what would better it; the next frame looks for another."""
         self._count[0] = 0
+        self.withdraw()
+
+    def withdraw(self) -> None:
+        """Offer no candidate to the next frame."""
+        step.drop_candidate(self.frame.memory.table)
 
     def reset(self) -> None:
         """Forget it, and that the robot was on it."""
@@ -74,27 +80,10 @@ class PathInUse:
 
     def goals_changed(self, vertex: int, vertices: np.ndarray) -> None:
         """Find its goal, of that `vertex`, among the vertices of the new goals."""
+        self.withdraw()
         if len(self):
             same = np.flatnonzero(vertices == vertex)
             self._count[1] = same[0] if len(same) else -1
-
-    def rest(self) -> np.ndarray:
-        """Return a copy of its corners from the robot's segment on, (k, dof)."""
-        begin = self._numbers.segment.item()
-        return self.q[begin : self._count.item(0)].copy()
-
-    def look_soon(self) -> None:
-        """Let the next frame look for a better one, whatever its number."""
-        self._numbers.look[0] = 1
-
-    def judge(self, points: np.ndarray, q: np.ndarray) -> int:
-        """Judge it by the frame's points; a code of `odm/search/_step.py`."""
-        table = self.frame.memory.table
-        code = step.judge(table, points, q, False)
-        if code == step.BESIDE:
-            self.certify_beside(q)
-            code = step.judge(table, points, q, False)
-        return code
 
     def certify_beside(self, q: np.ndarray) -> None:
         """Test the motions from q, beside its segment, to that segment's two ends.
@@ -137,20 +126,6 @@ class PathInUse:
         """Return its weighted length from q, on the robot's segment, to the goal."""
         return step.rest_length(self.frame.memory.table, self._way, self.segment, q)
 
-    def go_straight(self, vertex: int, q: np.ndarray) -> None:
-        """Let it be the straight motion from `vertex`, at q, to where it ends.
-
-        It ends at the very goal: q plus a difference may lie a rounding out of limits.
-        """
-        last = len(self) - 1
-        self.vertex[:2] = vertex, self.vertex[last]
-        self.q[0], self.q[1] = q, self.q[last].copy()
-        self.item[0] = NO_ITEM
-        self._count[0] = 2
-        kernels.unwind(self._way, self.frame.robot.continuous)
-        kernels.certify_whole(self._way, 0, self._proof)
-        self._numbers.segment[0] = self._numbers.same[0] = 0
-
     def write(
         self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]
     ) -> None:
@@ -188,6 +163,7 @@ class PathInUse:
         self, goal: int, vertex: np.ndarray, q: np.ndarray, item: list[int]
     ) -> None:
         """Let it be another path, to a goal of that rank; see `write`."""
+        self.withdraw()
         self._count[0], self._count[1] = 0, goal
         self.write(vertex, q, item, [-1] * len(item))
         self._numbers.segment[0] = self._numbers.same[0] = 0
@@ -201,8 +177,41 @@ class PathInUse:
         self._room_key, self.followed = b"", bool(saved["followed"])
 
 
+class CandidatePath(PathInUse):
+    """What improves the path in use between frames: a path for the next frame to test.
+
+    At first it is the path in use, segment by segment; changes are made to it. Only a
+    frame that finds it free makes it the path in use, which is kept until then.
+    """
+
+    def __init__(self, frame: Frame) -> None:
+        """There is none yet."""
+        super().__init__(frame)
+        m = frame.memory
+        self._way, self._proof, self._count = m.better, m.better_proof, m.better.count
+        self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
+        self._segment = m.numbers.start
+
+    def begin(self) -> None:
+        """Begin with the path in use; a candidate that waits is changed further."""
+        step.begin_candidate(self.frame.memory.table)
+
+    def end(self) -> None:
+        """Let it wait for the next frame where it was changed."""
+        if not self._numbers.candidate.item():
+            self.withdraw()
+
+    def write(
+        self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]
+    ) -> None:
+        """As of the path in use; from now on it waits for a frame."""
+        super().write(vertex, q, item, old)
+        waits = self._numbers.candidate
+        waits[0] = max(waits.item(), EDITED)
+
+
 class Candidates:
-    """Cuts that polishing found, and paths of the past that bound a long search.
+    """Cuts that improving found, and paths of the past that bound a long search.
 
     Each is tested against the frame before it is used.
     """

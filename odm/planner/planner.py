@@ -1,5 +1,6 @@
 """ReactivePlanner: the loop's one stateful object; what it owns does the work."""
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import NoReturn
@@ -43,14 +44,14 @@ from odm.planner.attaching import Attacher
 from odm.planner.connect import Connector
 from odm.planner.decision import Decision
 from odm.planner.explain import Reasons, start_trouble
-from odm.planner.hysteresis import Hysteresis
-from odm.planner.obstacle_history import ObstacleHistory
-from odm.planner.path import Candidates, PathInUse
+from odm.planner.improve import Improver
+from odm.planner.path import CandidatePath, Candidates, PathInUse
 from odm.planner.retreat import Retreat
 from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
 from odm.planner.settings import MOST_EXTRA, PlannerSettings
-from odm.planner.shortcuts import Polisher, Straightener
+from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
+from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search.state import Memory
 from roadmap.errors import BadInput
@@ -73,9 +74,10 @@ class ReactivePlanner:
 
     Attributes:
         frame: What is known now; all helpers look at it.
-        path, candidates, attacher, history: What is remembered between frames: the path
-            in use, what was found to better it, motions to the roadmap, obstacles.
+        path, candidate, candidates, attacher: What is remembered between frames: the
+            path in use, what was found to better it, motions to the roadmap.
         connector: What was found beyond the roadmap.
+        decision: Decides what a frame comes to.
         direct: The nodes and edges that the frame invalidates.
         last: The last answer, None before the first.
     """
@@ -100,24 +102,38 @@ class ReactivePlanner:
         self.direct = frame.direct
         # what is remembered between frames
         self.path = path = PathInUse(frame)
+        self.candidate = CandidatePath(frame)
         self.candidates = Candidates(frame)
-        self.history = ObstacleHistory(cell_map.grid, s.memory_s, s.calm)
         self.attacher = attacher = Attacher(
             frame,
             path,
+            self.candidate,
             self.candidates,
             s.attachments,
             s.start_attachments,
             s.kept_goals,
         )
         # what works on it
-        self.hysteresis = Hysteresis(frame, path, self.history, s, always_replan)
-        self._decision = Decision(frame, path, attacher, self.hysteresis)
-        self._polisher = Polisher(frame, path, self.candidates, attacher)
-        self.straightener = Straightener(frame, path, attacher, self.hysteresis)
-        self.smoother = Smoother(frame, path, attacher, self.hysteresis, s.comfort)
+        self.decision = Decision(
+            frame, path, attacher, always_replan, s.patience if s.memory_s else 0
+        )
+        self._improver = Improver(
+            frame,
+            path,
+            self.candidate,
+            Cutter(frame, path, self.candidates, attacher),
+            Smoother(
+                frame,
+                self.candidate,
+                attacher,
+                s.comfort,
+                s.calm if s.memory_s else 0.0,
+            ),
+            self.decision.join_between,
+        )
         self.connector = Connector(frame, path, attacher, s.search)
         self._retreat = Retreat(frame, attacher)
+        self._set_rules()
         self.last: Answer | None = None
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
@@ -147,11 +163,16 @@ class ReactivePlanner:
     @property
     def always_replan(self) -> bool:
         """Whether every frame searches from scratch; it may be set."""
-        return self.hysteresis.always_replan
+        return self.decision.always_replan
 
     @always_replan.setter
     def always_replan(self, always: bool) -> None:
-        self.hysteresis.always_replan = always
+        self.decision.always_replan = always
+
+    @property
+    def smoother(self) -> Smoother:
+        """What shortens the time along the path between frames."""
+        return self._improver.smoother
 
     @property
     def frame_number(self) -> int:
@@ -230,8 +251,8 @@ class ReactivePlanner:
             return
         self._check_goals(goals)
         self.attacher.set_goals(goals, costs)
-        self.straightener.reset()
-        self._decision.new_goals = True
+        self.smoother.look_straight()
+        self.decision.new_goals = True
 
     def prepare_goal(self, q: np.ndarray) -> bool:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
@@ -314,35 +335,42 @@ class ReactivePlanner:
         times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
-        if not self.hysteresis.always_replan:
-            self.history.take(frame.points, now)
-        code = self._decision.decide(frame.points, q)
-        h = self.hysteresis
-        searched = code in codes.HAS_NO_PATH and self.connector.answer(
-            q, h.patience, h.waits
-        )
-        if code > codes.PLANNED and not searched:
-            return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
-        answer = self._lead(q, codes.PLANNED if searched else code, times, closed)
-        answer.stage = stage_of(code, answer.path)
-        return answer
-
-    def _lead(
-        self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
-    ) -> Answer:
-        """Answer with the path in use, which a decision has just found free."""
+        said = self.decision.decide(frame.points, q, now)
+        code = said % codes.SEGMENT
+        if code > codes.PLANNED:
+            return self._beyond(q, code, times, closed)
+        # the path in use from the robot's segment on, which was just found free
+        begin = said % codes.COUNT // codes.SEGMENT
         path = self.path
-        if code == codes.PLANNED and len(path) > 2:
-            self.straightener.run()
-        corners = path.rest()
-        following = code == codes.FOLLOWING
-        if following:  # a new path begins at q
-            corners[0] = q
-        elif path.followed:
-            following = path.is_same
+        corners = path.q[begin : said % codes.GOAL // codes.COUNT].copy()
+        corners[0] = q
+        following = code == codes.FOLLOWING or (path.followed and path.is_same)
         path.followed = True
         status = FOLLOWING if following else REPLANNED
-        return self._answer(status, corners, path.goal, times, closed, None)
+        goal = said // codes.GOAL - 1
+        answer = self._answer(status, corners, goal, times, closed, None)
+        answer.stage = stage_of(code, corners)
+        return answer
+
+    def _beyond(
+        self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
+    ) -> Answer:
+        """Answer a frame for which the roadmap has no path, or hold."""
+        decision, path = self.decision, self.path
+        if code not in codes.HAS_NO_PATH or not self.connector.answer(
+            q, decision.patience, decision.waits
+        ):
+            return self._hold(
+                times, closed, start_trouble(self.robot, self.frame.q, code)
+            )
+        corners = path.q[: len(path)].copy()
+        corners[0] = q
+        following = path.followed and path.is_same
+        path.followed = True
+        status = FOLLOWING if following else REPLANNED
+        answer = self._answer(status, corners, path.goal, times, closed, None)
+        answer.stage = stage_of(code, corners)
+        return answer
 
     def _hold(
         self, times: tuple[int, int], closed: bool, trouble: str | None
@@ -369,16 +397,18 @@ class ReactivePlanner:
         self.last = Answer(status, path, goal, certified, times, counted, why, number)
         return self.last
 
-    def polish(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
-        """Shorten the path in use between two frames; return how many cuts were made.
+    def improve(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
+        """Better the path between two frames; return how many changes were found.
 
-        Call it after the answer was sent. At most `budget` motions are tested; what
-        is found is remembered and used by later frames as long as it is free. After a
-        frame that was held for want of a path it goes on searching for one instead,
-        and returns 1 where it found one.
+        Call it after the answer was sent. It looks for a better goal and a shorter
+        path, and makes the path in use quicker. What it finds is a candidate: the next
+        frame takes it if it is free then, and else goes on as before. After a frame
+        that was held for want of a path it goes on searching for one instead, and
+        returns 1 where it found one.
 
         Args:
-            budget: Motions to test at most.
+            budget: Tests of motions and searches at most. Same frames and budgets, same
+                answers: it counts work, no seconds.
             ahead: (dof,) where the next frame will be asked from, if that is known:
                 the path up to there stays. None leaves what the robot reaches soon.
 
@@ -387,19 +417,16 @@ class ReactivePlanner:
                 length.
         """
         self._memory.owner.check()
-        budget = check_number("the budget of polish", budget, 0, 10**6, whole=True)
+        budget = check_number("the budget of improve", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
-        frame = self.frame
-        if frame.trouble is not None:
+        if self.frame.trouble is not None:
             return 0
         if not self.path.followed:
             return self.connector.improve(budget)
         if self.always_replan:
-            return self._polisher.run(budget)[0]
-        half = budget // 2
-        found, left = self._polisher.run(half)
-        return found + self.smoother.run(budget - half + left, ahead)
+            return self._improver.cut(budget)
+        return self._improver.run(budget, ahead)
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
@@ -407,10 +434,9 @@ class ReactivePlanner:
         self.path.reset()
         self.attacher.forget_start()
         self.connector.reset()
-        self.smoother.reset()
-        self.straightener.reset()
-        self.hysteresis.reset()
-        self.history.reset()
+        self._improver.reset()
+        recent.forget_recent(self._memory.recent)
+        self._numbers.bare[0] = self._numbers.waits[0] = 0
         self.frame.watch.reset()
         self.last = None
 
@@ -442,17 +468,22 @@ class ReactivePlanner:
         unpack(saved, self._remembering(), self._setting())
         self.last = None
 
+    def _set_rules(self) -> None:
+        """Tell the compiled loops what the user set."""
+        s, rules = self.settings, self._memory.rules
+        rules.margin[0], rules.memory[0] = s.margin, s.memory_s
+        rules.close_tests[0], rules.looks[0] = s.close_tests, s.looks
+        rules.rings[0] = math.ceil(s.calm / self.cell_map.safety.h - 1e-9)
+        rules.patience[0] = s.patience
+
     def _remembering(self) -> dict[str, Remembers]:
         """Return who owns what is remembered, by name; arrays first, frame last."""
         return {
             "state": StateArrays(self._memory),
             "attachments": self.attacher,
             "path": self.path,
-            "obstacles": self.history,
-            "hysteresis": self.hysteresis,
-            "decision": self._decision,
-            "straight": self.straightener,
-            "smoothing": self.smoother,
+            "decision": self.decision,
+            "improving": self._improver,
             "search": self.connector,
             "frame": self.frame,
         }

@@ -67,7 +67,7 @@ class PlannerSettings:
             set them again costs little; 0: those that are set, and no others.
         search: Where the roadmap has no path, a frame looks for one beyond it, by a
             tree search that looks at so many configurations (about 2 us each), and
-            goes on in the next frames and in `polish`; 0: never. More answers sooner
+            goes on in the next frames and in `improve`; 0: never. More answers sooner
             in narrow places, and makes frames longer that would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].

@@ -1,4 +1,4 @@
-"""Between frames: shorten the time along the path in use, by cutting and pulling.
+"""Between frames: shorten the time along the candidate path, by cutting and pulling.
 
 A roadmap leads over its nodes, which lie where chance put them. A straight motion from
 one point of the path to another may replace what lies between (Geraerts and Overmars
@@ -6,7 +6,8 @@ one point of the path to another may replace what lies between (Geraerts and Ove
 is counted in time: of the legs at the joints' speed, and of the corners, in which the
 joints must change their speeds. Near who moves a robot is slowed, so that new legs keep
 more distance from points than they must, unless they save much. They keep their cells
-with them, so that later frames judge them as they judge an edge.
+with them, so that later frames judge them as they judge an edge, and are not where the
+obstacles have lately been.
 """
 
 from typing import NamedTuple
@@ -16,8 +17,8 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.planner import _smooth as smoothing
 from odm.planner.attaching import Attacher
-from odm.planner.hysteresis import Hysteresis
-from odm.planner.path import PathInUse
+from odm.planner.path import CandidatePath
+from odm.search import _recent as recent
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import (
@@ -36,6 +37,8 @@ _GAIN_NODES = 128  # corners of the roadmap that are looked at
 _GAIN_STRAY, _GAIN_ROOM = 0.004, 10.0  # [m] allowed there, and of endless legs
 _MUCH = 0.3  # a change that comes nearer to points than is comfortable must save more
 _DRAWS = 40  # changes looked at for each one that is tested
+_WAIT = 8  # frames from a look that found the straight motion blocked to the next
+_DETOUR = 1.1  # times the straight length: a rest shorter than that stays
 
 
 def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
@@ -77,27 +80,27 @@ class Change(NamedTuple):
 
 
 class Smoother:
-    """Tests changes of the path in use, in a fixed order.
+    """Tests changes of the candidate path, in a fixed order.
 
     Args:
         frame: The present frame.
-        path: The path in use, which is changed.
+        path: The candidate, which is changed.
         attacher: Makes the cells of new legs.
-        hysteresis: Knows what new legs keep clear of.
         comfort: They keep so much more distance than they must [m].
+        calm: What saves much keeps so much more distance [m]; 0 heeds no history.
     """
 
     def __init__(
         self,
         frame: Frame,
-        path: PathInUse,
+        path: CandidatePath,
         attacher: Attacher,
-        hysteresis: Hysteresis,
         comfort: float,
+        calm: float,
     ) -> None:
         """Begin the order of the changes."""
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.hysteresis, self.comfort = hysteresis, comfort
+        self.comfort, self.calm = comfort, calm
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
             _PACE * robot.max_velocity,
@@ -116,14 +119,56 @@ class Smoother:
     def reset(self) -> None:
         """Begin the order of the changes again."""
         self._drawn = 0
+        self._next = 0  # frame of the next look for a straight motion
 
     def save(self) -> dict[str, np.ndarray]:
         """Return how far the order of the changes has come."""
-        return {"drawn": np.array(self._drawn)}
+        return {"drawn": np.array(self._drawn), "next": np.array(self._next)}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Go on in the order of the changes."""
-        self._drawn = int(saved["drawn"])
+        self._drawn, self._next = int(saved["drawn"]), int(saved["next"])
+
+    def look_straight(self) -> None:
+        """Look for a straight motion at once: there are other goals."""
+        self._next = 0
+
+    def go_straight(self, ahead: np.ndarray | None = None) -> int:
+        """Test the straight motion to the goal, from where the path is to stay.
+
+        Returns:
+            1 where it is the rest of the candidate now, 0 where it is none, and -1
+            where it was not worth a test.
+        """
+        path, now = self.path, self.frame.number
+        last = len(path) - 1
+        if now < self._next or last < 2 or not self._begin(ahead):
+            return -1
+        at, share = self._turn(ahead is not None)
+        if at >= last - 1:
+            return -1
+        q = path.q[at] + share * (path.q[at + 1] - path.q[at])
+        corners = np.stack([q, path.q[last]])
+        change = Change(at, last - 1, share == 0.0 and at > self._at, True, corners)
+        weights = self.frame.cell_map.roadmap.weights
+        rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
+        length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()
+        if length < _DETOUR * np.linalg.norm((corners[1] - q) * weights):
+            return -1
+        self._next = now + _WAIT
+        return self._try(change)
+
+    def _turn(self, moves: bool) -> tuple[int, float]:
+        """Return the segment and the share of it from which the robot can turn.
+
+        One that moves is led to a corner a little ahead, which it can round.
+        """
+        at, own, q = self._at, self.frame.memory.own, self.path.q
+        if not moves and (own.before == own.q).all():
+            return at, self._share
+        leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
+        share = self._share + _LEAD_S / max(float(leg.max()), 1e-9)
+        return (at, share) if share < 1.0 else (at + 1, 0.0)
 
     def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
         """Test at most `budget` new legs; return how many changes were made.
@@ -189,21 +234,28 @@ class Smoother:
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
         legs = list(zip(begin, dq, strict=True))
         wide = self._clear(legs, self.comfort)
-        if not wide and (self._saves(change) < _MUCH or not self._clear(legs, 0.0)):
-            return 0
+        if not wide:
+            if self._saves(change) < _MUCH or not self._clear(legs, self.calm):
+                return 0
         if not all(self.frame.static.motion_free(q, leg) for q, leg in legs):
             return 0
         self.attacher.tidy()
         item = self.attacher.sweep(begin, dq)
         if item < 0 or len(self.path) + 3 >= len(self.path.vertex):
             return 0
+        legs = range(item, item + len(begin))
+        if self.calm and any(self.was_hit(leg) for leg in legs):
+            return 0
         self._make(change, item)
         return 1
 
     def _clear(self, legs: list, more: float) -> bool:
         """Whether motions (q, dq) keep so much more distance than they must [m]."""
-        cloud = self.hysteresis.cloud()
-        return all(self.frame.motion_clear(q, leg, cloud, more) for q, leg in legs)
+        return all(self.frame.motion_clear(q, leg, None, more) for q, leg in legs)
+
+    def was_hit(self, item: int) -> bool:
+        """Return whether a pool item has cells that lately were occupied, not now."""
+        return bool(recent.was_hit(self.frame.memory.table, item))
 
     def _saves(self, change: Change) -> float:
         """Return the share of the time for the rest of the path that a change saves."""

@@ -3,18 +3,23 @@
 The open list holds unverified entries: several for one vertex, one for each way into
 it. An entry is verified when it comes out first; so the first verified entry of a
 vertex is its shortest free way, as in lazy A* (Cohen, Phillips, Likhachev 2014).
+Where a search heeds where obstacles have lately been, an entry whose motion enters such
+cells pays a toll when it comes out, and waits anew; so the first that is paid and free
+is the shortest, tolls included, in one search.
 From the goal's side a flood runs along once the search takes longer than usual: a
 goal (or a start) that is walled in is known when the smaller side is exhausted.
 """
 
 import math
 
+import numpy as np
 from numba import njit
 
 from odm.search._bound import free_bound, recent_bound, remember_way
 from odm.search._invalidation import refresh
 from odm.search._items import BLOCKED, FREE, MAYBE, is_taken, item_free, way_in_free
 from odm.search._judge import can_enter, start_clear, way_in_clear
+from odm.search._recent import TOLL, TOLLED, item_wary, ref_wary
 from odm.search._state import EDGE_BASE, view
 
 LOOK_BACK = 8  # vertices closed before the last way is looked at,
@@ -77,6 +82,7 @@ def add_entry(search, node, ref, parent, g, f):
     search.e_ref[entry] = ref
     search.e_from[entry] = parent
     search.e_g[entry] = g
+    search.e_paid[entry] = 0
     push(search, search.waiting[0], f, entry)
     search.made[0] = entry + 1
     search.waiting[0] += 1
@@ -128,6 +134,27 @@ def verify(state, points, starts, entry, only):
 
 
 @njit(cache=True, nogil=True)
+def toll(state, starts, entry):
+    """Return what an entry's motion counts more for the wary cells that it enters."""
+    search, goals = view(state, "search"), view(state, "goals")
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    v, ref, parent = search.e_node[entry], search.e_ref[entry], search.e_from[entry]
+    before = search.e_g[parent] if parent >= 0 else 0.0
+    if v >= n:
+        g = v - n
+        before += goals.cost[g]
+        item = goals.direct_ref[g] if parent < 0 else goals.ref[g, -2 - ref]
+        wary = ref_wary(state, item)
+    elif ref <= EDGE_BASE:
+        wary = item_wary(state, np.int64(v))
+        wary = wary or item_wary(state, np.int64(n + EDGE_BASE - ref))
+    else:
+        wary = item_wary(state, np.int64(v))
+        wary = wary or ref_wary(state, starts.ref[-2 - ref])
+    return TOLL * (search.e_g[entry] - before) if wary else 0.0
+
+
+@njit(cache=True, nogil=True)
 def enter_goals(state, entry, low, high, bound):
     """Add the motions from a vertex into goals low to high - 1."""
     search, goals = view(state, "search"), view(state, "goals")
@@ -150,6 +177,7 @@ def expand(state, entry, h, bound):
     graph, search = view(state, "graph"), view(state, "search")
     frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
     counted = view(state, "stats").counted[0] != 0
+    heed = view(state, "numbers").heed[0] == 1
     n = graph.adj_ptr.shape[0] - 1
     v, g_v = search.e_node[entry], search.e_g[entry]
     begin, end = graph.adj_ptr[v], graph.adj_ptr[v + 1]
@@ -172,6 +200,13 @@ def expand(state, entry, h, bound):
         length = g_v + graph.adj_length[k]
         if length + hw > bound:
             continue
+        edge = n + graph.adj_edge[k]
+        if (
+            counted
+            and heed
+            and (item_wary(state, np.int64(w)) or item_wary(state, edge))
+        ):
+            length += TOLL * graph.adj_length[k]
         if counted:
             # all that is left can be used: only a shorter way in is of interest
             if search.near_run[w] == run and search.near_g[w] <= length:
@@ -180,6 +215,7 @@ def expand(state, entry, h, bound):
             search.near_g[w] = length
         ref = EDGE_BASE - graph.adj_edge[k]
         add_entry(search, w, ref, entry, length, length + hw)
+        search.e_paid[search.made[0] - 1] = counted
     return True
 
 
@@ -277,6 +313,8 @@ def a_star(state, points, starts, only):
     n = view(state, "graph").adj_ptr.shape[0] - 1
     h = view(state, "own").h_any if only < 0 else goals.h[only]
     low, high = (0, goals.count[0]) if only < 0 else (only, only + 1)
+    heed = numbers.heed[0] != 0
+    numbers.heed[0] = 1 if heed else 0
     add_starts(state, starts, h, low, high)
     search.tail[0] = NOT_BEGUN
     is_recent = frame - view(state, "direct").frame[0] <= RECENT
@@ -287,6 +325,7 @@ def a_star(state, points, starts, only):
         if stats.edge_tests[0] > many and stats.counted[0] == 0:
             refresh(state)  # a long search pays for settling all items at once
             stats.counted[0] = 1
+        f = search.heap_f[0]
         entry = pop(search, search.waiting[0])
         search.waiting[0] -= 1
         v = search.e_node[entry]
@@ -297,8 +336,19 @@ def a_star(state, points, starts, only):
             break
         if verdict != FREE:
             continue
+        if heed and search.e_paid[entry] == 0:
+            search.e_paid[entry] = 1
+            more = toll(state, starts, entry)
+            if more > 0.0:
+                search.e_g[entry] += more
+                push(search, search.waiting[0], f + more, entry)
+                search.waiting[0] += 1
+                continue
         search.done[v] = run
         popped += 1
+        if heed and popped == TOLLED:
+            heed = False
+            numbers.heed[0] = 2
         if v >= n:
             stats.popped[0] += popped
             if popped > LOOK_BACK and only >= 0:

@@ -6,9 +6,11 @@ not keep entries beyond it, and returns what it would have returned anyway.
 
 import math
 
+import numpy as np
 from numba import njit
 
 from odm.search._items import FREE, item_free, way_in_free
+from odm.search._recent import TOLL, item_wary, ref_wary
 from odm.search._state import EDGE_BASE, view
 
 ROUNDING = 1.0 + 1e-9
@@ -18,17 +20,23 @@ ROUNDING = 1.0 + 1e-9
 def way_bound(state, starts, r, g, best):
     """Return the length of past path r to goal g where it is free and below `best`.
 
-    A path counts from any vertex that the start is joined to.
+    A path counts from any vertex that the start is joined to. Tolls may be counted
+    twice: a bound that is too large cuts off too little, nothing else.
     """
     past, goals = view(state, "past"), view(state, "goals")
     if past.vertex[r] != goals.vertex[g]:
         return best
     n = view(state, "graph").adj_ptr.shape[0] - 1
     free = 4 * view(state, "numbers").frame[0] + FREE
+    heed = view(state, "numbers").heed[0] == 1
     length = goals.cost[g]
     for i in range(past.count[r]):
-        v, via = past.node[r, i], past.via[r, i]
+        v, via = np.int64(past.node[r, i]), np.int64(past.via[r, i])
         length += past.length[r, i]
+        if heed:
+            ref = goals.ref[g, via] if i == 0 else EDGE_BASE - via
+            if item_wary(state, v) or ref_wary(state, ref):
+                length += TOLL * past.length[r, i]
         if length >= best:
             break
         if i == 0:
@@ -40,7 +48,10 @@ def way_bound(state, starts, r, g, best):
             break
         for k in range(starts.count[0]):
             if starts.node[k] == v and starts.memo[k] == free:
-                best = min(best, length + starts.length[k])
+                first = starts.length[k]
+                if heed and (item_wary(state, v) or ref_wary(state, starts.ref[k])):
+                    first += TOLL * first
+                best = min(best, length + first)
     return best
 
 

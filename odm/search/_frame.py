@@ -30,6 +30,7 @@ from odm.search._judge import (
     stands_free,
 )
 from odm.search._paths import take_shortcuts, unwind, write_way
+from odm.search._recent import ref_wary
 from odm.search._state import view
 
 # What the close test may add where cells block all motions: HOPELESS: the start is in
@@ -115,20 +116,25 @@ def begin_shapes(state, given, data, counts, room):
 
 
 @njit(cache=True, nogil=True)
-def plan(state, points, starts, start_vertex, most):
-    """Plan from scratch from own.q to the goals in rank order; with costs to all.
+def plan(state, points, starts, start_vertex, most, last):
+    """Plan from scratch from own.q to goals 0 to last - 1 in rank order.
 
-    Of motions whose cells are occupied the close test is asked about `most` at either
-    end. Returns True and writes the path `spare` when one was found.
+    With costs to all of them. Of motions whose cells are occupied the close test is
+    asked about `most` at either end. Where numbers.heed is 1, cells that are to be wary
+    of cost a toll. Returns True and writes the path `spare` when one was found.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = False
     any_start = False
     leaves = True  # the start may be left by one of its motions
-    for g in range(goals.count[0]):
-        if judge_direct(state, points, g) and not joint:
-            go_straight(state, start_vertex, g)
-            return True
+    heed = view(state, "numbers").heed[0] == 1
+    for g in range(goals.count[0] if joint else last):
+        straight = judge_direct(state, points, g)
+        # one that is to be wary of is but a way among others
+        if straight and not joint:
+            if not (heed and leaves and ref_wary(state, goals.direct_ref[g])):
+                go_straight(state, start_vertex, g)
+                return True
         if not leaves:
             continue
         if not judged:
@@ -140,6 +146,9 @@ def plan(state, points, starts, start_vertex, most):
         entry = -1
         if any_start and can_enter:
             entry = a_star(state, points, starts, g)
+        if entry < 0 and straight:
+            go_straight(state, start_vertex, g)
+            return True
         if entry < 0:
             offered = offer(state, points, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:

@@ -6,6 +6,7 @@ from numba import njit
 
 from odm.search._beside import locate_beside, off_motion
 from odm.search._items import pool_free
+from odm.search._recent import ref_wary
 from odm.search._state import IS_GOAL, NO_ITEM, view
 from roadmap.geometry._segments import nearest_share
 
@@ -71,6 +72,26 @@ def certify_whole(way, first, proof):
         for j in range(way.q.shape[1]):
             proof.begin[k, j] = way.q[k, j]
             proof.end[k, j] = way.q[k + 1, j]
+
+
+@njit(cache=True, nogil=True)
+def copy_way(source, target):
+    """Let `target` be the same way as `source`."""
+    n = source.count[0]
+    for k in range(n):
+        target.vertex[k] = source.vertex[k]
+        target.ref[k] = source.ref[k]
+        target.q[k] = source.q[k]
+    target.count[0] = n
+    target.count[1] = source.count[1]
+
+
+@njit(cache=True, nogil=True)
+def copy_proof(source, target, n):
+    """Let `target` hold the proof of the first `n` segments of `source`."""
+    for k in range(n):
+        target.begin[k] = source.begin[k]
+        target.end[k] = source.end[k]
 
 
 @njit(cache=True, nogil=True)
@@ -177,6 +198,7 @@ def take_shortcuts(state):
     """Shorten the path `spare` by the remembered motions that are free now."""
     short, own, way = view(state, "short"), view(state, "own"), view(state, "spare")
     weights, n = own.weights, way.count[0]
+    heed = view(state, "numbers").heed[0] == 1
     if n < 3 or short.count[0] == 0:
         return
     best, back, ref = short.best, short.back, short.ref
@@ -195,6 +217,8 @@ def take_shortcuts(state):
             if i < k - 1:
                 item = find_shortcut(short, way.vertex[i], way.vertex[k])
                 if item < 0 or not pool_free(state, item):
+                    continue
+                if heed and ref_wary(state, item):
                     continue
             best[k] = length
             back[k] = i

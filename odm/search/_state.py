@@ -27,6 +27,8 @@ from odm.obstacles._solids import Solids
 
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of Beside.free
+# what a candidate is: the way in use, changed in part; another way; one only just free
+EDITED, BETTER_WAY, BARE_WAY = 1, 2, 3
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment
 LOST = -100  # number of a frame that is long over
 
@@ -142,6 +144,8 @@ class Search(NamedTuple):
     e_ref: np.ndarray = array("i4", "heap", FRAME)
     e_from: np.ndarray = array("i4", "heap", FRAME)  # entry of the parent, -1 start
     e_g: np.ndarray = array("f8", "heap", FRAME)
+    # 1: its length has the toll for where obstacles have lately been
+    e_paid: np.ndarray = array("u1", "heap", FRAME)
     heap_f: np.ndarray = array("f8", "heap", FRAME)
     heap_e: np.ndarray = array("i4", "heap", FRAME)
     made: np.ndarray = array("i8", "1", FRAME)  # entries, and those on the heap
@@ -204,6 +208,40 @@ class Beside(NamedTuple):
     q: np.ndarray = array("f8", "3 dof", GOAL, np.nan)
     # 1: free of what stands still, to the end, to the begin
     free: np.ndarray = array("i8", "2", GOAL)
+
+
+class Recent(NamedTuple):
+    """Which cells were occupied lately, block by block; see `_recent.py`."""
+
+    when: np.ndarray = array("f8", "blocks", GOAL, -np.inf)  # last occupied [s]
+    # quarter of the memory's ring that was written last
+    period: np.ndarray = array("i8", "blocks", GOAL)
+    cells: np.ndarray = array("u8", "4*blocks", GOAL)  # occupied, by period modulo 4
+    # blocks that were occupied lately, their number last
+    listed: np.ndarray = array("i4", "blocks+1", GOAL)
+    clock: np.ndarray = array("f8", "1", GOAL)  # time of the frame [s]
+    lately: np.ndarray = array("u8", "blocks", FRAME)  # all cells occupied lately
+    # these, and the frame's grown: what new ways keep clear of
+    wary: np.ndarray = array("u8", "blocks", FRAME)
+    grown: np.ndarray = array("u8", "blocks", FRAME)
+    # blocks with such cells, their number last
+    marked: np.ndarray = array("i4", "blocks+1", FRAME)
+    sign: np.ndarray = array("u8", "4", FRAME)  # of these blocks
+    laid: np.ndarray = array("i8", "1", FRAME, -1)  # frame whose these are
+    # 2 * frame + whether a roadmap item has such cells
+    memo: np.ndarray = array("i8", "n+m", FRAME, -1)
+
+
+class Rules(NamedTuple):
+    """What the user set; see `PlannerSettings`."""
+
+    always: np.ndarray = array("i8")  # 1: search from scratch in every frame
+    margin: np.ndarray = array("f8")
+    close_tests: np.ndarray = array("i8")
+    looks: np.ndarray = array("i8")
+    memory: np.ndarray = array("f8")  # [s]
+    rings: np.ndarray = array("i8")  # of cells by which the frame's grow
+    patience: np.ndarray = array("i8")
 
 
 class Shortcuts(NamedTuple):
@@ -271,11 +309,21 @@ class Numbers(NamedTuple):
     segment: np.ndarray = array("i8", "1", GOAL)  # of the answer's way that q is on
     same: np.ndarray = array("i8", "1", FRAME)  # 1: the way found is the one in use
     joint: np.ndarray = array("i8", "1", FRAME)  # that is out of its limits
-    look: np.ndarray = array("i8", "1", GOAL)  # 1: look for a better way at once
     better: np.ndarray = array("i8", "1", GOAL)  # looks in a row that found one
+    # 0 none; else a candidate waits for the next frame: EDITED, BETTER_WAY, BARE_WAY
+    candidate: np.ndarray = array("i8", "1", GOAL)
+    start: np.ndarray = array("i8", "1", GOAL)  # its segment that q was on
+    bare: np.ndarray = array("i8", "1", GOAL)  # 1: the way was only just free
+    waits: np.ndarray = array("i8", "1", GOAL)  # frames such a way must be there yet
+    wish: np.ndarray = array("i8", "1", FRAME)  # 1: look for a better goal now
+    seen: np.ndarray = array("i8", "1", GOAL)  # step whose q and time were noted
+    stood: np.ndarray = array("i8", "1", GOAL)  # frames without a move
+    heed: np.ndarray = array(
+        "i8", "1", FRAME
+    )  # 1: this search heeds Recent.wary, 2: no more
     where: np.ndarray = array("i8", "1", FRAME)  # segment that q is on, -1: none
-    rest: np.ndarray = array("i8", "1", FRAME)  # 1: the rest of the way is free
-    beside: np.ndarray = array("i8", "1", FRAME)  # 1: q is beside its segment
+    rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the way is free
+    beside: np.ndarray = array("i8", "1", GOAL)  # 1: q is beside its segment
 
 
 class Own(NamedTuple):
@@ -294,6 +342,8 @@ class Own(NamedTuple):
     # configuration that was attached last
     q_fresh: np.ndarray = array("f8", "dof", GOAL, np.nan)
     q: np.ndarray = array("f8", "dof", FRAME, np.nan)  # present configuration
+    # that of the frame before
+    before: np.ndarray = array("f8", "dof", GOAL, np.nan)
     dq: np.ndarray = array("f8", "dof", FRAME)
     spot: np.ndarray = array("f8", "dof", FRAME)
     still: np.ndarray = array("f8", "dof", FRAME)  # zeros
@@ -321,9 +371,13 @@ class Groups:
     short: Shortcuts
     way: Way  # in use
     spare: Way  # found last
+    better: Way  # the candidate
     proof: Proof
+    better_proof: Proof
     beside: Beside
     own: Own
+    recent: Recent
+    rules: Rules
     terms: Terms
     numbers: Numbers
     trees: Trees  # where the roadmap has no path

@@ -119,6 +119,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     joins, goals = _SIZES["joins"], _SIZES["goals"]
     sizes = {**_SIZES, "n": n, "m": m, "dof": dof, "spheres": len(arm.spheres)}
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
+    sizes["blocks"] = len(cells.t_ptr) - 1
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
     own = new(
         Own,
@@ -145,6 +146,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
         "direct": direct,
         "pool": new(Pool, sizes, block=block),
         "proof": new(Proof, sizes, motion=point_motion(arm, dof)),
+        "better_proof": new(Proof, sizes, motion=point_motion(arm, dof)),
         "own": own,
         "terms": terms,
         # rows of one array, which is read at once

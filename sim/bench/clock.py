@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-SHARES = {"p50": 50, "p90": 90, "p99": 99, "max": 100}
+SHARES = {"p50": 50, "p90": 90, "p95": 95, "p99": 99, "max": 100}
 
 
 class Clock:

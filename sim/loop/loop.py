@@ -20,8 +20,8 @@ from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
-# a new path is polished more: for so many frames, so many times as many motions
-NEW_PATH_FRAMES, NEW_PATH_POLISH = 6, 3
+# a new path is improved more: for so many frames, so many times as many motions
+NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 6, 3
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
 NOBODY = np.zeros((0, 7))
 
@@ -46,7 +46,7 @@ class LoopSettings:
             then, and to be touched at rest is the lesser evil. With samples 3 cm
             apart an arm can touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
-        polish: Motions the planner may test between two frames to shorten its path;
+        improve: Motions the planner may test between two frames to shorten its path;
             none in a frame that found a new one, which took its time, and three times
             as many in the next five: its beginning is soon behind the robot.
         shapes: The planner is given the person's capsules themselves instead of samples
@@ -63,13 +63,13 @@ class LoopSettings:
     retreat_scale: float = 0.25
     stand_below: float = 0.022
     keep_paths: int = 0
-    polish: int = 4
+    improve: int = 4
     shapes: bool = False
     execution: str = "kinematic"
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
-        counts = ("seed", "keep_paths", "polish")
+        counts = ("seed", "keep_paths", "improve")
         ranges = {name: (0, 2**63, "") for name in counts}
         check_settings(self, {**ranges, "stand_below": (0.0, np.inf, "m")}, counts)
         for name in ("rate_hz", "duration_s", "spacing"):
@@ -108,7 +108,7 @@ class Frame:
         escape: Whether it retreats, and in this hold began to within the clearance.
         guess: (k, 7) where the person is [m]; None where `capsules` say it.
         wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
-        polish_s, polish_cpu_s: Time of its polishing after the answer [s].
+        improve_s, improve_cpu_s: Time of its improving after the answer [s].
     """
 
     index: int
@@ -121,8 +121,8 @@ class Frame:
     point_speed: float
     wall_s: float
     cpu_s: float
-    polish_s: float
-    polish_cpu_s: float = 0.0
+    improve_s: float
+    improve_cpu_s: float = 0.0
     dq: np.ndarray | None = None
     ddq: np.ndarray | None = None
     pace: str = ""
@@ -217,7 +217,7 @@ class Loop:
         escape = self._escapes(answer.status == "holding")
         new = answer.status == "replanned"
         self._new_path_for = NEW_PATH_FRAMES if new else self._new_path_for - 1
-        polish_s, polish_cpu_s = self._polish()
+        improve_s, improve_cpu_s = self._improve()
         frame = Frame(
             index=self.index,
             q=self._q,
@@ -229,8 +229,8 @@ class Loop:
             point_speed=self._point_speed(),
             wall_s=wall,
             cpu_s=cpu,
-            polish_s=polish_s,
-            polish_cpu_s=polish_cpu_s,
+            improve_s=improve_s,
+            improve_cpu_s=improve_cpu_s,
             dq=point.dq,
             ddq=point.ddq,
             pace=self.executor.state,
@@ -295,14 +295,14 @@ class Loop:
             self._escape |= bool(self.planner.separation(self._q) < keep)
         return self._retreats and self._escape
 
-    def _polish(self) -> tuple[float, float]:
+    def _improve(self) -> tuple[float, float]:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
-        if self.settings.polish and self._new_path_for < NEW_PATH_FRAMES:
+        if self.settings.improve and self._new_path_for < NEW_PATH_FRAMES:
             ahead = self.executor.ahead()
-            times = NEW_PATH_POLISH if self._new_path_for > 0 else 1
-            most = times * self.settings.polish
-            _optional(self.planner, "polish", most, ahead)
+            times = NEW_PATH_IMPROVE if self._new_path_for > 0 else 1
+            most = times * self.settings.improve
+            _optional(self.planner, "improve", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy
 
     def _point_speed(self) -> float:
@@ -415,9 +415,9 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         place=place,
         wall_s=[frame.wall_s for frame in frames],
         cpu_s=[frame.cpu_s for frame in frames],
-        polish_s=[frame.polish_s for frame in frames],
+        improve_s=[frame.improve_s for frame in frames],
         retreat=retreat,
-        polish_cpu_s=[frame.polish_cpu_s for frame in frames],
+        improve_cpu_s=[frame.improve_cpu_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         pushed=None if loop.body is None else loop.body.figures(),

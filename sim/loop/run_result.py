@@ -25,7 +25,7 @@ _ARRAYS = {
     "place": np.int32,
     "wall_s": np.float64,
     "cpu_s": np.float64,
-    "polish_s": np.float64,
+    "improve_s": np.float64,
 }
 
 
@@ -65,10 +65,10 @@ class RunResult:
         status: (F,) index into `STATUS`.
         place: (F,) the work place the robot is on its way to.
         wall_s, cpu_s: (F,) time of the planner's step: passed, and computed [s].
-        polish_s: (F,) time of its polishing after the answer [s].
+        improve_s: (F,) time of its improving after the answer [s].
         stages: The planner's own times by stage, (F,) each [s].
         paths: Frame -> (k, dof) planned path, where they were kept.
-        polish_cpu_s: (F,) computing time of the polishing [s]; None: as `polish_s`.
+        improve_cpu_s: (F,) computing time of the improving [s]; None: as `improve_s`.
         retreat: (F,) index into `RETREATS`: whether the robot got out of the way.
         pushed: What happened to a robot that was pushed, see `PushedRobot.figures`;
             then `q`, `separation` and `point_speed` are the true robot's, and
@@ -90,10 +90,10 @@ class RunResult:
     place: np.ndarray
     wall_s: np.ndarray
     cpu_s: np.ndarray
-    polish_s: np.ndarray
+    improve_s: np.ndarray
     stages: dict[str, np.ndarray]
     paths: dict[int, np.ndarray] = field(default_factory=dict)
-    polish_cpu_s: np.ndarray | None = None
+    improve_cpu_s: np.ndarray | None = None
     retreat: np.ndarray | None = None
     pushed: dict | None = None
 
@@ -103,8 +103,8 @@ class RunResult:
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
         retreat = np.zeros(len(self.q)) if self.retreat is None else self.retreat
         object.__setattr__(self, "retreat", frozen(retreat, np.uint8))
-        polish = self.polish_s if self.polish_cpu_s is None else self.polish_cpu_s
-        object.__setattr__(self, "polish_cpu_s", frozen(polish, np.float64))
+        improve = self.improve_s if self.improve_cpu_s is None else self.improve_cpu_s
+        object.__setattr__(self, "improve_cpu_s", frozen(improve, np.float64))
         stages = {k: frozen(v, np.float64) for k, v in self.stages.items()}
         object.__setattr__(self, "stages", stages)
 
@@ -134,7 +134,7 @@ class RunResult:
         return int(d.argmin()) if len(d) and np.isfinite(d.min()) else None
 
     def misses(self, clock: str = "wall") -> np.ndarray:
-        """Return the frames whose step and polishing outlasted the period.
+        """Return the frames whose step and improving outlasted the period.
 
         Args:
             clock: "wall" or "cpu".
@@ -179,7 +179,7 @@ class RunResult:
 
     def timing(self) -> dict:
         """Return the figures of the clock, as plain data [s]."""
-        clocks = {"wall": self.wall_s, "cpu": self.cpu_s, "polish": self.polish_s}
+        clocks = {"wall": self.wall_s, "cpu": self.cpu_s, "improve": self.improve_s}
         clocks |= self.stages
         return {
             "period_s": 1.0 / self.rate_hz,
@@ -221,8 +221,8 @@ class RunResult:
 
     def _busy(self, clock: str) -> np.ndarray:
         if clock == "cpu":
-            return self.cpu_s + self.polish_cpu_s
-        return self.wall_s + self.polish_s
+            return self.cpu_s + self.improve_cpu_s
+        return self.wall_s + self.improve_s
 
     def _late(self, clock: str) -> list[dict]:
         times, frames = self._busy(clock), self.misses(clock)

@@ -195,14 +195,17 @@ def exercise(cell_map: CellMap) -> None:
                 planner.step(points, q=q, dq=np.zeros_like(q))
                 answer = planner.step(points, q=q, stamp=0.0, now=0.01)
                 _ = answer.reason, answer.blockers, answer.retreat
-            planner.polish(8)
+            planner.improve(8)
+            planner.decision.sees_better_goal()
+            if not always_replan:
+                planner.smoother.was_hit(0)
             planner.separation(start)
             planner.is_free(start, goal)
             planner.blocked_leg(np.stack([start, goal]), 0.1, points)
             planner.way_out(start, [(0.1, points)], 0.5)
             if planner.memory.way.count[0] >= 2:
                 planner.attacher.forget_start()
-                planner.straightener.run()
+                planner.step(points, q=start)
             planner.attacher.attach_start(start, quick=True)
             planner.connector.answer(planner.frame.q.copy(), 0, False)
             planner.invalid_nodes()

@@ -91,7 +91,7 @@ class RunRecord:
             holds=tuple(Hold(**{k: h[k] for k in known}) for h in self.holds),
             capsules=self._padded(),
             **{name: self.arrays[name] for name in columns},
-            **dict.fromkeys(("wall_s", "cpu_s", "polish_s"), np.zeros(n)),
+            **dict.fromkeys(("wall_s", "cpu_s", "improve_s"), np.zeros(n)),
             stages={},
             retreat=self._retreat(),
         )

@@ -69,7 +69,7 @@ def latency_table(result: RunResult) -> Table:
     whole = {
         "step, wall clock": result.wall_s,
         "step, CPU": result.cpu_s,
-        "polishing afterwards": result.polish_s,
+        "improving afterwards": result.improve_s,
     }
     for name, seconds in {**result.stages, **whole}.items():
         shown = percentiles(1e6 * seconds)

@@ -33,7 +33,7 @@ class TwoSettings:
         speed_scale: Share of the joints' speed limits that they use.
         script_scale: The same for a scripted robot.
         script_rest_s: Time it rests at each of its places [s].
-        polish: Motions a planner may test between two frames to shorten its path.
+        improve: Motions a planner may test between two frames to shorten its path.
         heed: False takes the braking away: for the test that it is needed.
     """
 
@@ -43,13 +43,13 @@ class TwoSettings:
     speed_scale: float = 0.5
     script_scale: float = 0.1
     script_rest_s: float = 5.0
-    polish: int = 4
+    improve: int = 4
     heed: bool = True
 
     def __post_init__(self) -> None:
         """Refuse values that make no run."""
-        ranges = {"script_rest_s": (0.0, 1e6, "s"), "polish": (0, 10**6, "")}
-        check_settings(self, ranges, ("polish",))
+        ranges = {"script_rest_s": (0.0, 1e6, "s"), "improve": (0, 10**6, "")}
+        check_settings(self, ranges, ("improve",))
         for name in ("rate_hz", "duration_s"):
             value = getattr(self, name)
             if not is_between(value, 0, np.inf) or value in (0, np.inf):
@@ -155,8 +155,8 @@ class Planned:
 
     def advance(self) -> None:
         """Move on by one period; at a work place, take the next one as the goal."""
-        if self.settings.polish:
-            self.planner.polish(self.settings.polish)
+        if self.settings.improve:
+            self.planner.improve(self.settings.improve)
         self.executor.advance()
         self.q = self.executor.set_point.q
         off = difference(self.robot, self.q, self.places[self.place])

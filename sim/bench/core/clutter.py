@@ -1,7 +1,7 @@
 """`odm bench clutter`: shelves, boxes, cages and tables, as boxes of the frame.
 
 Each scene is asked once, by a planner that knows nothing of it: one `step`, and where
-that holds, `polish` and `step` in turn until there is a path, within a counted number
+that holds, `improve` and `step` in turn until there is a path, within a counted number
 of calls. OMPL's RRT-Connect gets two seconds for each with exact checks that keep the
 same clearance m. Every path of ours is looked at again by python-fcl, densely.
 """
@@ -26,8 +26,8 @@ from sim.tables.header import header
 from sim.tables.table import value_row
 
 LIMIT_S = 2.0  # that OMPL gets
-MOTIONS, MOST_CALLS = 8, 60  # of `polish`: budget, and calls for a scene
-IMPROVED = 10  # further calls of `polish` on a path that was found
+MOTIONS, MOST_CALLS = 8, 60  # of `improve`: budget, and calls for a scene
+IMPROVED = 10  # further calls of `improve` on a path that was found
 STEP = 0.004  # [m] no point of the robot moves farther between two checks
 SOLVED, P50_MS, P95_MS = 97.0, 5.0, 60.0  # [%], asked
 
@@ -37,9 +37,9 @@ class Tried(NamedTuple):
 
     kind: str
     path: np.ndarray | None  # first answer
-    better: np.ndarray | None  # after IMPROVED calls of `polish`
+    better: np.ndarray | None  # after IMPROVED calls of `improve`
     stage: str | None
-    calls: int  # of `polish`, before there was a path
+    calls: int  # of `improve`, before there was a path
     wall_us: float  # of all calls up to then
     cpu_us: float
     free_ends: bool  # the planner calls both ends free
@@ -82,7 +82,7 @@ def run(
         "scenes": len(scenes),
         "seed": seed,
         "ends": f"{100 * CLEAR:g} cm from all boxes by exact geometry, or more",
-        "calls": f"step; polish({MOTIONS}) and step in turn, {MOST_CALLS} times",
+        "calls": f"step; improve({MOTIONS}) and step in turn, {MOST_CALLS} times",
     }
     rows = _rows(tried, bench)
     return {"bench": "clutter", "header": header(cell_map), "setup": setup} | {
@@ -156,7 +156,7 @@ class _Bench:
         answer = ask()
         while answer.status == HOLDING and calls < MOST_CALLS:
             calls += 1
-            if clock(planner.polish, MOTIONS):
+            if clock(planner.improve, MOTIONS):
                 answer = ask()
         times = 1e-3 * sum(clock.wall), 1e-3 * sum(clock.cpu)
         ends = all(planner.stands_clear(q) for q in (scene.q_start, scene.q_goal))
@@ -165,7 +165,7 @@ class _Bench:
             path = answer.path
             self.look_again(path, scene)
             for _ in range(IMPROVED):
-                planner.polish(MOTIONS)
+                planner.improve(MOTIONS)
                 better = ask().path
             self.look_again(better, scene)
         if self.ompl is not None:
@@ -213,11 +213,11 @@ def _rows(tried: list[Tried], bench: _Bench) -> list[dict]:
     calls = np.array([t.calls for t in tried])[mine]
     rows += [
         value_row("solved in the first step", _share(calls == 0), "% of those solved"),
-        value_row("calls of polish before a path, p99", _percentile(calls, 99), ""),
+        value_row("calls of improve before a path, p99", _percentile(calls, 99), ""),
     ]
     both = [t for t in tried if t.path is not None and t.other is not None]
     name = "path length, median ratio to OMPL simplified"
-    note = f"joint space, rad; improved: {IMPROVED} more calls of polish"
+    note = f"joint space, rad; improved: {IMPROVED} more calls of improve"
     for what, which in (("first answer", "path"), ("improved", "better")):
         ratios = [length(getattr(t, which)) / length(t.other) for t in both]
         rows.append(value_row(f"{name}, {what}", _percentile(ratios, 50), "", note))
@@ -245,7 +245,7 @@ def _against(mine: np.ndarray, theirs: np.ndarray, free: np.ndarray) -> list[dic
 def _times(tried: list[Tried], mine: np.ndarray, bench: _Bench) -> list[dict]:
     wall = np.array([t.wall_us for t in tried])[mine]
     cpu = np.array([t.cpu_us for t in tried])[mine]
-    note = "step, and polish and step until there is a path; scenes solved"
+    note = "step, and improve and step until there is a path; scenes solved"
     return [
         time_row("obstacles to path", note, wall, cpu, p50=1e3 * P50_MS),
         value_row("... p95", 1e-3 * _percentile(wall, 95), "ms", most=P95_MS),

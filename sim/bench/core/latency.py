@@ -54,6 +54,7 @@ def run(
     some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
     parts = {
         "replanned": lambda: frame_rows.replanned(cell_map, drawn),
+        "kept": lambda: frame_rows.kept(cell_map, drawn),
         "following": lambda: frame_rows.followed(cell_map, drawn),
         "first steps": lambda: frame_rows.first_steps(cell_map, drawn),
         "goals": lambda: frame_rows.goal_setting(cell_map, drawn, seed),
@@ -82,6 +83,7 @@ def run(
 def _warm(cell_map, drawn, seed) -> None:  # noqa: ANN001
     """Run every kernel once, so that no row pays for compiling."""
     frame_rows.replanned(cell_map, drawn[:1])
+    frame_rows.kept(cell_map, drawn[:1])
     frame_rows.followed(cell_map, drawn[:1])
     map_rows.direct_map(cell_map, drawn[:1], keep_every=50)
     frame_rows.goal_setting(cell_map, drawn, seed)

@@ -99,7 +99,7 @@ def run(
 def _played(loop: Loop, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (n, 4) times [s], and (LOOKS, 2) looks at memory.
 
-    Times are those of the step by wall clock and CPU, and the same with polishing. A
+    Times are those of the step by wall clock and CPU, and the same with improving. A
     look is the simulated time [s] and the memory [MB].
     """
     times, looks = np.full((n, 4), -1.0), np.full((LOOKS, 2), -1.0)
@@ -112,8 +112,8 @@ def _played(loop: Loop, n: int) -> tuple[np.ndarray, np.ndarray]:
         for i in range(n):
             frame = loop.frame()
             times[i, :2] = frame.wall_s, frame.cpu_s
-            times[i, 2] = frame.wall_s + frame.polish_s
-            times[i, 3] = frame.cpu_s + frame.polish_cpu_s
+            times[i, 2] = frame.wall_s + frame.improve_s
+            times[i, 3] = frame.cpu_s + frame.improve_cpu_s
             if i + 1 == ends[k]:
                 del frame
                 gc.collect()
@@ -160,7 +160,7 @@ def _rows(name: str, times: np.ndarray, looks: np.ndarray, period: float) -> lis
             f"{name}: deadlines missed by CPU time",
             float((times[:, 3] > period).sum()),
             "",
-            f"{minutes}, step and polishing",
+            f"{minutes}, step and improving",
             most=0.0,
         ),
         value_row(

@@ -40,7 +40,7 @@ _MADE = (  # by users, so that how they are made is public
 )  # fmt: skip
 _METHODS = {
     odm.ReactivePlanner: (
-        "set_goals", "step", "polish", "reset", "take_over", "prepare_goal",
+        "set_goals", "step", "improve", "reset", "take_over", "prepare_goal",
         "is_prepared", "attach", "detach", "set_extra_clearance", "set_base",
         "set_static", "is_free", "approach", "stands_clear", "separation",
         "invalid_nodes", "invalid_edges", "blocked_leg",
@@ -176,7 +176,7 @@ def _driven(name: str, planner: odm.ReactivePlanner, seed: int) -> Lines:
         yield from _questions(at, k, planner, q, answer, rng)
         q = _moved(k, answer, q)
         if k % 3 == 0:
-            yield f"{at}: polish {planner.polish(6)}"
+            yield f"{at}: improve {scenes.improve(planner, 6)}"
 
 
 def _given(k: int, capsules: np.ndarray) -> tuple[np.ndarray, dict]:
@@ -432,7 +432,8 @@ def bad_calls(shop: object) -> Lines:
         (planner.set_goals, [q] * 40), (planner.is_free, q, q * np.nan),
         (planner.is_free, q, q, "take"), (planner.set_extra_clearance, 3.0),
         (planner.set_base, np.ones((4, 4))), (planner.set_static, "wall"),
-        (planner.polish, -1), (planner.blocked_leg, q[:2]), (planner.approach, q),
+        (scenes.improve, planner, -1), (planner.blocked_leg, q[:2]),
+        (planner.approach, q),
         (planner.separation, q[:1]), (planner.prepare_goal, q + 9.0), (planner.detach,),
         (copy.copy, planner), (pickle.dumps, planner), (_elsewhere, planner.reset),
         (_elsewhere, planner.take_over), (planner.reset,), (planner.take_over,),

@@ -251,3 +251,8 @@ def depth_image(
     image = np.round(1000.0 * depth).astype(np.uint16)
     image[::17, ::13] = 0  # no reading
     return image
+
+
+def improve(planner: odm.ReactivePlanner, budget: int) -> int:
+    """Improve between frames; checkouts of before call it polishing."""
+    return (getattr(planner, "improve", None) or planner.polish)(budget)

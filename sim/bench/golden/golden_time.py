@@ -45,8 +45,8 @@ def _pairs(cell_map: odm.CellMap) -> list[tuple]:
 
 
 def _pass(cell_map: odm.CellMap, pairs: list[tuple]) -> dict[str, list[int]]:
-    """Time frames replanned from scratch, of a robot that moves, and its polishing."""
-    times: dict[str, list[int]] = {"replanned": [], "followed": [], "polished": []}
+    """Time frames replanned from scratch, of a robot that moves, and its improving."""
+    times: dict[str, list[int]] = {"replanned": [], "followed": [], "improved": []}
     always = odm.ReactivePlanner(cell_map, always_replan=True)
     moving = odm.ReactivePlanner(cell_map)
     for start, goal, clip in pairs:
@@ -62,8 +62,8 @@ def _pass(cell_map: odm.CellMap, pairs: list[tuple]) -> dict[str, list[int]]:
                 if name == "replanned":
                     continue
                 begun = time.thread_time_ns()
-                planner.polish(4)
-                times["polished"].append(time.thread_time_ns() - begun)
+                scenes.improve(planner, 4)
+                times["improved"].append(time.thread_time_ns() - begun)
                 if len(found.path):
                     q = scenes.advance(found.path)
     return times

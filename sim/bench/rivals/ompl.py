@@ -44,7 +44,7 @@ def run(
 ) -> dict:
     """Compare answers and path lengths on `each` frames of every pair.
 
-    Our planner sees every frame and polishes between frames, as a user's loop does;
+    Our planner sees every frame and improves between frames, as a user's loop does;
     OMPL plans from scratch at the frames that are compared.
 
     Raises:
@@ -84,7 +84,7 @@ def _compare(
             rows.append(
                 (found, length(answer.path), its, length(path), took, clear, bent)
             )
-        planner.polish(4)
+        planner.improve(4)
     return rows
 
 
@@ -101,7 +101,7 @@ def _rows(found: np.ndarray, ours: Clock) -> list[dict]:
     shared = 100.0 * both.sum() / max(1, its.sum())
     clear = its & (found[:, 5] > 0)
     of_clear = 100.0 * (both & clear).sum() / max(1, clear.sum())
-    note = "following or replanning as blocked, polish(4) between frames"
+    note = "following or replanning as blocked, improve(4) between frames"
     return [
         value_row("frames OMPL finds a path in", 100.0 * its.mean(), "%"),
         value_row("... of those answered with a path", shared, "%", least=ANSWERED),

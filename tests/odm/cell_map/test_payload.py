@@ -174,7 +174,7 @@ def frames(planner, seed, n=40):
     for k in range(n):
         arm[:, :6] += 0.01 * np.sin(0.3 * k)
         answer = planner.step(odm.sample_capsules(arm, 0.03), q)
-        planner.polish()
+        planner.improve()
         found.append((answer.status, answer.path.tobytes()))
         if len(answer.path) > 1:
             dq = answer.path[1] - answer.path[0]

@@ -113,7 +113,7 @@ def test_an_object_that_touches_the_own_arm_is_not_free(tmp_path):
 
 
 def test_every_path_keeps_robot_and_object_off_a_moving_arm(cell_map, rng):
-    """Search, straight and polished motions, backing off: all that is answered."""
+    """Search, straight and improved motions, backing off: all that is answered."""
     loaded, m = with_payload(cell_map.robot, BALLS), cell_map.safety.m
     seen = {"following": 0, "replanned": 0, "holding": 0}
     for seed in range(8):
@@ -135,7 +135,7 @@ def test_every_path_keeps_robot_and_object_off_a_moving_arm(cell_map, rng):
                 now = exact_gap(loaded, shapes, q, q, 1)
                 away = exact_gap(loaded, shapes, *answer.retreat)
                 assert away >= min(m, now) - 1e-3
-            planner.polish()
+            planner.improve()
             if legs:
                 dq = difference(cell_map.robot, *legs[0])
                 q = q + dq * min(1.0, 0.1 / max(np.abs(dq).max(), 1e-9))

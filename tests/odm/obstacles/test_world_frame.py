@@ -25,7 +25,7 @@ def drive(planner, points_of, n=25):
     q, found = HOME.copy(), []
     for k in range(n):
         answer = planner.step(points_of(k), q)
-        planner.polish()
+        planner.improve()
         found.append((answer.status, answer.path.copy()))
         if len(answer.path) > 1:
             dq = answer.path[1] - answer.path[0]

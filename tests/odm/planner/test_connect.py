@@ -53,7 +53,7 @@ def solved(planner, scene, calls=8):
     answer = scene.ask(planner)
     while answer.status == "holding" and calls:
         calls -= 1
-        if planner.polish(8):
+        if planner.improve(8):
             answer = scene.ask(planner)
     return answer
 
@@ -157,7 +157,7 @@ def test_what_is_left_is_searched_between_frames(small_map, hard):
         calls = 0
         while answer.status == "holding" and calls < 30:
             before = planner.memory.trees.drawn.item()
-            found = planner.polish(4)
+            found = planner.improve(4)
             assert found in (0, 1)
             if found:
                 answer = scene.ask(planner)
@@ -166,7 +166,7 @@ def test_what_is_left_is_searched_between_frames(small_map, hard):
             elif planner.memory.trees.count.all():
                 assert planner.memory.trees.drawn.item() > before
             calls += 1
-        assert planner.polish(0) == 0
+        assert planner.improve(0) == 0
     assert went_on >= 3
 
 
@@ -186,7 +186,7 @@ def test_an_unsolved_frame_says_how_far_the_search_has_come(small_map):
     answer = planner.step(wall, q=HOME)
     assert answer.status == "holding" and answer.stage is None
     assert "search beyond the roadmap looked at 1" in answer.reason
-    planner.polish(8)
+    planner.improve(8)
     again = planner.step(wall, q=HOME)
     assert "search beyond the roadmap looked at " in again.reason
     assert again.reason != answer.reason
@@ -198,7 +198,7 @@ def test_a_start_or_goal_in_contact_is_not_searched(small_map):
     for q in (HOME, AWAY):
         points = ball_at(tool_pose(small_map.robot, q)[:3, 3])  # in the hand
         assert planner.step(points, q=HOME).status == "holding"
-        assert planner.polish(8) == 0
+        assert planner.improve(8) == 0
     assert planner.memory.trees.drawn.item() == 0
 
 
@@ -218,7 +218,7 @@ def test_an_obstacle_on_a_found_path_ends_it_and_its_leaving_brings_it_back(
             now = planner.step(
                 points, q=scene.ends[0], covering_radius=FINE, closed=True
             )
-            planner.polish(8)
+            planner.improve(8)
             if now.status != "holding":
                 assert_free(small_map, now.path, more, small_map.safety.m)
             else:
@@ -250,7 +250,7 @@ def test_while_balls_move_every_answer_is_free_in_its_own_frame(small_map, hard)
             answers.add(answer.stage)
             if answer.status != "holding":
                 assert_free(small_map, answer.path, balls, small_map.safety.m)
-            planner.polish(3)
+            planner.improve(3)
             if k % 8 == 7:  # on a found path it will be blocked by what moves
                 planner.path.drop()
     assert {"search", "path in use"} <= answers
@@ -280,7 +280,7 @@ def test_trees_that_are_full_begin_anew(small_map, hard):
     planner.memory.found.count[:] = 0
     for _ in range(40):
         answer = hard[0].ask(planner)
-        planner.polish(8)
+        planner.improve(8)
     assert answer.status == "following"
     assert trees.count.max() < trees.parent.shape[1]
 
@@ -291,13 +291,13 @@ def test_a_search_goes_on_alike_from_a_saved_memory(small_map, hard):
         one = odm.ReactivePlanner(small_map, settings=settings)
         one.set_goals([scene.ends[1]])
         scene.ask(one)
-        one.polish(1)
+        one.improve(1)
         other = odm.ReactivePlanner(small_map, settings=settings)
         saved = one.save_memory()
         other.load_memory(saved)
         assert not differences(other.save_memory(), saved)
         for _ in range(12):
-            assert one.polish(2) == other.polish(2)
+            assert one.improve(2) == other.improve(2)
             a, b = scene.ask(one), scene.ask(other)
             assert (a.status, a.stage) == (b.status, b.stage)
             assert a.path.tobytes() == b.path.tobytes()

@@ -69,10 +69,7 @@ def test_what_the_table_says_is_done(planner, joined):
     planner.set_goals([AWAY])
     planner.step(NOBODY, q=HOME)
     assert joined == [(NOT_JOINED, JUMPED, NOTHING, FEW), FEW]
-    joined.clear()
-    for _ in range(12):
-        planner.step(NOBODY, q=HOME)
-    assert joined == [(LINGERS, STANDS, FEW, MANY), MANY]
+    planner.attacher.attach_start(HOME, quick=False)
     joined.clear()
     planner.set_goals([AWAY + 0.1])
     planner.step(NOBODY, q=HOME)
@@ -87,6 +84,8 @@ def test_what_the_table_says_is_done(planner, joined):
     joined.clear()
     for _ in range(12):
         planner.step(NOBODY, q=HOME + 0.01)
+    assert joined == []  # it has a path: that can wait until there is time
+    planner.improve(1)
     assert joined == [(LINGERS, STANDS, FEW, MANY), MANY]
 
 
@@ -96,7 +95,8 @@ def test_a_blocked_robot_looks_around_thoroughly_once(planner, joined):
     for _ in range(5):
         assert planner.step(ball, q=HOME).status == "holding"
     done = [row for row in joined if isinstance(row, tuple) and row[3]]
-    assert done == [(NOT_JOINED, JUMPED, NOTHING, FEW), (NO_PATH, STANDS, FEW, MANY)]
+    first = (NOT_JOINED, JUMPED, NOTHING, FEW)
+    assert done == [first, (NO_PATH, STANDS, FEW, MANY)]
     joined.clear()
     q = HOME + 0.01
     for _ in range(5):

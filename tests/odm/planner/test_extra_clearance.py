@@ -137,7 +137,7 @@ def test_paths_keep_it_too(small_map, rng):
             arm = arm + np.array([0.006, -0.004, 0.0, 0.006, -0.004, 0.0, 0.0])
             shapes = [odm.Capsule.between(r[:3], r[3:6], r[6]) for r in arm]
             answer = planner.step(odm.sample_capsules(arm, 0.03), q)
-            planner.polish()
+            planner.improve()
             for a, b in list(zip(answer.path, answer.path[1:], strict=False))[:2]:
                 dq = difference(small_map.robot, a, b)
                 for t in (0.0, 0.4, 1.0):

@@ -65,7 +65,7 @@ def test_no_kernel_is_compiled_again_for_another_map(small_map, tmp_path):
 
     small_map.save(tmp_path / "map")
     loaded = odm.load_map(tmp_path / "map")
-    kernels = (step.step, frame.take_points)
+    kernels = (step.respond, frame.take_points)
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])
     planner.step(odm.sample_capsules(POST, 0.03), q=HOME)
@@ -83,7 +83,7 @@ def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
     planner.set_goals([AWAY])
     points = odm.sample_capsules(POST, 0.03)
     planner.step(points, q=HOME)
-    seen = len(step.step.signatures), len(frame.take_points.signatures)
+    seen = len(step.respond.signatures), len(frame.take_points.signatures)
     points.flags.writeable = False
     planner.step(points, q=small_map.roadmap.nodes[3])
-    assert (len(step.step.signatures), len(frame.take_points.signatures)) == seen
+    assert (len(step.respond.signatures), len(frame.take_points.signatures)) == seen

@@ -61,7 +61,7 @@ def test_a_planner_refuses_to_be_copied_in_one_sentence(held, copied, part):
 
 
 def test_what_holds_a_planner_refuses_with_it(held):
-    for thing in (held.direct, held.attacher, held.hysteresis, Approacher(held.frame)):
+    for thing in (held.direct, held.attacher, held.smoother, Approacher(held.frame)):
         for copied in (copy.deepcopy, pickle.dumps):
             with pytest.raises(BadInput, match="cannot be copied"):
                 copied(thing)
@@ -136,7 +136,7 @@ DOORS = {
     "cover": lambda p: p.cover(),
     "reason": lambda p: p.last.reason,
     "retreat": lambda p: p.last.retreat,
-    "polish": lambda p: p.polish(),
+    "improve": lambda p: p.improve(),
     "reset": lambda p: p.reset(),
     "attach": lambda p: p.attach(np.array([[0, 0, 0, 0.01]])),
     "detach": lambda p: p.detach(),

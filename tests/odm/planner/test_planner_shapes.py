@@ -66,7 +66,7 @@ def lives(planner, seed, frames):
         q = draw_valid(planner, rng)
         answer = planner.step(given, q=q, stamp=0.01 * k, now=0.01 * k)
         said.append((answer.status, answer.path.tobytes(), answer.reason))
-        said.append((planner.separation(q), planner.keep, planner.polish(4)))
+        said.append((planner.separation(q), planner.keep, planner.improve(4)))
         said.append(planner.invalid_edges().tobytes())
         said.append(str(planner.is_free(q, AWAY)))
     return said

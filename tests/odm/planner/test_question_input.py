@@ -16,7 +16,7 @@ QUESTIONS = {
     "approach": lambda p, q: p.approach(np.eye(4), q),
     "way_out": lambda p, q: p.way_out(q, [(0.1, BALL)], 0.5),
     "is_prepared": lambda p, q: p.is_prepared(q),
-    "polish": lambda p, q: p.polish(4, q),
+    "improve": lambda p, q: p.improve(4, q),
 }
 
 
@@ -89,7 +89,7 @@ def test_any_layout_of_numbers_is_answered_and_compiles_nothing(
 @pytest.mark.parametrize("wrong", WRONG)
 def test_what_is_no_configuration_is_refused_in_one_sentence(asked, question, wrong):
     q, words = WRONG[wrong]
-    if q is None and question in ("approach", "polish"):
+    if q is None and question in ("approach", "improve"):
         pytest.skip("None has a meaning there")
     with pytest.raises(BadInput, match=words):
         QUESTIONS[question](asked, q)
@@ -173,8 +173,8 @@ def test_an_extra_clearance_out_of_range_is_refused(planner, extra):
 
 @pytest.mark.parametrize("budget", [-1, 1.5, np.nan, "all", None])
 def test_a_budget_that_is_no_count_is_refused(planner, budget):
-    with pytest.raises(BadInput, match="budget of polish"):
-        planner.polish(budget)
+    with pytest.raises(BadInput, match="budget of improve"):
+        planner.improve(budget)
 
 
 @pytest.mark.parametrize("T", ["here", None, np.eye(3), [[1], [1, 2]]])

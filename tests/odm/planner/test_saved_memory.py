@@ -46,7 +46,7 @@ class Life:
             said += [self.answer.reason, str(self.answer.retreat)]
             said += [planner.separation(self.q), planner.invalid_edges().tobytes()]
             said += [planner.is_free(self.q, AWAY).reason]
-        said.append(planner.polish(6))
+        said.append(planner.improve(6))
         if k == 50:
             planner.prepare_goal(draw_valid(planner, rng))
         if len(self.answer.path) > 1 and k % 7:
@@ -127,7 +127,7 @@ def test_with_something_in_the_hand_too(carrying_map):
         a, b = one.step(points, q=HOME), other.step(points, q=HOME)
         assert (a.status, a.reason) == (b.status, b.reason)
         assert a.path.tobytes() == b.path.tobytes()
-        assert one.polish(4) == other.polish(4)
+        assert one.improve(4) == other.improve(4)
 
 
 def test_a_frame_that_could_not_be_used_still_answers_no(arm3):
@@ -206,5 +206,5 @@ def test_frames_are_counted_one_by_one(arm3):
     for k in range(1, 20):
         points = ball_at((0.4, 0.1, 0.4)) if k % 3 else np.full((1, 3), np.nan)
         assert planner.step(points, q=HOME).frame == k == planner.frame_number
-        planner.polish(4)
+        planner.improve(4)
         planner.set_extra_clearance(0.01 * (k % 2))  # marks the points once more

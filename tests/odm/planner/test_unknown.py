@@ -180,7 +180,7 @@ def test_a_refused_frame_holds_and_no_question_says_free(planner, points, times,
     assert answer.status == "holding" and answer.retreat is None
     assert any(word in answer.reason for word in words.split("|"))
     assert is_closed(planner)
-    assert planner.polish() == 0
+    assert planner.improve() == 0
     assert planner.step(NOBODY, q=HOME, stamp=1.2, now=1.21).status != "holding"
     assert planner.is_free(HOME, HOME) and planner.separation(HOME) == INF
 

@@ -61,7 +61,7 @@ def test_a_loop_that_keeps_its_frames_is_found_out(grows, monkeypatch):
 
             class Frame:
                 wall_s = cpu_s = 0.02
-                polish_s = polish_cpu_s = 0.0
+                improve_s = improve_cpu_s = 0.0
 
             return Frame
 

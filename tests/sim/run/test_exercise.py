@@ -44,7 +44,7 @@ for always in (True, False):
         points = middle + rng.normal(0.0, 0.03, (12, 3))
         answer = planner.step(points, q=q, stamp=0.01 * k, now=0.01 * k)
         _ = answer.reason, answer.retreat
-        planner.polish(4)
+        planner.improve(4)
         if len(answer.path) > 1:
             leg = answer.path[1] - q
             q = q + leg * min(1.0, 0.02 / max(1e-9, np.abs(leg).max()))

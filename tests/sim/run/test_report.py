@@ -32,7 +32,7 @@ def result_of(separation, joint_speed, status=None, holds=()):
         place=np.zeros(n),
         wall_s=np.full(n, 1e-5),
         cpu_s=np.full(n, 1e-5),
-        polish_s=np.zeros(n),
+        improve_s=np.zeros(n),
         stages={"search": np.full(n, 4e-6)},
     )
 
