@@ -117,9 +117,9 @@ def calls(odm, planner, hand, home):
             ({"type": "box", "size": [1, 1, 1], "position": [nan, 0, 0]},)
         ),
         "a shape of NaN": lambda: planner.set_static([Box([1.0, nan, 1.0])]),
-        "start_attachments 0": lambda: odm.PlannerSettings(start_attachments=0),
-        "max_points -1": lambda: odm.PlannerSettings(max_points=-1),
-        "kept_goals -1": lambda: odm.PlannerSettings(kept_goals=-1),
+        "start_connections 0": lambda: odm.PlannerSettings(start_connections=0),
+        "point_capacity -1": lambda: odm.PlannerSettings(point_capacity=-1),
+        "cached_goals -1": lambda: odm.PlannerSettings(cached_goals=-1),
         "waypoints beyond the limits": lambda: time_path(
             robot, np.stack([home, home + 9.0])
         ),

@@ -72,11 +72,11 @@ def test_numbers_of_numpy_are_as_good(kind):
 
 def test_zero_counts_that_crashed_late_are_refused_at_once(small_map):
     for field, value in (
-        ("start_attachments", 0),
-        ("attachments", 0),
-        ("max_points", -1),
-        ("max_points", 0),
-        ("kept_goals", -1),
+        ("start_connections", 0),
+        ("goal_connections", 0),
+        ("point_capacity", -1),
+        ("point_capacity", 0),
+        ("cached_goals", -1),
     ):
         with pytest.raises(BadInput, match=f"{field} is {value}, but must be a whole"):
             odm.PlannerSettings(**{field: value})
@@ -85,7 +85,7 @@ def test_zero_counts_that_crashed_late_are_refused_at_once(small_map):
 @pytest.mark.parametrize("pads", ["finger", None, (1,), ("finger", None)])
 def test_pads_are_names_of_links(pads):
     with pytest.raises(BadInput, match="tuple of link names"):
-        odm.PlannerSettings(pads=pads)
+        odm.PlannerSettings(finger_pads=pads)
 
 
 @pytest.mark.parametrize(

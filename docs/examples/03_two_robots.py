@@ -44,7 +44,7 @@ class Arm:
         self.places, self.place, self.trips = self._two_places(), 1, 0
         self.executor = Executor(
             self.robot, self.planner, self.places[0].copy(), PERIOD,
-            ExecutionSettings(speed_scale=0.5, stand_below=np.inf),
+            ExecutionSettings(speed_scale=0.5, min_retreat_separation=np.inf),
         )  # fmt: skip
         self.planner.set_goals([self.places[1]])
 

@@ -124,7 +124,7 @@ class Described(NamedTuple):
     numbers: np.ndarray
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Working memory.
 
     Attributes:
@@ -241,17 +241,17 @@ def dexterity_at(person, hands, one, grip):
 
 
 @njit(**WITHIN)
-def hand_value(person, hands, one, floor, room):
+def hand_value(person, hands, one, floor, scratch):
     """Return q_total, to the GRAIN, of a candidate.
 
     UNREACHED where no joints reach it, BELOW where it is below `floor`; else the
-    joints are in room.best.
+    joints are in scratch.best.
     """
     wrist, square = wrist_of(hands, one)
     low, high = person.scales[2], person.scales[3]
     if square < low * low or square > high * high:
         return UNREACHED
-    pose, r, g = room.pose, one.rotation, one.grasp
+    pose, r, g = scratch.pose, one.rotation, one.grasp
     for i in range(9):
         pose[i] = hands.pose[r, g, i]
     hand_y = wrist[0] * pose[1] + wrist[1] * pose[4] + wrist[2] * pose[7]
@@ -263,12 +263,12 @@ def hand_value(person, hands, one, floor, room):
     dexterity = dexterity_at(person, hands, one, grip)
     fingers = pose[2], pose[5], pose[8]
     least = least_effort(person.state, fingers, wrist, square)
-    found = pose_value(person, room, dexterity, least, floor)
+    found = pose_value(person, scratch, dexterity, least, floor)
     return math.floor(found / GRAIN + 0.5) * GRAIN if found >= 0.0 else found
 
 
 @njit(**BARE)
-def full_grid(scene, room, value, grasp):
+def full_grid(scene, scratch, value, grasp):
     """Write the quality of every entry to value (n,), the grasp it has to grasp (n,).
 
     UNREACHED and -1 where no grasp can be taken.
@@ -290,7 +290,7 @@ def full_grid(scene, room, value, grasp):
                 _, square = wrist_of(hands, one)
                 if square < low or square > high:
                     continue
-                found = hand_value(person, hands, one, best, room)
+                found = hand_value(person, hands, one, best, scratch)
                 if found > best:
                     best = found
                     value[e], grasp[e] = found, g
@@ -305,14 +305,14 @@ def candidate_of(cells, e, g):
 
 
 @njit(**BARE)
-def describe(scene, entries, grasps, room, out):
+def describe(scene, entries, grasps, scratch, out):
     """Solve entries once more and write what a user wants to know of them.
 
     Args:
         scene: Person, hands and cells.
         entries: (n,) entries.
         grasps: (n,) the grasp of each.
-        room: Working memory.
+        scratch: Working memory.
         out: `Described`, written.
     """
     person, hands, cells = scene
@@ -320,15 +320,15 @@ def describe(scene, entries, grasps, room, out):
     state, rods, settings = person.state, person.rods, person.settings
     for i in range(entries.shape[0]):
         one = candidate_of(cells, entries[i], grasps[i])
-        numbers[i, 0] = hand_value(person, hands, one, UNREACHED, room)
+        numbers[i, 0] = hand_value(person, hands, one, UNREACHED, scratch)
         for j in range(7):
-            out.joints[i, j] = room.best[j]
-        numbers[i, 1] = quality_of(state, rods, settings, room.best, out.parts[i])
+            out.joints[i, j] = scratch.best[j]
+        numbers[i, 1] = quality_of(state, rods, settings, scratch.best, out.parts[i])
         numbers[i, 2] = dexterity_at(person, hands, one, grip_of(hands, one))
 
 
 @njit(**BARE)
-def best_grasps(scene, entries, room, value, grasp):
+def best_grasps(scene, entries, scratch, value, grasp):
     """Write the best quality and grasp of entries (n,); UNREACHED and -1: none."""
     person, hands, cells = scene
     for i in range(entries.shape[0]):
@@ -336,6 +336,6 @@ def best_grasps(scene, entries, room, value, grasp):
         at = candidate_of(cells, entries[i], 0)
         for g in range(hands.wrist.shape[1]):
             one = Candidate(at.rotation, g, at.x, at.y, at.z)
-            found = hand_value(person, hands, one, UNREACHED, room)
+            found = hand_value(person, hands, one, UNREACHED, scratch)
             if found > value[i]:
                 value[i], grasp[i] = found, g

@@ -148,12 +148,12 @@ class PoseTerms(NamedTuple):
 
 
 @njit(**WITHIN)
-def pose_value(person, room, dexterity, least, floor):
-    """Return q_total of the best representative of the hand pose in room.pose.
+def pose_value(person, scratch, dexterity, least, floor):
+    """Return q_total of the best representative of the hand pose in scratch.pose.
 
     Args:
         person: `Person` of `_meet.py`.
-        room: `Room` of `_meet.py`; the joints are written to its `best`.
+        scratch: `Scratch` of `_meet.py`; the joints are written to its `best`.
         dexterity: Of the pose, in [0, 1].
         least: Lower bound of the cost of effort.
         floor: Of no interest below; a pose that cannot reach it is not looked into.
@@ -163,7 +163,12 @@ def pose_value(person, room, dexterity, least, floor):
         where they do, but nothing reaches `floor`.
     """
     arm, rods, settings = person.state, person.rods, person.settings
-    share, pose, work, parts = person.scales[0], room.pose, room.work, room.parts
+    share, pose, work, parts = (
+        person.scales[0],
+        scratch.pose,
+        scratch.work,
+        scratch.parts,
+    )
     if not swivel_circle(arm, pose, work):
         return UNREACHED
     n_spans = swivel_spans(arm, work)
@@ -183,14 +188,19 @@ def pose_value(person, room, dexterity, least, floor):
     if forearm and line_enters(rods, wrist, (x, y, z)):
         safety, forearm = 0.0, False
     terms = PoseTerms(shares, rest, effort, safety, forearm, wrist)
-    return _best_swivel(person, room, n_spans, terms)
+    return _best_swivel(person, scratch, n_spans, terms)
 
 
 @njit(**WITHIN)
-def _best_swivel(person, room, n_spans, terms):
-    """Return q_total of the best swivel representative; its joints go to room.best."""
-    arm, settings, work, parts = person.state, person.settings, room.work, room.parts
-    share, step, q = person.scales[0], person.scales[1], room.q
+def _best_swivel(person, scratch, n_spans, terms):
+    """Return q_total of the best swivel representative; its joints: scratch.best."""
+    arm, settings, work, parts = (
+        person.state,
+        person.settings,
+        scratch.work,
+        scratch.parts,
+    )
+    share, step, q = person.scales[0], person.scales[1], scratch.q
     shares, rest = terms.shares, terms.rest
     best = UNREACHED
     for i in range(n_spans):
@@ -209,7 +219,7 @@ def _best_swivel(person, room, n_spans, terms):
             if share * (online_sum(settings, parts) / shares) + rest <= best:
                 continue
             parts[EFFORT] = 1.0 - math.tanh(
-                settings[BETA + EFFORT] * swivel_effort(arm, work, phi, room.pose, q)
+                settings[BETA + EFFORT] * swivel_effort(arm, work, phi, scratch.pose, q)
             )
             total = share * (online_sum(settings, parts) / shares) + rest
             if total <= best:
@@ -223,7 +233,7 @@ def _best_swivel(person, room, n_spans, terms):
                         continue
             best = total
             for j in range(7):
-                room.best[j] = q[j]
+                scratch.best[j] = q[j]
     return best
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.meet._meet import Candidate, Room, Scene, hand_value
+from handover.meet._meet import Candidate, Scene, Scratch, hand_value
 from handover.meet._meet_bounds import (
     LOOSE_BYTE,
     Bounds,
@@ -33,7 +33,7 @@ class Entries(NamedTuple):
     Attributes:
         keys: (n,) their numbers.
         removed: (n,) whether they are out.
-        seen: (n,) room, all False.
+        seen: (n,) scratch, all False.
     """
 
     keys: np.ndarray
@@ -58,14 +58,14 @@ class Search(NamedTuple):
         entries: Keys, and which are removed; nothing is seen before and after.
         bounds: The bounds by place are filled in, the rest is working memory.
         top: Written; its size is k.
-        room: Working memory; its counts grow.
+        scratch: Working memory; its counts grow.
     """
 
     scene: Scene
     entries: Entries
     bounds: Bounds
     top: Top
-    room: Room
+    scratch: Scratch
 
 
 @njit(**BARE)
@@ -138,7 +138,7 @@ def search(task, warm):
 def _open(task, p, n):
     """Look at the entries of a position whose bound by the byte passes."""
     person, hands, cells = task.scene
-    bounds, top, counts = task.bounds, task.top, task.room.counts
+    bounds, top, counts = task.bounds, task.top, task.scratch.counts
     online = bounds.online[p]
     place_online, place, lack = bounds.place_online, bounds.place, bounds.lack
     removed, seen = task.entries.removed, task.entries.seen
@@ -190,7 +190,7 @@ def _open(task, p, n):
 def _look(task, p, e, first, n):
     """Bound the grasps of entry e from `first` on, solve those that may count."""
     person, hands, cells = task.scene
-    bounds, top, room = task.bounds, task.top, task.room
+    bounds, top, scratch = task.bounds, task.top, task.scratch
     k, r = top.value.shape[0], cells.rotation[e]
     x, y, z = cells.points[p, 0], cells.points[p, 1], cells.points[p, 2]
     best, best_g = UNREACHED, -1
@@ -199,11 +199,11 @@ def _look(task, p, e, first, n):
         one = Candidate(r, g, x, y, z)
         if not byte_passes(person, hands, bounds, p, one, floor):
             continue
-        room.counts[GRIPS] += 1
-        if grip_bound(person, hands, bounds, one, floor, room.parts) < floor:
+        scratch.counts[GRIPS] += 1
+        if grip_bound(person, hands, bounds, one, floor, scratch.parts) < floor:
             continue
-        room.counts[SOLVED] += 1
-        found = hand_value(person, hands, one, floor, room)
+        scratch.counts[SOLVED] += 1
+        found = hand_value(person, hands, one, floor, scratch)
         if found > best:
             best, best_g = found, g
             floor = max(floor, found)

@@ -34,7 +34,7 @@ class PlaceArm(NamedTuple):
     shares: np.ndarray
 
 
-class PlaceRoom(NamedTuple):
+class PlaceScratch(NamedTuple):
     """Working memory: that of the chain, and work, q and swivels of `solve_arm`."""
 
     chain: Work
@@ -44,20 +44,20 @@ class PlaceRoom(NamedTuple):
 
 
 @njit(**FULL)
-def best_at_places(arm, turns, points, room, out, found):
+def best_at_places(arm, turns, points, scratch, out, found):
     """Write the best of each quality over all rotations and elbows of each place.
 
     Args:
         arm: See `PlaceArm`.
         turns: (m, 9) rotations of the hand, canonical shoulder frame.
         points: (n, 3) places of the grip, canonical shoulder frame [m].
-        room: See `PlaceRoom`.
+        scratch: See `PlaceScratch`.
         out: (n, COLUMNS) the maxima; 0 where nothing is reached. COMBINED is that of
             half dexterity and half effort.
         found: (n, 9) joints of the best total, its rotation, rotations reached.
     """
     state, obstacles, settings, chain, shares = arm
-    own = room.chain
+    own = scratch.chain
     pose, parts = np.empty(12), np.empty(5)
     for i in range(points.shape[0]):
         out[i] = 0.0
@@ -66,12 +66,12 @@ def best_at_places(arm, turns, points, room, out, found):
         for r in range(turns.shape[0]):
             pose[:9] = turns[r]
             n, _ = solve_arm(
-                state, pose, shares[2], room.work, room.joints, room.swivels
+                state, pose, shares[2], scratch.work, scratch.joints, scratch.swivels
             )
             if n > 0:
                 found[i, 8] += 1.0
             for k in range(n):
-                q = room.joints[k]
+                q = scratch.joints[k]
                 online = quality_of(state, obstacles, settings, q, parts)
                 forward(chain, q, own.frames)
                 jacobian(chain, own.frames, own.jac)

@@ -1,4 +1,4 @@
-"""What the search for a meeting place looks up: the person's map, room to work in."""
+"""Tables of the search for a meeting place: of the person's map, and scratch."""
 
 from functools import lru_cache
 
@@ -75,7 +75,7 @@ class PersonTables:
             np.array(scales, float),
         )
 
-    def bounds(self, person: kernels.Person, room: Bounds) -> Bounds:
+    def bounds(self, person: kernels.Person, scratch: Bounds) -> Bounds:
         """Return bounds by place of the grip, made anew where they do not hold."""
         known = np.concatenate(
             [person.state, person.settings, person.scales, person.box]
@@ -84,7 +84,7 @@ class PersonTables:
         if not same or np.abs(known - self._known).max() > 1e-9:
             fill_places(person, *self._places)
             self._known = known
-        return room._replace(place_online=self._places[0], place=self._places[1])
+        return scratch._replace(place_online=self._places[0], place=self._places[1])
 
     def _most_within(self, margin: int) -> np.ndarray:
         """Return the largest dexterity within so many cells, padded by as many."""
@@ -155,14 +155,14 @@ def flat_poses(T: np.ndarray) -> np.ndarray:
     return np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
 
 
-def room() -> kernels.Room:
-    """Return room for the kernels to work in."""
+def scratch() -> kernels.Scratch:
+    """Return scratch memory for the kernels."""
     sizes = (WORK_ROWS, 3), 5, 7, 7, 12
-    return kernels.Room(*map(np.zeros, sizes), np.zeros(4, np.int64))
+    return kernels.Scratch(*map(np.zeros, sizes), np.zeros(4, np.int64))
 
 
 def bounds_of(n_positions: int, hands: kernels.Hands) -> Bounds:
-    """Return room for bounds."""
+    """Return memory for bounds."""
     n, by_hand = n_positions, hands.cell.shape
     return Bounds(*(np.zeros(k) for k in (n, n, 0, 0, 13, by_hand, by_hand)))
 

@@ -13,7 +13,7 @@ import numpy as np
 from handover.human._arm_ik import MAX_SPANS, WORK_ROWS
 from handover.human.human import Human
 from handover.human.human_arm import MIRROR, Arm
-from handover.meet._places import COLUMNS, PlaceArm, PlaceRoom, best_at_places
+from handover.meet._places import COLUMNS, PlaceArm, PlaceScratch, best_at_places
 from handover.meet._quality import HAS_GAZE
 from handover.meet.quality import ArmState
 from handover.meet.settings import PARTS, QualitySettings
@@ -95,7 +95,7 @@ def qualities_at(
     room = 2 * MAX_SPANS + int(2.0 * math.pi / STEP) + 1
     given = state.state, state.obstacles, state.settings, chain.arrays, shares
     solved = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))
-    memory = PlaceRoom(work_of(chain), *solved)
+    memory = PlaceScratch(work_of(chain), *solved)
     out, found = np.empty((len(points), COLUMNS)), np.empty((len(points), 9))
     for i in range(0, len(points), _CHUNK):
         part = slice(i, i + _CHUNK)

@@ -19,7 +19,7 @@ from handover.meet.meet_tables import (
     coarse_human_reach,
     flat_poses,
     hands_of,
-    room,
+    scratch,
     state_of,
     top_of,
 )
@@ -107,7 +107,7 @@ class InteractionWorkspace:
         self._T_tool_hand = obj.T_tool_object @ self.grasps
         self._tool_hands = flat_poses(self._T_tool_hand)
         self._hands = hands_of(len(self._tools), self._tool_hands)
-        self._room = room()
+        self._scratch = scratch()
         self._bounds = bounds_of(len(self._cells.points), self._hands)
         self._turned = np.zeros(0)
         self.human: Human | None = None
@@ -157,7 +157,7 @@ class InteractionWorkspace:
         if self._value is None:
             n = len(self._cells)
             value, grasp = np.empty(n), np.empty(n, np.int32)
-            kernels.full_grid(self._scene, self._room, value, grasp)
+            kernels.full_grid(self._scene, self._scratch, value, grasp)
             self._value = frozen(value, float)
         return self._value
 
@@ -170,9 +170,9 @@ class InteractionWorkspace:
             raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
         if len(self._top.value) != k:
             self._top = top_of(k)
-        self._room.counts[:] = 0
+        self._scratch.counts[:] = 0
         bounds = self._tables.bounds(self._scene.person, self._bounds)
-        task = Search(self._scene, self._entries, bounds, self._top, self._room)
+        task = Search(self._scene, self._entries, bounds, self._top, self._scratch)
         n = search(task, self._warm)
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
@@ -216,7 +216,7 @@ class InteractionWorkspace:
     def work(self) -> dict[str, int]:
         """What the last `best` did: positions opened, bytes, grips, poses solved."""
         names = "positions", "bytes", "grips", "solved"
-        return dict(zip(names, self._room.counts.tolist(), strict=True))
+        return dict(zip(names, self._scratch.counts.tolist(), strict=True))
 
     @property
     def removed(self) -> np.ndarray:
@@ -268,7 +268,7 @@ class InteractionWorkspace:
         if not len(self._keys):
             return np.zeros(len(keys), np.int64), value, grasp
         at = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        kernels.best_grasps(self._scene, at, self._room, value, grasp)
+        kernels.best_grasps(self._scene, at, self._scratch, value, grasp)
         value[(self._keys[at] != keys) | self._removed[at]] = -1.0
         return at, value, grasp
 
@@ -287,7 +287,7 @@ class InteractionWorkspace:
     def _targets(self, entries: np.ndarray, grasps: np.ndarray) -> list[Target]:
         n = len(entries)
         out = kernels.Described(*(np.empty((n, k)) for k in (7, 5, 3)))
-        kernels.describe(self._scene, entries, grasps, self._room, out)
+        kernels.describe(self._scene, entries, grasps, self._scratch, out)
         keys = self._keys[entries]
         T_tool = np.zeros((n, 4, 4))
         at = np.searchsorted(self._cells.first, entries, side="right") - 1

@@ -1,7 +1,7 @@
 """Cells of a 6-D reachability map: samples, witnesses of neighbours, their replay.
 
 A cell is position * n_rotations + rotation; a position is (x * ny + y) * nz + z. A
-marked cell has a witness, a lattice point, and the way it came about: a root, which is
+marked cell has a witness, a lattice point, and its predecessor: itself a root, which is
 stored, or propagated from a neighbouring cell's witness by a few damped steps.
 Replaying these steps from the root gives the same witness.
 """
@@ -27,7 +27,7 @@ from roadmap.kinematics._chain import (
     to_lattice,
 )
 
-ROOT = 255  # way of a cell whose witness is stored
+ROOT = 255  # predecessor of a cell whose witness is stored
 MAX_DEPTH = 30  # propagations between a witness and its root
 _STEPS = 4  # damped steps of one propagation
 _DAMPING = 0.05
@@ -62,8 +62,9 @@ class Cells(NamedTuple):
     Attributes:
         quality: of the witness, 1 to 255; 0 where the cell is not marked.
         sample: quality of the best sample; 0 where there is none.
-        source: index of the best sample; without one, the ways that failed (bits).
-        way: how the witness came about: ROOT, k-th rotation neighbour, n + axis.
+        source: index of the best sample; without one, the failed predecessors (bits).
+        predecessor: ROOT, or the neighbour whose witness was propagated: the k-th in
+            rotation, n + k in position.
         depth: propagations from the root.
         witness: (n, dof) lattice points.
     """
@@ -71,7 +72,7 @@ class Cells(NamedTuple):
     quality: np.ndarray
     sample: np.ndarray
     source: np.ndarray
-    way: np.ndarray
+    predecessor: np.ndarray
     depth: np.ndarray
     witness: np.ndarray
 
@@ -153,16 +154,16 @@ def position_neighbor(grid, p, axis):
 
 
 @njit(**WITHIN)
-def origin_cell(grid, cell, way):
-    """Return the cell that a way leads from, -1 for none."""
+def origin_cell(grid, cell, predecessor):
+    """Return the cell that a predecessor of `cell` stands for, -1 for none."""
     p, r = cell // grid.size[3], cell % grid.size[3]
     n = grid.neighbors.shape[1]
-    if way < n:
-        near = grid.neighbors[r, way]
+    if predecessor < n:
+        near = grid.neighbors[r, predecessor]
         return p * grid.size[3] + near if near >= 0 else -1
-    if way >= n + 6:
+    if predecessor >= n + 6:
         return -1
-    near = position_neighbor(grid, p, way - n)
+    near = position_neighbor(grid, p, predecessor - n)
     return near * grid.size[3] + r if near >= 0 else -1
 
 
@@ -257,20 +258,20 @@ def propagate(chain, grid, parent, origin, cell, work):
 
 
 @njit(**FULL)
-def replay(chain, grid, ways, root, cell, work):
-    """Propagate a root's witness along `ways`, the last of which leads into `cell`.
+def replay(chain, grid, predecessors, root, cell, work):
+    """Propagate a root's witness from predecessor to cell, at last into `cell`.
 
-    ways: (n,) from the cell back to the root. root: (dof,) lattice point. The result
-    is in work.code; False where a step no longer arrives.
+    predecessors: (n,) from the cell back to the root. root: (dof,) lattice point. The
+    result is in work.code; False where a step no longer arrives.
     """
-    path = np.empty(ways.shape[0] + 1, np.int64)
+    path = np.empty(predecessors.shape[0] + 1, np.int64)
     path[0] = cell
-    for k in range(ways.shape[0]):
-        path[k + 1] = origin_cell(grid, path[k], ways[k])
+    for k in range(predecessors.shape[0]):
+        path[k + 1] = origin_cell(grid, path[k], predecessors[k])
     parent = root.copy()
     for j in range(root.shape[0]):
         work.code[j] = root[j]
-    for k in range(ways.shape[0] - 1, -1, -1):
+    for k in range(predecessors.shape[0] - 1, -1, -1):
         if not propagate(chain, grid, parent, path[k + 1], path[k], work):
             return False
         parent[:] = work.code

@@ -1,7 +1,7 @@
 """Look up cells of a packed reach map: bits per position, then entries in their order.
 
 Position p has row `row_of[p]` (-1: nothing is reached there); bit r of a row tells that
-rotation r is reached; the entries of a row follow each other in `quality` and `way`.
+rotation r is reached; the entries of a row follow each other in the other arrays.
 """
 
 from typing import NamedTuple
@@ -22,7 +22,7 @@ class Packed(NamedTuple):
         first: (n_rows + 1,) first entry of each row.
         first_root: (n_rows + 1,) first stored witness of each row.
         quality: (n,) 1 to 255.
-        way: (n,) how each witness comes about.
+        predecessor: (n,) of each cell, see `Cells` of the build.
         roots: (n_roots, dof) stored witnesses, lattice points.
     """
 
@@ -31,7 +31,7 @@ class Packed(NamedTuple):
     first: np.ndarray
     first_root: np.ndarray
     quality: np.ndarray
-    way: np.ndarray
+    predecessor: np.ndarray
     roots: np.ndarray
 
 
@@ -81,11 +81,11 @@ def qualities_of_poses(packed, grid, poses, out):
 
 
 @njit(**BARE)
-def ways_to_root(packed, grid, cell, ways):
-    """Write the ways from a reached cell back to its root.
+def predecessors_to_root(packed, grid, cell, predecessors):
+    """Write the predecessors from a reached cell back to its root.
 
     Returns:
-        Number of ways and row of the root in `packed.roots`; -1 as the row where the
+        Their number and the row of the root in `packed.roots`; -1 as the row where the
         map contradicts itself.
     """
     n = 0
@@ -93,17 +93,17 @@ def ways_to_root(packed, grid, cell, ways):
         at = entry_of(packed, grid.size[3], cell)
         if at < 0:
             return n, -1
-        if packed.way[at] == ROOT:
+        if packed.predecessor[at] == ROOT:
             row = packed.row_of[cell // grid.size[3]]
             root = packed.first_root[row]
             for k in range(packed.first[row], at):
-                root += packed.way[k] == ROOT
+                root += packed.predecessor[k] == ROOT
             return n, root
-        if n == ways.shape[0]:
+        if n == predecessors.shape[0]:
             return n, -1
-        ways[n] = packed.way[at]
+        predecessors[n] = packed.predecessor[at]
         n += 1
-        cell = origin_cell(grid, cell, ways[n - 1])
+        cell = origin_cell(grid, cell, predecessors[n - 1])
 
 
 @njit(**BARE)

@@ -64,7 +64,7 @@ def mark_positions(build, queue, positions, rules, counts):
             for self-collision.
     """
     grid, cells = build.grid, build.cells
-    n, ways = grid.size[3], grid.neighbors.shape[1]
+    n, n_neighbors = grid.size[3], grid.neighbors.shape[1]
     head, entries = queue.head, queue.entries
     for i in range(positions.shape[0]):
         first = positions[i] * n
@@ -78,17 +78,17 @@ def mark_positions(build, queue, positions, rules, counts):
             r = entries[0, e]
             if cells.quality[first + r] != 0:
                 continue
-            key, way = priority(grid.neighbors, queue.near, cells, first, r)
+            key, predecessor = priority(grid.neighbors, queue.near, cells, first, r)
             if key == top:
                 parent = -1
-                if way < ways:
-                    parent = first + grid.neighbors[r, way]
-                elif way != ROOT:
-                    parent = queue.near[way - ways] + r
-                _mark(build, first + r, way, parent, rules, counts)
+                if predecessor < n_neighbors:
+                    parent = first + grid.neighbors[r, predecessor]
+                elif predecessor != ROOT:
+                    parent = queue.near[predecessor - n_neighbors] + r
+                _mark(build, first + r, predecessor, parent, rules, counts)
                 value = int(cells.quality[first + r])
                 if value > 0:
-                    for k in range(ways):
+                    for k in range(n_neighbors):
                         near = grid.neighbors[r, k]
                         if near < 0 or used >= entries.shape[1]:
                             break
@@ -99,7 +99,7 @@ def mark_positions(build, queue, positions, rules, counts):
                             used = _enter(head, entries, used, value, near)
                             top = max(top, value)
                     continue
-                key, way = priority(grid.neighbors, queue.near, cells, first, r)
+                key, predecessor = priority(grid.neighbors, queue.near, cells, first, r)
             if key > 0 and used < entries.shape[1]:
                 used = _enter(head, entries, used, key, r)
                 top = max(top, key)
@@ -139,7 +139,7 @@ def _enter(head, entries, used, key, r):
 
 @njit(**WITHIN)
 def priority(neighbors, near_positions, cells, first, r):
-    """Return the best quality a cell may get, 0 for none, and the best way to it.
+    """Return the best quality a cell may get, 0 for none, and from which neighbour.
 
     A step in position is shorter than one in rotation and arrives more often, so it
     counts eight times.
@@ -148,7 +148,7 @@ def priority(neighbors, near_positions, cells, first, r):
     failed = np.uint32(0)
     if own == 0:
         failed = cells.source[first + r]
-    marked, top, score, way = 0, 0, 0, ROOT
+    marked, top, score, predecessor = 0, 0, 0, ROOT
     n = neighbors.shape[1]
     for k in range(6):
         if near_positions[k] >= 0:
@@ -156,7 +156,7 @@ def priority(neighbors, near_positions, cells, first, r):
             if q > 0:
                 marked += 1
                 if 8 * q > score and not (failed >> np.uint32(n + k)) & np.uint32(1):
-                    top, score, way = q, 8 * q, n + k
+                    top, score, predecessor = q, 8 * q, n + k
     for k in range(n):
         near = neighbors[r, k]
         if near < 0:
@@ -165,17 +165,17 @@ def priority(neighbors, near_positions, cells, first, r):
         if q > 0:
             marked += 1
             if q > score and not (failed >> np.uint32(k)) & np.uint32(1):
-                top, score, way = q, q, k
+                top, score, predecessor = q, q, k
     if own == 0:
-        least = _SURE if way >= n else _SURE + 2
+        least = _SURE if predecessor >= n else _SURE + 2
         if marked < least or ones(np.uint64(failed)) >= min(_TRIES, marked // 2):
             return 0, ROOT
-    return max(own, top), way
+    return max(own, top), predecessor
 
 
 @njit(**WITHIN)
-def _mark(build, cell, way, parent, rules, counts):
-    """Try the way from `parent`, then the sample; keep whichever gives a witness."""
+def _mark(build, cell, predecessor, parent, rules, counts):
+    """Propagate from `parent`, else take the sample; keep what gives a witness."""
     chain, grid, cells, touch, work = build
     least = rules[2] * cells.sample[cell]
     tried = False
@@ -190,8 +190,8 @@ def _mark(build, cell, way, parent, rules, counts):
                 if not touches_itself(touch, work.q, work.frames):
                     depth = cells.depth[parent] + 1
                     if depth > MAX_DEPTH:
-                        depth, way = 0, ROOT
-                    _keep(cells, cell, value, way, depth, work.code, counts)
+                        depth, predecessor = 0, ROOT
+                    _keep(cells, cell, value, predecessor, depth, work.code, counts)
                     return
                 counts[3] += 1
     if cells.sample[cell] > 0:
@@ -199,16 +199,16 @@ def _mark(build, cell, way, parent, rules, counts):
         _keep(cells, cell, cells.sample[cell], ROOT, 0, work.code, counts)
         return
     if tried:
-        cells.source[cell] |= np.uint32(1) << np.uint32(way)
+        cells.source[cell] |= np.uint32(1) << np.uint32(predecessor)
 
 
 @njit(**WITHIN)
-def _keep(cells, cell, value, way, depth, code, counts):
+def _keep(cells, cell, value, predecessor, depth, code, counts):
     cells.quality[cell] = value
-    cells.way[cell] = way
+    cells.predecessor[cell] = predecessor
     cells.depth[cell] = depth
     for j in range(code.shape[0]):
         cells.witness[cell, j] = code[j]
     counts[0] += 1
-    if way == ROOT:
+    if predecessor == ROOT:
         counts[1] += 1

@@ -193,7 +193,7 @@ def _empty_cells(n: int, dof: int) -> Cells:
         quality=np.zeros(n, np.uint8),
         sample=np.zeros(n, np.uint8),
         source=np.zeros(n, np.uint32),
-        way=np.zeros(n, np.uint8),
+        predecessor=np.zeros(n, np.uint8),
         depth=np.zeros(n, np.uint8),
         witness=np.zeros((n, dof), np.uint16),
     )
@@ -278,8 +278,8 @@ def _packed(chain: Chain, grid: ReachGrid, cells: Cells, reference: float) -> Re
     bits = np.zeros((len(occupied), -(-n // 64)), np.uint64)
     lookup.pack_bits(quality[occupied], bits)
     marked = np.flatnonzero(cells.quality)
-    way = cells.way[marked]
-    rooted = way == kernels.ROOT
+    predecessor = cells.predecessor[marked]
+    rooted = predecessor == kernels.ROOT
     row = row_of[marked[rooted] // n]
     packed = lookup.Packed(
         row_of=row_of,
@@ -287,7 +287,7 @@ def _packed(chain: Chain, grid: ReachGrid, cells: Cells, reference: float) -> Re
         first=np.concatenate([[0], np.cumsum(count[occupied])]),
         first_root=np.searchsorted(row, np.arange(len(occupied) + 1)),
         quality=cells.quality[marked],
-        way=way,
+        predecessor=predecessor,
         roots=cells.witness[marked[rooted]],
     )
     return ReachMap(chain, grid, packed, float(reference))

@@ -26,7 +26,7 @@ _PACKED = {
     "first": np.int64,
     "first_root": np.int64,
     "quality": np.uint8,
-    "way": np.uint8,
+    "way": np.uint8,  # in files; the predecessor of each cell
     "roots": np.uint16,
 }
 
@@ -94,7 +94,7 @@ class ReachMap:
         """Return the configuration that proves a pose's cell reached, None without.
 
         Its tool is in the same cell, not at the same pose: `robot.ik(T, q_seed=...)`
-        goes the rest of the way where the pose itself can be reached.
+        goes the rest where the pose itself can be reached.
 
         Args:
             T_base_tool: (4, 4) [m].
@@ -112,11 +112,11 @@ class ReachMap:
         grid = self._grid_arrays
         if lookup.entry_of(self.packed, grid.size[3], cell) < 0:
             return None
-        ways = np.empty(kernels.MAX_DEPTH + 1, np.int64)
-        n, root = lookup.ways_to_root(self.packed, grid, cell, ways)
+        predecessors = np.empty(kernels.MAX_DEPTH + 1, np.int64)
+        n, root = lookup.predecessors_to_root(self.packed, grid, cell, predecessors)
         work, chain = work_of(self.chain), self.chain.arrays
         whole = root >= 0 and kernels.replay(
-            chain, grid, ways[:n], np.array(self.packed.roots[root]), cell, work
+            chain, grid, predecessors[:n], np.array(self.packed.roots[root]), cell, work
         )
         if not whole:
             raise BadMap(
@@ -197,7 +197,7 @@ class ReachMap:
             "reference": self.reference,
             "built": self.built,
         }
-        arrays = {name: getattr(self.packed, name) for name in _PACKED}
+        arrays = dict(zip(_PACKED, self.packed, strict=True))
         arrays |= {f"chain.{name}": a for name, a in chain.arrays._asdict().items()}
         return write_folder(path, manifest, arrays | {"origin": self.grid.origin})
 

@@ -223,7 +223,7 @@ class LiveTargets:
         """Return how many targets to consider: more, the longer it is blocked."""
         ranked, choice = self.settings.ranked, self.settings.choice
         self._blocked = 0 if self._pursued is not None else self._blocked + 1
-        more = self._blocked // (choice.patience * choice.goals)
+        more = self._blocked // (choice.untried_frames * choice.goals)
         return ranked * min(1 + more, self.settings.deepest)
 
     def _known(self) -> list[Target]:

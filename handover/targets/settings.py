@@ -13,42 +13,53 @@ class ChoiceSettings:
     """How targets become goals; a frame is one call.
 
     Attributes:
-        margin: A target replaces the pursued one only if its quality is better by this.
-            0.03: about what a hand that trembles by 2 cm changes.
-        drop: A target this much worse than the best one is no spare: when the pursued
-            one is blocked, better ones are tried first.
+        quality_hysteresis: A target replaces the pursued one only if its quality is
+            better by this. 0.03: about what a hand that trembles by 2 cm changes.
+        max_quality_loss: A target worse than the best one by more than this is no
+            fallback: when the pursued one is blocked, better ones are tried first.
         goals: Targets offered to the planner at once.
-        ahead: Of those, better ones than the pursued that were not reached yet.
-        patience: So many frames a better target is given to be found reachable, before
-            it makes room for the next one.
-        retry: So many frames later one that was never reached may be offered again.
-        spares: Worse targets behind the pursued one, for the moment it is blocked.
+        max_untried: How many of those may be better than the pursued one, and not
+            reached yet.
+        untried_frames: Frames after which a better target that the planner does not
+            reach is replaced by the next one.
+        retry_frames: Frames until such a target may be offered again.
+        fallbacks: Worse targets on offer, for when the pursued one is blocked.
     """
 
-    margin: float = 0.03
-    drop: float = 0.15
+    quality_hysteresis: float = 0.03
+    max_quality_loss: float = 0.15
     goals: int = 4
-    ahead: int = 3
-    patience: int = 16
-    retry: int = 200
-    spares: int = 1
+    max_untried: int = 3
+    untried_frames: int = 16
+    retry_frames: int = 200
+    fallbacks: int = 1
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
-        if not is_between(self.margin, 0, 1):
-            raise BadInput(f"a margin of {self.margin} is none; give 0 to 1 of quality")
-        if not is_between(self.drop, self.margin, 1):
+        if not is_between(self.quality_hysteresis, 0, 1):
             raise BadInput(
-                f"a drop of {self.drop} is none; give the margin, {self.margin}, to 1"
+                f"quality_hysteresis is {self.quality_hysteresis}, but must be 0 to 1 "
+                "of quality"
             )
-        counts = {"goals": 1, "ahead": 1, "patience": 1, "retry": 0, "spares": 0}
+        if not is_between(self.max_quality_loss, self.quality_hysteresis, 1):
+            raise BadInput(
+                f"max_quality_loss is {self.max_quality_loss}, but must be from the "
+                f"quality_hysteresis, {self.quality_hysteresis}, to 1"
+            )
+        counts = {
+            "goals": 1,
+            "max_untried": 1,
+            "untried_frames": 1,
+            "retry_frames": 0,
+            "fallbacks": 0,
+        }
         for name, low in counts.items():
             value = getattr(self, name)
             check_number(name, value, low, 1_000_000, True, "ChoiceSettings")
-        if not 0 <= self.spares < self.goals or self.ahead > self.goals:
+        if not 0 <= self.fallbacks < self.goals or self.max_untried > self.goals:
             raise BadInput(
-                f"{self.ahead} ahead and {self.spares} spares do not fit into "
-                f"{self.goals} goals; give more goals"
+                f"max_untried = {self.max_untried} and fallbacks = {self.fallbacks} do "
+                f"not fit into {self.goals} goals; give more goals"
             )
 
 
@@ -57,14 +68,16 @@ class LiveSettings:
     """How the pursuit of targets shares out its work; a frame is one call.
 
     Attributes:
-        ranked: Targets looked at in every frame; more and more while all are blocked.
-        deepest: As many times more of them at most.
-        near_m, near_rad: A roadmap node that holds the tool this near to a target [m],
-            [rad] serves it until inverse kinematics has found the pose itself. 7.5 cm
-            and 30 degrees: half a cell of 15 cm and 60 degrees.
-        attach_every: Frames from one goal that must be attached to the roadmap to the
-            next; some milliseconds each.
-        choice: Margin and patience, see `ChoiceSettings`.
+        ranked: Targets considered in a frame; more and more while all are blocked.
+        deepest: As many times `ranked` are considered at most.
+        node_tolerance_m: A roadmap node that holds the tool this near to a target [m]
+            stands in for it until inverse kinematics has found the pose itself. 7.5 cm:
+            half a cell of 15 cm.
+        node_tolerance_rad: The same for its rotation [rad]. 30 degrees: half a cell of
+            60 degrees.
+        connect_every: Least number of frames between two goals that must be connected
+            to the roadmap, which takes some milliseconds each.
+        choice: Hysteresis and patience, see `ChoiceSettings`.
         before, after: Near nodes that inverse kinematics starts from, before and after
             the reach map's witness. More: harder targets are reached, later.
         steps: Most steps of a start: a frame may pay for one start, not for more.
@@ -78,9 +91,9 @@ class LiveSettings:
     """
 
     ranked: int = 10
-    near_m: float = 0.075
-    near_rad: float = 0.52
-    attach_every: int = 10
+    node_tolerance_m: float = 0.075
+    node_tolerance_rad: float = 0.52
+    connect_every: int = 10
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     deepest: int = 8
     before: int = 3
@@ -96,12 +109,12 @@ class LiveSettings:
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
         lengths = {
-            "near_m": (0.0, 1.0, "m"),
-            "near_rad": (0.0, np.pi, "rad"),
+            "node_tolerance_m": (0.0, 1.0, "m"),
+            "node_tolerance_rad": (0.0, np.pi, "rad"),
             "apart": (0.0, 10.0, "rad or m"),
         }
         some = (
-            "attach_every",
+            "connect_every",
             "deepest",
             "steps",
             "configurations",

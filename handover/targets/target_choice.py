@@ -1,4 +1,4 @@
-"""Which targets are goals, and in which order: nothing changes but by a margin.
+"""Selects and orders the targets offered as goals, with hysteresis in quality.
 
 Plain bookkeeping over numbers of cells and qualities, so that what changes when can be
 read and tested without a robot. The planner takes the first goal that it can reach, and
@@ -63,17 +63,20 @@ class TargetChoice:
         s, self._frame = self.settings, self._frame + 1
         if pursued is not None:
             self._reached.add(pursued)
-        least = max((quality for _, quality in ranked[:1]), default=0.0) - s.drop
+        least = (
+            max((quality for _, quality in ranked[:1]), default=0.0)
+            - s.max_quality_loss
+        )
         alive = [k for k in self.keys if k in worth]
         if pursued not in alive:
             pursued = None
         else:
             alive = [k for k in alive if k == pursued or worth[k] >= least]
-        bar = -np.inf if pursued is None else worth[pursued] + s.margin
+        bar = -np.inf if pursued is None else worth[pursued] + s.quality_hysteresis
         worth = dict(worth) | dict(ranked)
         wish = None
         for key, quality in ranked:
-            if not quality > bar or not self._has_room(alive, worth, bar):
+            if not quality > bar or not self._may_offer(alive, worth, bar):
                 break
             if key in alive or self._shelf.get(key, 0) > self._frame:
                 continue
@@ -88,9 +91,9 @@ class TargetChoice:
         self._take(self._ordered(alive, worth, pursued))
         return Decision(self.keys, wish)
 
-    def _has_room(self, alive: list[int], worth: Mapping, bar: float) -> bool:
-        """Whether another one may be offered: there is room, or one had its time."""
-        patience, ahead = self.settings.patience, self._ahead(alive, worth, bar)
+    def _may_offer(self, alive: list[int], worth: Mapping, bar: float) -> bool:
+        """Whether another one may be offered: a place is free, or one had its time."""
+        patience, ahead = self.settings.untried_frames, self._ahead(alive, worth, bar)
         if np.isinf(bar):
             patience = max(1, patience // 5)  # nothing to lose: the robot stands
         if len(ahead) < self._most(bar):
@@ -98,11 +101,11 @@ class TargetChoice:
         return self._frame - self._since[ahead[0]] >= patience
 
     def _with(self, alive: list[int], key: int, worth: Mapping, bar: float) -> list:
-        """Return them with one more; those that were not reached longest make room."""
+        """Return them with one more; if full, without those unreached for longest."""
         ahead = self._ahead(alive, worth, bar)
         for old in ahead[: max(0, len(ahead) + 1 - self._most(bar))]:
             if old not in self._reached:
-                self._shelf[old] = self._frame + self.settings.retry
+                self._shelf[old] = self._frame + self.settings.retry_frames
             alive = [k for k in alive if k != old]
         return [*alive, key]
 
@@ -112,7 +115,7 @@ class TargetChoice:
         return sorted(ahead, key=lambda k: (self._since[k], k))
 
     def _most(self, bar: float) -> int:
-        return self.settings.goals if np.isinf(bar) else self.settings.ahead
+        return self.settings.goals if np.isinf(bar) else self.settings.max_untried
 
     def _spared(
         self,
@@ -122,10 +125,10 @@ class TargetChoice:
         bar: float,
         is_cheap: Callable[[int], bool],
     ) -> list[int]:
-        """Return them with spares behind the pursued one, those that cost nothing."""
+        """Return them with fallbacks behind the pursued one that cost nothing."""
         spares = [key for key in alive if worth[key] <= bar]
-        missing = 1 + self.settings.spares - len(spares)
-        if missing < 1 or self._frame % self.settings.patience:
+        missing = 1 + self.settings.fallbacks - len(spares)
+        if missing < 1 or self._frame % self.settings.untried_frames:
             return alive
         room = self.settings.goals - len(alive)
         more = [
@@ -142,7 +145,7 @@ class TargetChoice:
 
         An order in which nothing is wrong by the margin stays.
         """
-        margin = self.settings.margin
+        margin = self.settings.quality_hysteresis
 
         def rank(key: int) -> tuple[float, int]:
             return -(worth[key] + (margin if key == pursued else 0.0)), key

@@ -161,7 +161,7 @@ class TargetGoals:
         if key not in self._near:
             self._near[key] = None
             T_base_tool = self._T_base_world @ target.T_world_tool
-            near = self.settings.near_m, self.settings.near_rad
+            near = self.settings.node_tolerance_m, self.settings.node_tolerance_rad
             for node in self.index.within(T_base_tool, *near):
                 q = self.index.nodes[node]
                 if self._trouble(q) is None:

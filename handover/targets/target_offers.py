@@ -48,7 +48,7 @@ class TargetOffers:
         self.settings = settings or finder.settings
         self.attached = 0
         self._goals: dict[int, list[Goal]] = {}
-        self._frame, self._attached_at = 0, -self.settings.attach_every
+        self._frame, self._attached_at = 0, -self.settings.connect_every
         self._joined: Goal | None = None  # the last one, where none is kept
         self._clear: dict[int, tuple[int, Goal | None]] = {}  # frame, what was found
         self.begin({})
@@ -149,7 +149,7 @@ class TargetOffers:
         goal = self._clear_of(key)
         if goal is not None:
             since = self._frame - self._attached_at
-            if self._job is None and since >= self.settings.attach_every:
+            if self._job is None and since >= self.settings.connect_every:
                 self._job = _PREPARE, key, goal
             return Offer.COMING
         if key not in self._targets or not self.finder.is_open(key):

@@ -59,7 +59,7 @@ class Approacher:
         self.tool = ToolKinematics(frame.robot)
         self._nodes = frame.cell_map.roadmap.nodes
         self._near = NearPoses(self.tool.tools(self._nodes))
-        self.legs = LegTest(frame, self.settings.fine)
+        self.legs = LegTest(frame, self.settings.use_fine_cover)
 
     def run(
         self,
@@ -90,8 +90,10 @@ class Approacher:
         if found is None:
             _, text, what = search.best
             return Approach(nothing, reason=text, blocker=what, **work)
-        way, fine = found
-        return Approach(way.q, way.error_m, way.error_rad, fine=fine, **work)
+        followed, fine = found
+        return Approach(
+            followed.q, followed.error_m, followed.error_rad, fine=fine, **work
+        )
 
     def leg_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
         """Test a straight joint motion as approaches are tested.
@@ -101,7 +103,11 @@ class Approacher:
         """
         frame = self.frame
         free = is_free(frame, q_a, q_b)
-        if free or free.failed not in ("scenery", "frame") or not self.settings.fine:
+        if (
+            free
+            or free.failed not in ("scenery", "frame")
+            or not self.settings.use_fine_cover
+        ):
             return free
         self.legs.look()
         q_a = np.array(q_a, float)
@@ -132,18 +138,18 @@ class Approacher:
         if not (np.isfinite(length) and length > 1e-9):
             raise BadInput(
                 f"the direction {direction} is no (3,) vector with a length; give the "
-                "way of the tool in the base frame"
+                "direction that the tool moves in, base frame"
             )
         start = T.copy()
         start[:3, 3] -= distance * along / length
         return Line.between(start, T)
 
     def _from_start(self, line: Line, q: np.ndarray, search: _Search):
-        way = self._follow(line, q, 0.0, 1.0)
-        if way.stopped:
-            search.failed(float(way.s[-1]), way.stopped)
+        followed = self._follow(line, q, 0.0, 1.0)
+        if followed.stopped:
+            search.failed(float(followed.s[-1]), followed.stopped)
             return None
-        return self._prove(way, line, search)
+        return self._prove(followed, line, search)
 
     def _from_end(self, line: Line, search: _Search):
         """Try solutions of the pose, best first; return (way, fine cover needed)."""
@@ -154,14 +160,19 @@ class Approacher:
             for q in self._ranked(new):
                 if not self._free_at_end(q, search):
                     continue
-                way = self._follow(line, q, 1.0, 0.0)
-                if way.stopped:
-                    search.failed(0.0, way.stopped)
+                followed = self._follow(line, q, 1.0, 0.0)
+                if followed.stopped:
+                    search.failed(0.0, followed.stopped)
                     continue
-                way = Follow(way.q[::-1], way.s[::-1], way.error_m, way.error_rad)
-                if not self._starts_free(way.q[0].copy(), search):
+                followed = Follow(
+                    followed.q[::-1],
+                    followed.s[::-1],
+                    followed.error_m,
+                    followed.error_rad,
+                )
+                if not self._starts_free(followed.q[0].copy(), search):
                     continue
-                found = self._prove(way, line, search)
+                found = self._prove(followed, line, search)
                 if found is not None or self._is_spent():
                     return found
         if not tried:
@@ -188,7 +199,7 @@ class Approacher:
 
     def _follow(self, line: Line, q: np.ndarray, s_from: float, s_to: float) -> Follow:
         s = self.settings
-        limits = (s.line_m, s.line_rad)
+        limits = (s.max_deviation_m, s.max_deviation_rad)
         return follow(self.tool, line, q, s_from, s_to, s.step_m, limits)
 
     def _seeds(self, target: np.ndarray) -> list[list[np.ndarray]]:
@@ -196,7 +207,7 @@ class Approacher:
 
         A round takes every so-manieth of the near ones, so that postures differ.
         """
-        n, rounds = self.settings.seeds, self.settings.rounds
+        n, rounds = self.settings.ik_starts, self.settings.rounds
         near = self._near.nearest(target, 4 * n * rounds)
         here = self.frame.q
         first = [here] if np.isfinite(here).all() else []
@@ -230,7 +241,7 @@ class Approacher:
         return [solutions[k] for *_, k in sorted(rows)]
 
     def _is_spent(self) -> bool:
-        return self.legs.motions >= self.settings.motions
+        return self.legs.motions >= self.settings.max_tests
 
     def _free_at_end(self, q: np.ndarray, search: _Search) -> bool:
         tested = self.legs.test(q, np.zeros_like(q))
@@ -239,28 +250,28 @@ class Approacher:
             self._tell(tested, -1, 0, "the pose itself is not free", share, search)
         return not tested.failed
 
-    def _prove(self, way: Follow, line: Line, search: _Search):
+    def _prove(self, followed: Follow, line: Line, search: _Search):
         """Test every leg; return (way, whether the fine cover was needed) or None."""
-        legs, fine = len(way.q) - 1, False
+        legs, fine = len(followed.q) - 1, False
         for k in range(legs):
             if self._is_spent():
                 text = (
-                    f"the budget of {self.settings.motions} motions was spent before "
+                    f"the budget of {self.settings.max_tests} motions was spent before "
                     "a line was proved; allow more motions, or give a start q"
                 )
-                search.failed(float(way.s[k]), text)
+                search.failed(float(followed.s[k]), text)
                 return None
             dq = np.ascontiguousarray(
-                difference(self.frame.robot, way.q[k], way.q[k + 1])
+                difference(self.frame.robot, followed.q[k], followed.q[k + 1])
             )
-            tested = self.legs.test(way.q[k].copy(), dq, fine)
+            tested = self.legs.test(followed.q[k].copy(), dq, fine)
             if tested.failed:
-                left = 100 * (1.0 - way.s[k]) * line.length
+                left = 100 * (1.0 - followed.s[k]) * line.length
                 place = f"leg {k} of {legs} is blocked, {left:.1f} cm before the end"
-                self._tell(tested, k, legs, place, float(way.s[k]), search)
+                self._tell(tested, k, legs, place, float(followed.s[k]), search)
                 return None
             fine |= tested.fine
-        return way, fine
+        return followed, fine
 
     def _tell(self, tested: Tested, leg, legs, place, share, search) -> None:
         text = f"{place}: {tested.text}"

@@ -9,25 +9,27 @@ from roadmap.ranges import check_settings
 
 @dataclass(frozen=True)
 class ApproachSettings:
-    """What a user may turn.
+    """Settings of the search for an approach.
 
     Attributes:
-        step_m: Legs start with this length of the tool's way [m]; halved where needed.
-        line_m, line_rad: Largest deviation of the tool from the line [m], [rad].
-        seeds: Descents that look for solutions of the pose, in rounds.
+        step_m: Length of a leg, measured at the tool [m]; halved where needed.
+        max_deviation_m: Largest distance of the tool from the line [m].
+        max_deviation_rad: Largest angle of the tool from its pose on the line [rad].
+        ik_starts: Starts of the inverse kinematics in a round.
         rounds: Rounds at most; the next one only when no solution was proved.
-        motions: Motions that are tested at most.
-        fine: Let a finer cover of the tool's links decide where the map's says no.
+        max_tests: Motions that are tested at most.
+        use_fine_cover: Let a finer cover of the tool's links decide where the map's
+            says no.
             Braking tests and `is_free` of the planner go on with the map's cover.
     """
 
     step_m: float = 0.03
-    line_m: float = 0.001
-    line_rad: float = 0.01
-    seeds: int = 8
+    max_deviation_m: float = 0.001
+    max_deviation_rad: float = 0.01
+    ik_starts: int = 8
     rounds: int = 4
-    motions: int = 200
-    fine: bool = True
+    max_tests: int = 200
+    use_fine_cover: bool = True
 
     def __post_init__(self) -> None:
         """Check every number.
@@ -37,18 +39,18 @@ class ApproachSettings:
         """
         ranges = {
             "step_m": (1e-4, 1.0, "m"),
-            "line_m": (1e-6, 0.1, "m"),
-            "line_rad": (1e-6, 1.0, "rad"),
-            "seeds": (1, 10_000, ""),
+            "max_deviation_m": (1e-6, 0.1, "m"),
+            "max_deviation_rad": (1e-6, 1.0, "rad"),
+            "ik_starts": (1, 10_000, ""),
             "rounds": (1, 1000, ""),
-            "motions": (1, 1_000_000, ""),
+            "max_tests": (1, 1_000_000, ""),
         }
-        check_settings(self, ranges, ("seeds", "rounds", "motions"))
+        check_settings(self, ranges, ("ik_starts", "rounds", "max_tests"))
 
 
 @dataclass(frozen=True)
 class Obstruction:
-    """What is in the way of a leg.
+    """What blocks a leg.
 
     Attributes:
         leg: Number of the leg, counted from the start of the approach; -1 where the

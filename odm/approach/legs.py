@@ -83,7 +83,7 @@ class LegTest:
     def test(self, q: np.ndarray, dq: np.ndarray, fine_first: bool = False) -> Tested:
         """Test a motion: by the map's cover, and where that says no by the fine one.
 
-        With `fine_first`, where the leg before needed it, the other way round.
+        With `fine_first`, where the leg before needed it, in the other order.
         """
         robot = self.frame.robot
         self.motions += 1
@@ -93,8 +93,8 @@ class LegTest:
                 return Tested("limits", trouble)
         if not self.use_fine:
             return self.by_map(q, dq)
-        ways = (self.by_map, self.by_fine)
-        for test in ways[::-1] if fine_first else ways:
+        tests = (self.by_map, self.by_fine)
+        for test in tests[::-1] if fine_first else tests:
             tested = test(q, dq)
             if not tested.failed:
                 return tested

@@ -35,7 +35,7 @@ class Line:
     Attributes:
         T_from, T_to: (4, 4) poses of the tool in the base frame [m].
         turn: (3,) rotation vector from the one to the other, base frame [rad].
-        length: Way of the tool [m].
+        length: Distance that the tool moves [m].
         angle: Turn of the tool [rad].
     """
 
@@ -53,11 +53,11 @@ class Line:
         R = T_to[:3, :3] @ T_from[:3, :3].T
         angle = np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0))
         turn = np.zeros(3) if angle < 1e-7 else Rotation.from_matrix(R).as_rotvec()
-        way = float(np.linalg.norm(T_to[:3, 3] - T_from[:3, 3]))
-        return cls(T_from, T_to, turn, way, float(np.linalg.norm(turn)))
+        length = float(np.linalg.norm(T_to[:3, 3] - T_from[:3, 3]))
+        return cls(T_from, T_to, turn, length, float(np.linalg.norm(turn)))
 
     def poses(self, s: np.ndarray) -> np.ndarray:
-        """Return the poses at shares s (k,) of the way as rows (k, 12)."""
+        """Return the poses at shares s (k,) of the line as rows (k, 12)."""
         s = np.atleast_1d(s)
         rows = np.empty((len(s), 12))
         start, end = self.T_from, self.T_to
@@ -253,8 +253,8 @@ def follow(
         limits: Largest deviation of the tool from the line [m], [rad]; a leg that has
             more is halved up to four times, then the path stops.
     """
-    ways = abs(s_to - s_from) * max(line.length, line.angle / 3.0) / step_m
-    n = max(1, int(np.ceil(ways - 1e-9)))
+    parts = abs(s_to - s_from) * max(line.length, line.angle / 3.0) / step_m
+    n = max(1, int(np.ceil(parts - 1e-9)))
     goals = list(s_from + (s_to - s_from) * np.arange(n, 0, -1) / n)
     smallest = abs(s_to - s_from) / n / 16.0
     qs, ss, worst = [q.copy()], [s_from], [0.0, 0.0]

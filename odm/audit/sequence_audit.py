@@ -35,7 +35,7 @@ class SequenceReport:
         wrong: Answers with a fault.
         unproved: Legs that a fresh planner refuses as a whole, but at no place.
         smallest: Smallest exact distance [m] less what is to be kept; inf: none.
-        told: (seed, step, fault) of the first faults.
+        first_faults: (seed, step, fault) of the first faults.
         seed, seconds, sabotage, complete: How it was run; not complete if interrupted.
     """
 
@@ -47,7 +47,7 @@ class SequenceReport:
     wrong: int = 0
     unproved: int = 0
     smallest: float = np.inf
-    told: list[tuple[int, int, str]] = field(default_factory=list)
+    first_faults: list[tuple[int, int, str]] = field(default_factory=list)
     seed: int = 0
     seconds: float = 0.0
     sabotage: str | None = None
@@ -68,7 +68,7 @@ class SequenceReport:
         for name in ("steps", "answered", "legs", "exact", "near", "wrong", "unproved"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.smallest = min(self.smallest, other.smallest)
-        self.told = (self.told + other.told)[:LISTED]
+        self.first_faults = (self.first_faults + other.first_faults)[:LISTED]
 
     def as_dict(self) -> dict:
         """Return everything as plain JSON data."""
@@ -183,7 +183,9 @@ def run_sequence(
             step = next(played)
         except Exception as error:  # a crash is a fault like any other
             report.wrong += 1
-            report.told.append((seed, k, f"raised {type(error).__name__}: {error}"))
+            report.first_faults.append(
+                (seed, k, f"raised {type(error).__name__}: {error}")
+            )
             break
         report.steps += 1
         verdict = step.verdict
@@ -196,6 +198,6 @@ def run_sequence(
         report.unproved += verdict.unproved
         report.wrong += bool(verdict.wrong)
         report.smallest = min(report.smallest, verdict.gap)
-        report.told += [(seed, k, fault) for fault in verdict.wrong]
-    report.told = report.told[:LISTED]
+        report.first_faults += [(seed, k, fault) for fault in verdict.wrong]
+    report.first_faults = report.first_faults[:LISTED]
     return report

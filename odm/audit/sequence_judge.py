@@ -1,4 +1,4 @@
-"""Two oracles for the legs of an answer; neither remembers what the planner was told.
+"""Two oracles for the legs of an answer; neither has a memory of earlier frames.
 
 The first is another planner that has seen this frame alone: its static test and its
 close test of each leg. The second is geometry: the robot's own solids, never spheres or
@@ -17,7 +17,7 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Box, Capsule, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
-from odm.search.state import joint_sway
+from odm.search.state import center_motion_bounds
 from roadmap.kinematics.forward import difference
 
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
@@ -91,8 +91,8 @@ class World:
         T = self.T_world_base
         return points @ T[:3, :3].T + T[:3, 3]
 
-    def told(self) -> dict[str, float]:
-        """Return what `step` is told of how the points were sampled."""
+    def step_arguments(self) -> dict[str, float]:
+        """Return the arguments of `step` that say how the points were sampled."""
         if self.mode == "dense":
             return {"covering_radius": DENSE}
         if self.mode == "round" and len(self.capsules):
@@ -106,7 +106,7 @@ class Verdict:
 
     Attributes:
         wrong: One sentence for each fault; empty where all legs are free.
-        unproved: Legs of which the fresh planner refuses the whole, but no place: its
+        unproved: Legs of which the oracle refuses the whole, but no place: its
             tests give up at a resolution, and of a part of a motion at another place.
         near: Whether a leg comes near to what it must keep.
         exact: Whether exact geometry was asked.
@@ -132,10 +132,10 @@ class Judge:
     def __init__(self, cell_map: CellMap) -> None:
         """Make the planner that only ever sees one frame."""
         self.cell_map = cell_map
-        self.fresh = ReactivePlanner(cell_map, always_replan=True)
+        self.oracle = ReactivePlanner(cell_map, always_replan=True)
         self._q = cell_map.roadmap.nodes[0].copy()
         self._plain = _ExactSide(cell_map, cell_map.robot)
-        self._boxes: list[Box] = []  # the scenery that the fresh planner knows
+        self._boxes: list[Box] = []  # the scenery that the oracle knows
         self.begin()
 
     def begin(self) -> None:
@@ -170,18 +170,18 @@ class Judge:
         if not np.array_equal(path[0], q):
             verdict.wrong.append(f"the path begins at {path[0]}, not at {q}")
         # its answers do not depend on q: it stays, and nothing is attached anew
-        self.fresh.step(given, q=self._q, **world.told())
+        self.oracle.step(given, q=self._q, **world.step_arguments())
         path = path.copy()
         over = np.clip(path[0], robot.lower, robot.upper) - path[0]
         tolerated = ~robot.continuous & (np.abs(over) <= LIMIT_TOLERANCE)
         path[0] += np.where(tolerated, over, 0.0)
         # what keeps NEAR more from the frame's points keeps enough
-        verdict.near = self.fresh.blocked_leg(path, NEAR) is not None
+        verdict.near = self.oracle.blocked_leg(path, NEAR) is not None
         for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
             key = a.tobytes() + b.tobytes()
             if key in self._stand_free and not verdict.near:
                 continue
-            freedom = self.fresh.is_free(a, b)
+            freedom = self.oracle.is_free(a, b)
             if freedom:
                 self._stand_free.add(key)
                 continue
@@ -194,28 +194,28 @@ class Judge:
         return verdict
 
     def _refuses_a_place(self, a: np.ndarray, b: np.ndarray) -> bool:
-        """Return whether there is a place on a leg that the fresh planner refuses."""
+        """Return whether there is a place on a leg that the oracle refuses."""
         dq = difference(self.cell_map.robot, a, b)
         places = (a + t * dq for t in np.linspace(0.0, 1.0, PLACES))
-        return not all(self.fresh.is_free(q, q) for q in places)
+        return not all(self.oracle.is_free(q, q) for q in places)
 
     def _take_up(self, world: World) -> None:
-        fresh, self._dirty = self.fresh, False
+        oracle, self._dirty = self.oracle, False
         self._stand_free.clear()
-        if fresh.attached is not None:
-            fresh.detach()
+        if oracle.attached is not None:
+            oracle.detach()
         if world.held is not None:
-            fresh.attach(world.held)
-        if not np.array_equal(fresh.world.T_world_base, world.T_world_base):
-            fresh.set_base(world.T_world_base)
-        if fresh.extra != world.extra:
-            fresh.set_extra_clearance(world.extra)
+            oracle.attach(world.held)
+        if not np.array_equal(oracle.world.T_world_base, world.T_world_base):
+            oracle.set_base(world.T_world_base)
+        if oracle.extra != world.extra:
+            oracle.set_extra_clearance(world.extra)
         if self._boxes is not world.boxes:
-            fresh.set_static(world.boxes or np.zeros((0, 3)))
+            oracle.set_static(world.boxes or np.zeros((0, 3)))
             self._boxes = world.boxes
         self._side = self._plain
         if world.held is not None:
-            self._side = _ExactSide(self.cell_map, fresh.carrier.robot)
+            self._side = _ExactSide(self.cell_map, oracle.carrier.robot)
 
     def _measure(self, world: World, path: np.ndarray, verdict: Verdict) -> None:
         """Measure each leg with exact solids."""
@@ -255,14 +255,18 @@ class _ExactSide:
         """Gather the solids of the robot and of the map's own scenery."""
         self.robot = robot
         self.exact, self.fcl = ExactRobot(robot), FclRobot(robot)
-        self.sway = joint_sway(cell_map.arm, robot.dof)
+        self.motion_bounds = center_motion_bounds(cell_map.arm, robot.dof)
         scenery = cell_map.scenery
         self.scenery = [
-            (obstacles_of([solid_of(row)]), name, self._heeds(name, scenery.dropped))
+            (
+                obstacles_of([solid_of(row)]),
+                name,
+                self._tested_solids(name, scenery.dropped),
+            )
             for row, name in zip(scenery.solids, scenery.names, strict=True)
         ]
 
-    def _heeds(self, name: str, dropped: tuple) -> np.ndarray:
+    def _tested_solids(self, name: str, dropped: tuple) -> np.ndarray:
         """Return which solids of the robot are tested against a part of the scenery."""
         links = [self.robot.link_names.index(a) for a, b in dropped if b == name]
         moving = self.robot.link_body[self.robot.solid_link] > 0
@@ -279,7 +283,7 @@ class _ExactSide:
         `kept` from what stands around [m], m from the map's own scenery.
         """
         best, near = _Found(np.inf, np.inf, "nothing"), self._near
-        bound = max(float(np.abs(dq) @ self.sway), 1e-12)
+        bound = max(float(np.abs(dq) @ self.motion_bounds), 1e-12)
         t, k = 0.0, 0
         while True:
             at = q + t * dq

@@ -22,7 +22,7 @@ from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import sample_capsules, surface_of
 from odm.planner.planner import ReactivePlanner
 from odm.planner.settings import PlannerSettings
-from odm.search._paths import locate_on_way
+from odm.search._paths import locate_on_path
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.transforms import pose_of
@@ -85,7 +85,7 @@ class Sequence:
         self.planner = ReactivePlanner(
             cell_map,
             always_replan=bool(self.rng.random() < 0.15),
-            settings=PlannerSettings(max_points=4096, kept_goals=kept),
+            settings=PlannerSettings(point_capacity=4096, cached_goals=kept),
         )
         judge.begin()
         self.world = World()
@@ -420,7 +420,7 @@ class Sequence:
         if self.tamper is not None:
             self.tamper(self.planner, self.q)
         answer = self.planner.step(
-            given, q=self.q, stamp=stamp, now=self.now, **world.told()
+            given, q=self.q, stamp=stamp, now=self.now, **world.step_arguments()
         )
         verdict = None
         if answer.status != HOLDING:
@@ -463,21 +463,21 @@ class Sequence:
 
 
 def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
-    """Let the certificate of the segment in use count for the motion from q beside it.
+    """Let the certificate of the segment in use count for the motion from q off it.
 
-    What an earlier version did: a robot within the tracking share beside its segment
-    was taken to be on it. The motion from there got the segment's cells and its mark of
-    being free of what stands still, and the next frame measured from that motion.
+    What an earlier version did: a robot off its segment by no more than the tracking
+    share was taken to be on it. The motion from there got the segment's cells and its
+    mark of being free of what stands still, and the next frame measured from it.
 
     Args:
         planner: Before it is asked.
         q: (dof,) what it will be asked from.
     """
-    own, way = planner.memory.own, planner.memory.way
+    robot_state, path = planner.memory.robot_state, planner.memory.path
     if not np.isfinite(q).all():
         return
-    at = int(locate_on_way(planner.memory.table, way, 0, q, own.out))
+    at = int(locate_on_path(planner.memory.table, path, 0, q, robot_state.fraction))
     if at >= 0:
-        proof = planner.memory.proof
-        way.q[at] = proof.begin[at] = q
-        proof.end[at] = way.q[at + 1]
+        certificates = planner.memory.certificates
+        path.q[at] = certificates.begin[at] = q
+        certificates.end[at] = path.q[at + 1]

@@ -20,11 +20,11 @@ _MOST_PAYLOAD = 64
 _NO_PAYLOAD = np.zeros((0, 4))
 
 
-class Room:
+class CellBuffers:
     """Arrays over all cells, z fastest; see `_seen.py`.
 
-    A byte each (nx, ny, nz), or a bit (nx, ny, words). Names that end in 4 or 8 view
-    the same memory so many cells at a time.
+    A byte each (nx, ny, nz), or a bit (nx, ny, words). Arrays named ...4 or ...8 are
+    views of the same memory, 4 or 8 cells in a word.
     """
 
     def __init__(self, cell_map: CellMap, settings: SeenSettings) -> None:
@@ -98,11 +98,11 @@ class Room:
         return flat[:, :, : int(self.shape[2])].astype(bool)
 
 
-class OwnBalls:
+class BodySpheres:
     """The robot's cover, base and locked links included, and what it carries."""
 
     def __init__(self, robot: Robot, d_self: float | None) -> None:
-        """Lay out room for the cover and a payload."""
+        """Lay out memory for the cover and a payload."""
         self.robot = robot
         self._d = d_self or 0.0
         n = len(robot.spheres) + _MOST_PAYLOAD
@@ -188,14 +188,17 @@ def needs_all_cubes(cell_map: CellMap, radius: float) -> bool:
 
 
 def views(
-    cameras: Sequence[DepthCamera], cell_map: CellMap, room: Room, noise_m: float
+    cameras: Sequence[DepthCamera],
+    cell_map: CellMap,
+    buffers: CellBuffers,
+    noise_m: float,
 ) -> list[View]:
     """Return the views of all cameras, or refuse one of them.
 
     Args:
         cameras: One or more, none inside the robot's base.
         cell_map: Its robot, grid and rho count.
-        room: Its cells that are out of reach are not looked at.
+        buffers: Its cells that are out of reach are left out.
         noise_m: Of a reading [m].
 
     Raises:
@@ -218,7 +221,7 @@ def views(
                 f"{camera.name} at {np.round(eye, 3)} m is inside {link} of the robot; "
                 "check its pose T_base_camera"
             )
-        beyond = room.blank == BEYOND
+        beyond = buffers.blank == BEYOND
         found.append(lay_out_view(camera, cell_map.grid, beyond, most, noise_m, rho))
     return found
 

@@ -12,20 +12,22 @@ LARGEST_D_SELF = 0.01  # [m]
 
 @dataclass(frozen=True)
 class SeenSettings:
-    """How cells that are not seen are treated, and which readings are left out.
+    """Settings of the camera cells: what unseen cells are, which readings are dropped.
 
     Attributes:
-        memory_s: Cells that are not seen keep their last content so long [s].
-        speed: What was there may have moved that fast into other unseen cells [m/s].
+        memory_s: How long a cell that no camera sees keeps its last content [s].
+        speed: Speed at which that content may spread into other unseen cells [m/s].
         policy: What unseen cells are after that: "free", "occupied" (also cells never
             seen, but for those around the robot itself) or "keep" (their content).
         shadow: What lies behind a seen surface counts as occupied.
-        d_self: Points within that of a cover sphere of the robot are its own and go,
-            at most 0.01 [m]; None keeps all. The proof is void within `d_self` of
-            the cover.
-        flying_m: Readings between their neighbours, farther than that from both, go
-            [m]; None keeps all. It weakens the proof: a steep surface looks the same.
-        noise_m: A reading may be too large by that, beyond the map's sensor share [m].
+        d_self: Self filter: points within this distance of a cover sphere are taken
+            for the robot and removed, at most 0.01 [m]; None: no filter. Nothing is
+            proved within this distance.
+        flying_m: Filter of flying pixels: a reading that lies between its neighbours
+            and is farther than this from both is removed [m]; None: no filter. It
+            weakens the proof: a steep surface looks the same.
+        noise_m: Largest amount by which a reading may exceed the true depth, beyond the
+            map's sensor share [m].
         max_range_m: Where no reading lies in the grid and the middle one is farther
             than this, the camera's scale is wrong: the frame is unfit [m].
     """

@@ -89,16 +89,16 @@ class SeenSpace:
         self.settings = settings or SeenSettings()
         self.covering_radius = layout.covering_radius(cell_map)
         self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)
-        self._room = layout.Room(cell_map, self.settings)
-        self._own = layout.OwnBalls(self.robot, self.settings.d_self)
+        self._buffers = layout.CellBuffers(cell_map, self.settings)
+        self._body = layout.BodySpheres(self.robot, self.settings.d_self)
         noise = self.settings.noise_m
-        self._views = layout.views(self.cameras, cell_map, self._room, noise)
+        self._views = layout.views(self.cameras, cell_map, self._buffers, noise)
         self._out = np.zeros((65536, 3))
         self.reset()
 
     def reset(self) -> None:
         """Forget all frames; every cell is unseen and never was seen."""
-        self._room.forget()
+        self._buffers.forget()
         self.stamp: float | None = None
         self._last: float | None = None  # stamp of the last frame, fit or not
         self._clock = 0.0  # like the stamps, but it never goes back [s]
@@ -136,7 +136,7 @@ class SeenSpace:
                 "cannot be told from others; check its encoders"
             )
         if trouble is None:
-            self._own.place(q, payload)
+            self._body.place(q, payload)
             trouble = self._look(images)
         if trouble is not None:
             return self._seen(_UNFIT.copy(), trouble)
@@ -152,10 +152,10 @@ class SeenSpace:
             (nx, ny, nz) uint8, an index of `CELL_NAMES` each; cell (0, 0, 0) is at
             the grid's origin.
         """
-        room = self._room
-        cells = room.seen_last.copy()
-        for code, bits in ((REMEMBERED, room.bits), (UNKNOWN, room.unknown)):
-            cells[room.unpack(bits)] = code
+        buffers = self._buffers
+        cells = buffers.seen_last.copy()
+        for code, bits in ((REMEMBERED, buffers.bits), (UNKNOWN, buffers.unknown)):
+            cells[buffers.unpack(bits)] = code
         return cells
 
     def counts(self) -> dict[str, int]:
@@ -194,32 +194,32 @@ class SeenSpace:
 
     def _look(self, images: list[np.ndarray]) -> str | None:
         """Let all cameras see; return what makes the frame unfit."""
-        room, own, s = self._room, self._own, self.settings
-        room.hit[:] = 0
-        room.state[:] = room.blank
-        own.removed[:] = 0
-        room.counts[:] = 0
+        buffers, body, s = self._buffers, self._body, self.settings
+        buffers.hit[:] = 0
+        buffers.state[:] = buffers.blank
+        body.removed[:] = 0
+        buffers.counts[:] = 0
         for camera, view, image in zip(self.cameras, self._views, images, strict=True):
             size = camera.width, camera.height
-            inside = depth.list_balls(view, own.centers, own.radii, own.balls, *size)
+            inside = depth.list_balls(view, body.centers, body.radii, body.balls, *size)
             if inside >= 0:
                 return (
-                    f"{camera.name} is inside {own.name_of(inside)} of the robot at "
+                    f"{camera.name} is inside {body.name_of(inside)} of the robot at "
                     "this configuration; check the camera's pose"
                 )
             jump = max(1, round(s.flying_m / camera.scale)) if s.flying_m else 0
             fours = image.view(np.uint64) if camera.width % 4 == 0 else _NO_FOURS
             is_on = s.d_self is not None
-            balls = depth.SelfFilter(own.balls, own.owner, own.removed, is_on)
-            hits = depth.Hits(room.hit.reshape(-1), room.shape, room.once)
+            balls = depth.SelfFilter(body.balls, body.owner, body.removed, is_on)
+            hits = depth.Hits(buffers.hit.reshape(-1), buffers.shape, buffers.once)
             depth.read_image(image, fours, view, balls, jump, hits)
-            room.counts += room.once
-            if room.once[depth.N_VALID] == 0:
+            buffers.counts += buffers.once
+            if buffers.once[depth.N_VALID] == 0:
                 return (
                     f"{camera.name} sees nothing: none of its {image.size} pixels has "
                     "a reading; check that it is plugged in and not covered"
                 )
-            if room.once[depth.N_OUTSIDE] == room.once[depth.N_VALID]:
+            if buffers.once[depth.N_OUTSIDE] == buffers.once[depth.N_VALID]:
                 trouble = camera.misread(image, s.max_range_m)
                 if trouble is not None:
                     return trouble
@@ -227,50 +227,54 @@ class SeenSpace:
             lift(view.seen, view.spare)
             windows.largest_of_squares(view.near[0], view.top_near)
             windows.largest_of_squares(view.seen[0], view.top_seen)
-            seen.see_cells(view, room.state, s.shadow)
-        seen.mark_hits(room.hit4, room.hit, room.state)
+            seen.see_cells(view, buffers.state, s.shadow)
+        seen.mark_hits(buffers.hit4, buffers.hit, buffers.state)
         return None
 
     def _remember(self) -> None:
         """Fill `cells` from what is seen, remembered and unknown."""
-        room, s = self._room, self.settings
+        buffers, s = self._buffers, self.settings
         before, self._seen_at = self._seen_at, self._clock
         remember.note_content(
-            room.state8, room.before8, room.flat, room.flat_before, room.kept,
-            room.since, before,
+            buffers.state8, buffers.before8, buffers.flat, buffers.flat_before,
+            buffers.kept, buffers.since, before,
         )  # fmt: skip
-        content = remember.Kept(room.kept8, room.kept, room.since)
-        ageing = remember.Ageing(s.memory_s, s.speed, room.h, s.policy_code)
-        sources = remember.Sources(room.sources, room.ptr)
+        content = remember.Kept(buffers.kept8, buffers.kept, buffers.since)
+        ageing = remember.Ageing(s.memory_s, s.speed, buffers.h, s.policy_code)
+        sources = remember.Sources(buffers.sources, buffers.ptr)
         remember.list_sources(content, self._clock, ageing, sources)
         remember.grow_sources(
-            room.sources, room.ptr, room.shape, room.bits2, room.spare2
+            buffers.sources, buffers.ptr, buffers.shape, buffers.bits2, buffers.spare2
         )
-        cubes.pack(room.state.view(np.uint32), room.unseen, room.blocked)
-        cubes.add_unseen(room.unseen, room.bits, room.blocked)
+        cubes.pack(buffers.state.view(np.uint32), buffers.unseen, buffers.blocked)
+        cubes.add_unseen(buffers.unseen, buffers.bits, buffers.blocked)
         if s.policy_code == remember.GO_OCCUPIED:
             keep = self.cell_map.safety.rho + self.cell_map.safety.m
-            own = self._own
+            body = self._body
             remember.spare_robot(
-                own.centers, own.plain + keep, room.origin, room.h, room.spared
+                body.centers,
+                body.plain + keep,
+                buffers.origin,
+                buffers.h,
+                buffers.spared,
             )
             remember.list_unknown(
-                room.state, room.kept, room.since, self._clock, s.memory_s,
-                room.spared, room.unknown,
+                buffers.state, buffers.kept, buffers.since, self._clock, s.memory_s,
+                buffers.spared, buffers.unknown,
             )  # fmt: skip
-            cubes.add_unseen(room.unseen, room.unknown, room.blocked)
+            cubes.add_unseen(buffers.unseen, buffers.unknown, buffers.blocked)
 
     def _points(self) -> np.ndarray:
         """Return all blocked cells as points."""
-        room, s = self._room, self.settings
-        cubes.list_inner(room.blocked, room.closed)
-        room.full[:] = room.blocked
-        cells = room.cells()
+        buffers, s = self._buffers, self.settings
+        cubes.list_inner(buffers.blocked, buffers.closed)
+        buffers.full[:] = buffers.blocked
+        cells = buffers.cells()
         cubes.choose_eighths(cells, s.shadow)
         for view in self._views if s.shadow else ():
-            cubes.clear_eighths(view, cells, room.scratch)
-        cubes.list_inner(room.full, room.inner)
-        room.swap()
+            cubes.clear_eighths(view, cells, buffers.scratch)
+        cubes.list_inner(buffers.full, buffers.inner)
+        buffers.swap()
         while True:
             n = cubes.write_points(cells, self._dense, self._out)
             if n <= len(self._out):
@@ -278,11 +282,11 @@ class SeenSpace:
             self._out = np.zeros((2 * n, 3))
 
     def _seen(self, points: np.ndarray, trouble: str | None) -> Seen:
-        own, counts = self._own, self._room.counts.tolist()
+        body, counts = self._body, self._buffers.counts.tolist()
         readings = dict(zip(("valid", "own", "flying", "outside"), counts, strict=True))
         removed = {
             name: n
-            for name, n in zip(own.names, own.removed.tolist(), strict=True)
+            for name, n in zip(body.names, body.removed.tolist(), strict=True)
             if n
         }
         return Seen(

@@ -38,8 +38,8 @@ class Swept(NamedTuple):
     grid: Grid
 
 
-class Room(NamedTuple):
-    """Work space of one sweep at a time; see `sweep_room`."""
+class SweepScratch(NamedTuple):
+    """Work space of one sweep at a time; see `sweep_scratch`."""
 
     words: np.ndarray  # (n_blocks,) zero between sweeps
     frames: np.ndarray  # (n_bodies, 12)
@@ -142,81 +142,89 @@ def longest_chord(centers, i, step, pieces):
 
 
 @njit(cache=True, nogil=True)
-def place_samples(arm, q, dq, pieces, room):
-    """Write the centres of all spheres at t = k / pieces to room.centers[k]."""
+def place_samples(arm, q, dq, pieces, scratch):
+    """Write the centres of all spheres at t = k / pieces to scratch.centers[k]."""
     for k in range(pieces + 1):
         for j in range(dq.shape[0]):
-            room.point[j] = q[j] + dq[j] * k / pieces
-        body_frames(arm.tree_i, arm.tree_f, room.point, room.frames)
-        place_points(room.frames, arm.body, arm.spheres, room.centers[k])
+            scratch.point[j] = q[j] + dq[j] * k / pieces
+        body_frames(arm.tree_i, arm.tree_f, scratch.point, scratch.frames)
+        place_points(scratch.frames, arm.body, arm.spheres, scratch.centers[k])
 
 
 @njit(cache=True, nogil=True)
-def sweep_motion(swept, q, dq, room):
-    """Mark in room.words all cells of the motion q + t dq; False: outside the grid.
+def sweep_motion(swept, q, dq, scratch):
+    """Mark in scratch.words all cells of the motion q + t dq; False: outside the grid.
 
     Spheres of body 0 are left out, they never move.
     """
     arm, radii, tolerance, _ = swept
     motion_bounds(
-        arm.tree_i, arm.tree_f, arm.reach, dq, room.rates, room.speed, room.bend
+        arm.tree_i,
+        arm.tree_f,
+        arm.reach,
+        dq,
+        scratch.rates,
+        scratch.speed,
+        scratch.bend,
     )
     finest = 0
     for i in range(radii.shape[0]):
-        level, _ = sample_level(radii[i], room.speed[i], room.bend[i], abs(tolerance))
+        level, _ = sample_level(
+            radii[i], scratch.speed[i], scratch.bend[i], abs(tolerance)
+        )
         finest = max(finest, level)
     pieces = 1 << finest
-    place_samples(arm, q, dq, pieces, room)
+    place_samples(arm, q, dq, pieces, scratch)
     for i in range(radii.shape[0]):
         if arm.body[i] == 0:
             continue
-        if room.speed[i] == 0.0 or tolerance < 0.0:
+        if scratch.speed[i] == 0.0 or tolerance < 0.0:
             pieces_i = 0
         else:
             # by the true chords, fewer pieces do than by the bound on the speed
             pieces_i = 1
             while True:
                 dt = 1.0 / pieces_i
-                tube = radii[i] + SAG_SHARE * room.bend[i] * dt * dt / 8.0
+                tube = radii[i] + SAG_SHARE * scratch.bend[i] * dt * dt / 8.0
                 step = pieces // pieces_i
-                half = 0.5 * longest_chord(room.centers, i, step, pieces)
+                half = 0.5 * longest_chord(scratch.centers, i, step, pieces)
                 if math.sqrt(tube * tube + half * half) - radii[i] <= tolerance:
                     break
                 if pieces_i == pieces:
                     break
                 pieces_i *= 2
-        if not mark_samples(swept, i, pieces, pieces_i, room):
+        if not mark_samples(swept, i, pieces, pieces_i, scratch):
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def mark_samples(swept, i, pieces, pieces_i, room):
+def mark_samples(swept, i, pieces, pieces_i, scratch):
     """Mark the balls of sphere i at its pieces_i + 1 samples; 0: at the first only."""
     step = pieces
     tube = swept.radii[i]
     if pieces_i > 0:
         step = pieces // pieces_i
-        tube += SAG_SHARE * room.bend[i] / (8.0 * pieces_i * pieces_i)
+        tube += SAG_SHARE * scratch.bend[i] / (8.0 * pieces_i * pieces_i)
     before = 0.0
     for k in range(0, pieces + 1 if pieces_i > 0 else 1, step):
-        c = room.centers[k, i]
+        c = scratch.centers[k, i]
         after = 0.0
         if pieces_i > 0 and k < pieces:
-            d = room.centers[k + step, i]
+            d = scratch.centers[k + step, i]
             after = (d[0] - c[0]) ** 2 + (d[1] - c[1]) ** 2 + (d[2] - c[2]) ** 2
         ball = math.sqrt(tube * tube + 0.25 * max(before, after))
-        if not mark_ball(c, ball, swept.grid, room.words):
+        if not mark_ball(c, ball, swept.grid, scratch.words):
             return False
         before = after
     return True
 
 
 @njit(cache=True, nogil=True)
-def sweep_room(arm, grid, dof):
+def sweep_scratch(arm, grid, dof):
     """Return the work space for sweeps of this robot into this grid."""
     n, n_bodies = arm.spheres.shape[0], arm.tree_i.shape[0]
-    return Room(
+    return SweepScratch(
         np.zeros(grid.shape[0] * grid.shape[1] * grid.shape[2], np.uint64),
         np.empty((n_bodies, 12)),
         np.empty(n),
@@ -255,14 +263,14 @@ def sweep_nodes(swept, q, lists):
 
     -1: the lists are too short; -2: a cell lies outside the grid.
     """
-    room = sweep_room(swept.arm, swept.grid, q.shape[1])
+    scratch = sweep_scratch(swept.arm, swept.grid, q.shape[1])
     still = np.zeros(q.shape[1])
     end = 0
     for k in range(q.shape[0]):
-        if not sweep_motion(swept, q[k], still, room):
+        if not sweep_motion(swept, q[k], still, scratch):
             return -2
         start = end
-        end = take_words(room.words, lists, start)
+        end = take_words(scratch.words, lists, start)
         if end < 0:
             return -1
         lists.counts[k] = end - start
@@ -275,16 +283,16 @@ def sweep_edges(swept, q, dq, ends, nodes, lists):
 
     `ends` (k, 2) are node ids, or -1 to keep all cells. Returns as sweep_nodes.
     """
-    room = sweep_room(swept.arm, swept.grid, q.shape[1])
+    scratch = sweep_scratch(swept.arm, swept.grid, q.shape[1])
     end = 0
     for k in range(q.shape[0]):
-        if not sweep_motion(swept, q[k], dq[k], room):
+        if not sweep_motion(swept, q[k], dq[k], scratch):
             return -2
         for side in range(2):
             if ends[k, side] >= 0:
-                remove_words(nodes, ends[k, side], room.words)
+                remove_words(nodes, ends[k, side], scratch.words)
         start = end
-        end = take_words(room.words, lists, start)
+        end = take_words(scratch.words, lists, start)
         if end < 0:
             return -1
         lists.counts[k] = end - start
@@ -317,7 +325,7 @@ def merge_lists(a, b, out):
     """Write to `out` the union of two layers' cells, item by item.
 
     Blocks ascend within an item, in the result too. Returns the number of entries;
-    the room must do for both layers one after the other.
+    the scratch must do for both layers one after the other.
     """
     end = 0
     out.ptr[0] = 0

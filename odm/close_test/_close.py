@@ -1,7 +1,7 @@
 """The close test: a motion's spheres against points and solids, continuous, no cells.
 
 A motion q + t dq is split by dichotomy. An interval is free when at its middle every
-sphere is farther from every point than its radius plus the way it can make in half
+sphere is farther from every point than its radius plus its largest travel in half
 the interval. Where that fails, the sphere's chord, thickened by the bound on the sag
 (|p''| dt^2 / 8), may free it as soon as the sag is small, and decides at the bottom
 level. From solids, whose distance is exact, a sphere keeps its bare radius, from points
@@ -123,7 +123,7 @@ def threshold(radius, i, px, py, pz, escape, anchor):
 
 @njit(cache=True, nogil=True)
 def body_at(clearance, b, frame, half, cloud, escape):
-    """Test body b at one configuration; 0 free, 1 open, 2 in the way of a point."""
+    """Test body b at one configuration; 0 free, 1 undecided, 2 blocked by a point."""
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
@@ -141,9 +141,9 @@ def body_at(clearance, b, frame, half, cloud, escape):
             cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
             cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
             cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            # once the interval is open, only a point in the way is news
-            way = work.speed[i] * half if result == 0 else 0.0
-            far = radii[i] + way
+            # once the interval is undecided, only a blocking point changes that
+            travel = work.speed[i] * half if result == 0 else 0.0
+            far = radii[i] + travel
             if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
                 continue
             for p in range(cloud.start[k], cloud.start[k + 1]):
@@ -158,7 +158,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
                     work.found[1] = cloud.order[p]
                     work.value[1] = math.sqrt(d2)
                     return 2
-                if result == 0 and d2 < (r + way) * (r + way):
+                if result == 0 and d2 < (r + travel) * (r + travel):
                     result = 1
                     reach = near
     return result
@@ -166,7 +166,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
 
 @njit(cache=True, nogil=True)
 def body_chord(clearance, b, f, g, dt, cloud, escape):
-    """Test body b along the chords between frames f and g; False: in the way."""
+    """Test body b along the chords between frames f and g; False: blocked."""
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
@@ -240,8 +240,8 @@ def bodies_at_solids(clearance, mask, half, solids, escape):
                 cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
                 cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
                 # once the interval is open, only a solid in the way is news
-                way = 0.0 if open_ else work.speed[i] * half
-                far = bare[i] + way
+                travel = 0.0 if open_ else work.speed[i] * half
+                far = bare[i] + travel
                 if is_rod:
                     d = rod_distance(rod, cx, cy, cz)
                 else:
@@ -256,7 +256,7 @@ def bodies_at_solids(clearance, mask, half, solids, escape):
                     work.found[1] = FIRST_SOLID - k
                     work.value[1] = d
                     return False
-                if not open_ and d < r + way:
+                if not open_ and d < r + travel:
                     open_ = True
                     reach = near
         work.state[b] = 1 if open_ else 0

@@ -74,7 +74,8 @@ def follow(ends, before, passed, limits, after):
         ends: (k, 2, 3) ends of the capsules now [m].
         before: The same parts `passed` ago.
         passed: Time between the frames [s].
-        limits: (4,) noise [m], acceleration and jump [m/s2], top speed [m/s].
+        limits: (4,) noise [m], acceleration, its largest plausible value [m/s2], and
+            the largest plausible speed [m/s].
         after: (k,) result.
     """
     noise, most, jump, top = limits[0], limits[1], limits[2], limits[3]

@@ -43,28 +43,29 @@ _TRACKING = 0.002  # tracking share for planners without a map [m]
 
 @dataclass(frozen=True)
 class ExecutionSettings:
-    """How the robot moves.
+    """Settings of the execution: speeds, blends, commit point and retreats.
 
     Attributes:
         speed_scale: Share of the joints' speed limits the robot uses.
-        retreat_scale: The same when it retreats from somebody.
+        retreat_scale: The same while it retreats.
         blend: Corners are rounded within this [m], but never within more than the
             map's blending share of m.
-        ahead: A new path begins where the robot stands if it begins to stop this
-            much later [s]: a rounded corner needs some length.
-        stand_below: It does not even retreat where, two frames on, its cover would be
-            nearer to a sample than this [m].
-        encoder: No point of the robot is farther from where its measured q says than
-            this [m]; it takes from the tracking share of m. Nobody can see it, so
-            the caller has to know.
+        commit_delay_s: A new path begins where the robot would stand if it began to
+            stop this much later [s]. More: corners have more length to be rounded on,
+            and the robot answers later.
+        min_retreat_separation: No retreat where the separation, extrapolated by two
+            frames, is below this [m].
+        encoder_error: Bound on the position error of any robot point that the encoders
+            cause [m]; it is taken off the tracking share of m. It cannot be measured
+            here, so the caller has to know it.
     """
 
     speed_scale: float = 0.5
     retreat_scale: float = 0.25
     blend: float = 0.004
-    ahead: float = 0.05
-    stand_below: float = 0.022
-    encoder: float = 0.0
+    commit_delay_s: float = 0.05
+    min_retreat_separation: float = 0.022
+    encoder_error: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -76,9 +77,9 @@ class ExecutionSettings:
             "speed_scale": (1e-6, 1.0, ""),
             "retreat_scale": (1e-6, 1.0, ""),
             "blend": (0.0, 1.0, "m"),
-            "ahead": (0.0, 10.0, "s"),
-            "stand_below": (0.0, np.inf, "m"),
-            "encoder": (0.0, 0.1, "m"),
+            "commit_delay_s": (0.0, 10.0, "s"),
+            "min_retreat_separation": (0.0, np.inf, "m"),
+            "encoder_error": (0.0, 0.1, "m"),
         }
         check_settings(self, ranges)
 
@@ -91,7 +92,7 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg`, `separation` and `way_out` where it has them.
+        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them.
         q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -128,11 +129,11 @@ class Executor:
             safety = planner.cell_map.safety
             self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
-        share = max(tracking - self.settings.encoder, 0.0)
+        share = max(tracking - self.settings.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
         self._separation = SeparationWatch(planner)
         self._test = BrakingTest(planner)
-        looks = self.brakes and callable(getattr(planner, "way_out", None))
+        looks = self.brakes and callable(getattr(planner, "evasion", None))
         self._lookout = Lookout(planner, period) if looks else None
         self._level = 0  # of speed; 0 is full speed
         self._frame = 0
@@ -142,7 +143,8 @@ class Executor:
         self._on_path = False  # whether the motion follows the last answer's path
         self._corners = np.zeros((0, robot.dof))  # of that path
         self._path_begin = 0.0  # arc length on the motion at which that path begins
-        self._next: tuple[Motion, float, float, Commit] | None = None  # see `ahead`
+        # see `next_commit`
+        self._next: tuple[Motion, float, float, Commit] | None = None
 
     @property
     def off(self) -> float:
@@ -180,7 +182,7 @@ class Executor:
                 return known[3]
         return self._commit_at(self.t, least)
 
-    def ahead(self) -> np.ndarray:
+    def next_commit(self) -> np.ndarray:
         """Return (dof,) where the next frame's path will begin, if nothing changes."""
         t = self.t + self.period
         least = self._least(t)
@@ -189,8 +191,8 @@ class Executor:
         return commit.q
 
     def _commit_at(self, t: float, least: float) -> Commit:
-        ahead = self.settings.ahead
-        return self.motion.commit(t, ahead, least, through_blends=True)
+        delay = self.settings.commit_delay_s
+        return self.motion.commit(t, delay, least, through_blends=True)
 
     def _least(self, t: float) -> float:
         """Return the arc length before which no new path begins."""
@@ -333,12 +335,15 @@ class Executor:
             return False  # nobody slows it: it may be gone before they come
         commit = self.motion.commit(self.t, 0.0)
         scale = self.settings.speed_scale
-        path = self._lookout.way_out(self.motion, self.t, commit, threat, scale)
+        path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
         return path is not None and self._begin_evading(path, commit, threat)
 
     def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
         """Retreat along a path, as fast as the person lets it; False if not at all."""
-        if not self._separation.measure(self.set_point.q) >= self.settings.stand_below:
+        if (
+            not self._separation.measure(self.set_point.q)
+            >= self.settings.min_retreat_separation
+        ):
             return False
         for share in _RETREATS:
             scale = share * self.settings.speed_scale
@@ -399,7 +404,7 @@ class Executor:
 
     def _may_move(self) -> bool:
         """Whether it may move at all: the person is not about to touch it."""
-        least = self.settings.stand_below + self.off
+        least = self.settings.min_retreat_separation + self.off
         return self._separation.stays_above(least, self.set_point.q)
 
     # --- braking ----------------------------------------------------------------
@@ -463,21 +468,21 @@ class Executor:
         motion: Motion,
         t: float,
         threat: Moving,
-        ahead: float = 0.0,
+        delay: float = 0.0,
         closer: float = 0.0,
     ) -> bool:
         """Test the path from `t` to the end of a stop behind the next set-point.
 
-        Afterwards the robot rests, and the stop is held. With `ahead` [s] the stop may
-        also begin that much later. The robot may come `closer` than m [m]. It may be
-        `off` its motion by more than m allows for; the balls grow by that.
+        Afterwards the robot rests, and the stop is held. With a `delay` [s] the stop
+        may also begin that much later. The robot may come `closer` than m [m]. It may
+        be `off` its motion by more than m allows for; the balls grow by that.
         """
-        begin = min(t + self.period + ahead, motion.duration)
+        begin = min(t + self.period + delay, motion.duration)
         stop = motion.stop(begin)
         how = (threat, closer, self.off)
         if not self._test.passes(motion, t, begin, stop, *how):
             return False
-        if ahead > 0.0:  # the stop that is held begins behind the next set-point
+        if delay > 0.0:  # the stop that is held begins behind the next set-point
             begin = min(t + self.period, motion.duration)
             stop = motion.stop(begin)
             if not self._test.passes(motion, t, begin, stop, *how):

@@ -70,7 +70,7 @@ class KinematicMover:
         planner: Asked for `separation` while it holds.
         q: (dof,) where the robot stands.
         period: Time between frames [s].
-        settings: Its speeds and `stand_below` are used.
+        settings: Its speeds and `min_retreat_separation` are used.
 
     Attributes:
         state: "moving", "retreating" or "standing".
@@ -93,7 +93,7 @@ class KinematicMover:
         settings = settings or ExecutionSettings()
         self.robot, self.planner, self.period = robot, planner, period
         self.state, self.reason = STANDING, ""
-        self._stand_below = settings.stand_below
+        self._min_retreat_separation = settings.min_retreat_separation
         self._follower = Follower(robot, settings.speed_scale)
         self._retreater = Follower(robot, settings.retreat_scale)
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
@@ -118,7 +118,7 @@ class KinematicMover:
         """A new path may begin where the robot is."""
         return Commit(self._q, 0.0)
 
-    def ahead(self) -> None:
+    def next_commit(self) -> None:
         """It is not known where the next path will begin: somewhere near."""
 
     def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
@@ -129,7 +129,7 @@ class KinematicMover:
             self._retreat_frame = -RETREAT_EVERY
             return
         self._frame += 1
-        may_move = self._separation.stays_above(self._stand_below, self._q)
+        may_move = self._separation.stays_above(self._min_retreat_separation, self._q)
         if self.state == RETREATING and may_move and self._still_better():
             return
         self.state, self._path = STANDING, self._q[None]

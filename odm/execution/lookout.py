@@ -1,8 +1,8 @@
 """When a robot should retreat from who comes, before it cannot any more.
 
-Braking ends in a stand, and who does not look comes on. So the robot looks at where
-the person's drift leads within a short time: if that blocks its motion, and where it
-could stop as well, it asks for a motion that leads away.
+A robot that has braked stands, and a person who does not look walks into it. So the
+person is extrapolated over a short time, at the mean velocity: if that blocks the
+robot's motion, and the place where it could stop as well, it asks for an evasion.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from odm.execution.threat import Threat
 from roadmap.motion.motion import Commit, Motion
 
-_AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] it looks ahead so far
+_AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
 _BETWEEN_SEARCHES = 0.05  # [s], which take a while
 _BETWEEN_LOOKS = 0.02  # [s]
 
@@ -55,7 +55,7 @@ class Lookout:
     """Watches whether a person comes at a robot.
 
     Args:
-        planner: Asked with `blocked_leg` and `way_out`.
+        planner: Asked with `blocked_leg` and `evasion`.
         period: Time between frames [s].
     """
 
@@ -64,7 +64,7 @@ class Lookout:
         self.planner, self.period = planner, period
         self._wait_s = 0.0
 
-    def way_out(
+    def evasion(
         self,
         motion: Motion,
         t: float,
@@ -94,7 +94,7 @@ class Lookout:
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]
-        return self.planner.way_out(commit.q, coming, speed_scale)
+        return self.planner.evasion(commit.q, coming, speed_scale)
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""

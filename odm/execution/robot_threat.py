@@ -184,4 +184,4 @@ def limits_threat(
 
 def _most(surface: RobotSurface, moved: np.ndarray) -> float:
     """Return how far any point gets where joint j moves by `moved[j]`, at most."""
-    return float((surface.sway @ moved).max(initial=0.0))
+    return float((surface.motion_bounds @ moved).max(initial=0.0))

@@ -48,32 +48,33 @@ _CONFIRMED = 3  # frames that agree on a velocity
 
 @dataclass(frozen=True)
 class ThreatSettings:
-    """What a person is able to do, and how well it is measured.
+    """Bounds on a person's motion, and on the error of its measurement.
 
     Attributes:
-        speed: A part whose speed is not known moves no faster than this [m/s].
-        acceleration: What a part adds to its measured velocity at most [m/s2]. A reach
+        speed: Speed bound of a part whose velocity is not known [m/s].
+        acceleration: Largest acceleration of a part [m/s2]. A reach
             of 0.4 m in 0.8 s along a minimum-jerk curve takes 3.6 m/s2; a thrust with
             a peak of 2 m/s over 0.45 m takes 15, at which a robot hardly moves beside
             a person.
-        noise: No measured end of a capsule is farther from the true one than this
-            [m]. 0 suits a simulated person, whose capsules are exact; 0.001 to 0.003
-            a marker system; 0.02 and more a skeleton from one depth camera.
-        top_speed: What seems to move faster than this is another part that has taken
-            its name, or an error [m/s].
-        jump: The same for accelerations [m/s2]: a hand that trembles by 2 cm at 5 Hz
-            has 20. Between `acceleration` and this a person does more than is
-            assumed of them: their velocity counts, but the balls may be too small.
-        ahead: Points are looked at that can come to the robot within this time [s]; a
-            stop that takes longer looks at all of them.
+        noise: Bound on the error of a measured capsule end [m]. 0 suits a simulated
+            person, whose capsules are exact; 0.001 to 0.003 a marker system; 0.02 and
+            more a skeleton from one depth camera.
+        max_plausible_speed: A measured speed above this is a tracking fault: an error,
+            or parts that have exchanged their names [m/s].
+        max_plausible_acceleration: The same for accelerations [m/s2]: a hand that
+            trembles by 2 cm at 5 Hz has 20. Between `acceleration` and this a person
+            does more than is assumed of them: their velocity counts, but the balls may
+            be too small.
+        horizon_s: Only points that can reach the robot within this time are kept [s]; a
+            stop that takes longer is tested against all of them.
     """
 
     speed: float = 2.0
     acceleration: float = 4.0
     noise: float = 0.0
-    top_speed: float = 5.0
-    jump: float = 60.0
-    ahead: float = 0.5
+    max_plausible_speed: float = 5.0
+    max_plausible_acceleration: float = 60.0
+    horizon_s: float = 0.5
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -85,9 +86,9 @@ class ThreatSettings:
             "speed": (0.0, 100.0, "m/s"),
             "acceleration": (0.0, 1e4, "m/s2"),
             "noise": (0.0, 1.0, "m"),
-            "top_speed": (0.0, 1e3, "m/s"),
-            "jump": (0.0, 1e4, "m/s2"),
-            "ahead": (0.0, 60.0, "s"),
+            "max_plausible_speed": (0.0, 1e3, "m/s"),
+            "max_plausible_acceleration": (0.0, 1e4, "m/s2"),
+            "horizon_s": (0.0, 60.0, "s"),
         }
         check_settings(self, ranges)
 
@@ -120,7 +121,7 @@ class Threat:
         turn, stretch: The fastest turn of a part, and its growth by its length [1/s].
         thick: Largest radius of the parts, and covering radius of the points [m].
         everywhere: Returns the same for all points, near or not; for times later than
-            `settings.ahead`.
+            `settings.horizon_s`.
         unknown: A part whose velocity is not known is no faster [m/s]: as fast as
             the settings say, or as any part was lately, which may be this one.
     """
@@ -151,7 +152,7 @@ class Threat:
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
         if not (known and end < math.inf):
             return self.points, math.inf
-        if end > self.settings.ahead and self.everywhere is not None:
+        if end > self.settings.horizon_s and self.everywhere is not None:
             return self._all.between(begin, end)
         begin, end = begin + age, end + age
         unknown = self.settings.noise + self._unknown * end
@@ -228,7 +229,14 @@ class Watcher:
         """Nobody has been seen."""
         self.settings = s = settings or ThreatSettings()
         self.covering, self.robot_speed = covering, robot_speed
-        self._limits = np.array([s.noise, s.acceleration, s.jump, s.top_speed])
+        self._limits = np.array(
+            [
+                s.noise,
+                s.acceleration,
+                s.max_plausible_acceleration,
+                s.max_plausible_speed,
+            ]
+        )
         best = 2.0 * math.sqrt(s.noise / s.acceleration) if s.acceleration else _DRIFT
         self._window = min(best, 1.0) if s.noise else 0.0  # best for a velocity [s]
         self._past: deque[tuple[float, np.ndarray]] = deque()
@@ -333,9 +341,9 @@ class Watcher:
             self._rates[1, these] = moved / max(ages[first], _DRIFT)
 
     def _reach(self, parts: "_Parts", age: float, unknown: float) -> float:
-        """Return how near a part can come in `ahead`, at most [m]."""
+        """Return how near a part can come in `horizon_s`, at most [m]."""
         s = self.settings
-        t = s.ahead + age
+        t = s.horizon_s + age
         sure, rates = parts.sure, parts.rates
         known = np.sqrt(np.einsum("rkei,rkei->rke", rates, rates).max(initial=0.0))
         slack = self._slack[sure].max(initial=0.0)

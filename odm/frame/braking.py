@@ -23,7 +23,7 @@ class PathTest:
     """
 
     def __init__(self, frame: Frame, last_phase: LastPhase) -> None:
-        """Lay out room for points that are expected."""
+        """Lay out memory for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
         self._shapes = SolidRoom()

@@ -12,7 +12,7 @@ from odm.close_test._arm import make_work
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Frame
 from odm.frame.place import items_in_place
-from odm.search.state import exchange, graph_on, joint_sway
+from odm.search.state import center_motion_bounds, exchange, graph_on
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
 from roadmap.transforms import check_pose
@@ -23,7 +23,7 @@ class Carrier:
 
     The map's payload layer is merged with the arm's once. From then on a payload in
     hand means other rows in the planner's table: cell lists of arm and envelope, and
-    the arm with the spheres of the very object. All that looks at the table heeds it.
+    the arm with the spheres of the very object. All that reads the table follows it.
 
     Args:
         frame: Its memory and scenery must be laid out.
@@ -38,7 +38,8 @@ class Carrier:
         self.frame, self.bare, self.robot = frame, frame.static, frame.robot
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {
-            name: getattr(m, name) for name in ("arm", "work", "graph", "direct", "own")
+            name: getattr(m, name)
+            for name in ("arm", "work", "graph", "direct", "robot_state")
         }
         if cell_map.payload is None:
             return
@@ -65,9 +66,13 @@ class Carrier:
         frame.thing, self.robot = thing, robot
         m, arm = frame.memory, frame.static.arm
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
-        n, sway = len(arm.spheres), joint_sway(arm, robot.dof)
-        own = m.own._replace(radii=np.zeros(n), bare=np.zeros(n), sway=sway)
-        exchange(m, {"arm": arm, "work": work, "own": own, **self._groups})
+        n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
+        robot_state = m.robot_state._replace(
+            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
+        )
+        exchange(
+            m, {"arm": arm, "work": work, "robot_state": robot_state, **self._groups}
+        )
         frame.hand_changed()
 
     def detach(self) -> None:

@@ -71,19 +71,19 @@ class Frame:
 
     Args:
         cell_map: The map of the robot.
-        max_points: Room for points; it grows.
-        pads: Links that may touch what is about to be grasped.
+        point_capacity: Points that memory is laid out for at first; it grows.
+        finger_pads: Links that may touch what is about to be grasped.
         watch: Judges whether a frame's points can be used.
 
     Attributes:
-        robot, cell_map, pads, watch: As given.
+        robot, cell_map, finger_pads, watch: As given.
         memory: The arrays of the compiled loops.
         direct: The nodes and edges that the points invalidate.
         static: The test of what never moves, with what is in the hand.
         thing: What is in the hand; None for nothing.
         rho, extra: The map's covering radius, and what is kept beyond its m [m].
         sampled: (covering radius, rounding) that the points were declared with.
-        world, world_ahead: Where the base stands; each has room for points of its own.
+        world, world_ahead: Where the base stands; each has a buffer for points.
         base_world: (4, 4) the world's pose in the base frame, for compiled loops.
         q: (dof,) where the robot is.
         points: (n, 3) of the last frame, base frame [m]; copied. The samples of its
@@ -98,21 +98,21 @@ class Frame:
     def __init__(
         self,
         cell_map: CellMap,
-        max_points: int,
-        pads: tuple[str, ...],
+        point_capacity: int,
+        finger_pads: tuple[str, ...],
         watch: SensorWatch,
     ) -> None:
         """Lay out all memory; nothing is seen, carried or placed."""
         self.cell_map, self.robot = cell_map, cell_map.robot
-        self.pads, self.watch = pads, watch
+        self.finger_pads, self.watch = finger_pads, watch
         self.static = StaticTest(
             self.robot, cell_map.scenery, cell_map.safety, cell_map.grid
         )
         self.thing: CarriedObject | None = None
-        self.memory = lay_out(cell_map, max_points)
+        self.memory = lay_out(cell_map, point_capacity)
         n, m = cell_map.roadmap.n_nodes, cell_map.roadmap.n_edges
         self.direct = DirectMap(self.memory, n, m)
-        self.q = self.memory.own.q
+        self.q = self.memory.robot_state.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self.keep_from_points = self.keep_from_shapes = 0.0
         self.set_sampling(None, None)
@@ -127,10 +127,10 @@ class Frame:
         self.heeded = 0
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
-        # two rooms: the watch may still need the points of an earlier frame
-        self._rooms = [np.empty((max_points, 3)) for _ in range(2)]
-        self._views = [room[:0] for room in self._rooms]
-        self._room = 0
+        # two buffers: the watch may still need the points of an earlier frame
+        self._buffers = [np.empty((point_capacity, 3)) for _ in range(2)]
+        self._views = [buffer[:0] for buffer in self._buffers]
+        self._buffer = 0
         self.points = self._views[0]
         self.classes: np.ndarray | None = None
         self.trouble: str | None = None
@@ -223,16 +223,16 @@ class Frame:
             return self._take_shapes(points, stamp, now)
         self.heeded = len(points)
         if len(points) > len(self.memory.cloud.where):
-            self.make_room(2 * len(points))
-        room = self.points
-        if self.watch.seen_inside is not None or len(points) != len(room):
-            room = self._room_for(len(points))
+            self.grow_clouds(2 * len(points))
+        buffer = self.points
+        if self.watch.seen_inside is not None or len(points) != len(buffer):
+            buffer = self._buffer_for(len(points))
         # whether some are not finite or most lie outside the grid
-        odd = kernels.begin_step(self.memory.table, points, room)
+        odd = kernels.begin_step(self.memory.table, points, buffer)
         marked = perf_counter_ns()
         self.trouble = None
         if odd or stamp is not None or now is not None:
-            self.trouble = self.watch.unfit(room, self.memory.cloud, stamp, now)
+            self.trouble = self.watch.unfit(buffer, self.memory.cloud, stamp, now)
         return marked
 
     def _take_shapes(
@@ -244,11 +244,11 @@ class Frame:
             self._know(obstacles)
             memory = self.memory
         if self.watch.points_inside is self.points:
-            self._room = 1 - self._room
+            self._buffer = 1 - self._buffer
         self.heeded = len(points)
         data, counts = obstacles.data, obstacles.counts
         while True:
-            room = self._rooms[self._room]
+            room = self._buffers[self._buffer]
             n = kernels.begin_shapes(memory.table, points, data, counts, room)
             if n == kernels.MORE_PATTERNS:
                 self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
@@ -258,11 +258,11 @@ class Frame:
             n = memory.patterns.wrong.item(0)
             if n - len(points) > MOST_SAMPLES:
                 break
-            self.make_room(2 * n)
-            self._rooms[self._room] = np.empty((2 * n, 3))
+            self.grow_clouds(2 * n)
+            self._buffers[self._buffer] = np.empty((2 * n, 3))
         trouble = None
         if n > len(room):  # too many samples: nothing was begun
-            kernels.begin_step(memory.table, points, self._room_for(len(points)))
+            kernels.begin_step(memory.table, points, self._buffer_for(len(points)))
             trouble = (
                 f"the shapes of the frame take {n} samples, more than {MOST_SAMPLES}; "
                 "give metres, or leave out what is far"
@@ -301,13 +301,13 @@ class Frame:
         Of these the close test heeds the first `heeded`; None: as many as before.
         """
         self.heeded = self.heeded if heeded is None else heeded
-        self._room_for(len(points))[...] = points
+        self._buffer_for(len(points))[...] = points
         self.mark()
 
     def mark(self) -> None:
         """Mark the frame's points anew: verdicts about them are void."""
         if len(self.points) > len(self.memory.cloud.where):
-            self.make_room(2 * len(self.points))
+            self.grow_clouds(2 * len(self.points))
         self.look_at(self.points)
 
     def look_at(self, points: np.ndarray) -> None:
@@ -320,27 +320,27 @@ class Frame:
             heeded = min(heeded, self.heeded)
         kernels.take_points(self.memory.table, points, heeded)
 
-    def make_room(self, room: int) -> None:
+    def grow_clouds(self, capacity: int) -> None:
         """Let clouds hold that many points or more; the frame's stay marked."""
         memory = self.memory
         memory.owner.check()
-        grid, room = self.cell_map.grid, max(room, len(memory.cloud.where))
-        exchange(memory, {n: grid.new_cloud(room) for n in ("cloud", "pick")})
+        grid, capacity = self.cell_map.grid, max(capacity, len(memory.cloud.where))
+        exchange(memory, {n: grid.new_cloud(capacity) for n in ("cloud", "picked")})
         self.look_at(self.points)
 
-    def _room_for(self, n: int) -> np.ndarray:
+    def _buffer_for(self, n: int) -> np.ndarray:
         """Let `points` be an array (n, 3) of our own, and return it to be filled."""
         if self.watch.points_inside is self.points:
-            self._room = 1 - self._room
+            self._buffer = 1 - self._buffer
         return self._view_of(n)
 
     def _view_of(self, n: int) -> np.ndarray:
         """Let `points` be the first n of our own array in use."""
-        view, room = self._views[self._room], self._rooms[self._room]
+        view, room = self._views[self._buffer], self._buffers[self._buffer]
         if len(view) != n or view.base is not room:
             if n > len(room):
-                room = self._rooms[self._room] = np.empty((2 * n, 3))
-            view = self._views[self._room] = room[:n]
+                room = self._buffers[self._buffer] = np.empty((2 * n, 3))
+            view = self._views[self._buffer] = room[:n]
         self.points = view
         return view
 
@@ -412,7 +412,7 @@ class Frame:
     @property
     def radii(self) -> np.ndarray:
         """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
-        return self.memory.own.radii
+        return self.memory.robot_state.radii
 
     def set_sampling(
         self, covering_radius: float | None, rounding: float | None
@@ -436,7 +436,7 @@ class Frame:
     @property
     def bare(self) -> np.ndarray:
         """(n,) what the spheres keep from shapes [m]: their radii and clearance."""
-        return self.memory.own.bare
+        return self.memory.robot_state.bare
 
     @property
     def keep(self) -> float:
@@ -500,7 +500,9 @@ class Frame:
         """The close test of motions, with what the hand carries."""
         m = self.memory
         tolerance = self.cell_map.motion_tolerance
-        return CloseTest(m.arm, m.own.radii, tolerance, m.work, m.own.bare)
+        return CloseTest(
+            m.arm, m.robot_state.radii, tolerance, m.work, m.robot_state.bare
+        )
 
     def motion_clear(
         self,

@@ -1,6 +1,6 @@
 """The last phase: what the hand may touch when it gives or receives.
 
-The search heeds all points with all layers. The last centimetres are proved by the
+The search avoids all points with all layers. The last centimetres are proved by the
 close test alone, and there a class of points is heeded by layers:
 
 * give: of `contact` points, the receiving hand, the payload may touch any;
@@ -85,7 +85,7 @@ class LastPhase:
             dq: (dof,) displacement.
             extra: More distance, for braking [m].
         """
-        kept, arm, radii, bare = self._heeding(cover)
+        kept, arm, radii, bare = self._protected_spheres(cover)
         tests = (
             (cover.arm, cover.radii, cover.bare, None, 0),
             (arm, radii, bare, kept, 1),
@@ -103,7 +103,9 @@ class LastPhase:
                 return sphere, point, test.missing
         return None
 
-    def _heeding(self, cover: Cover) -> tuple[np.ndarray, Arm, np.ndarray, np.ndarray]:
+    def _protected_spheres(
+        self, cover: Cover
+    ) -> tuple[np.ndarray, Arm, np.ndarray, np.ndarray]:
         """Return the spheres that may not touch: numbers, arm, radii and bare radii."""
         frame, arm = self.frame, cover.arm
         own = gripper_links(frame.robot)
@@ -134,12 +136,12 @@ class LastPhase:
                     "nothing is attached, so nothing can be given; call attach first"
                 )
             return {PAYLOAD}
-        pads, own = set(frame.pads), gripper_links(frame.robot)
+        pads, own = set(frame.finger_pads), gripper_links(frame.robot)
         if not pads or not pads <= own:
             raise BadInput(
                 f"the finger pads are {sorted(pads)}, but must be some of the links "
                 f"that the tool carries: {', '.join(sorted(own))}; name them in "
-                "PlannerSettings(pads=...)"
+                "PlannerSettings(finger_pads=...)"
             )
         return pads
 

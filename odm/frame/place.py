@@ -56,6 +56,6 @@ def items_in_place(graph: Graph, static: StaticTest, roadmap: Roadmap) -> np.nda
     dq = difference(static.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
     for item in np.flatnonzero(hit):
         start = roadmap.nodes[item if item < n else ends[item - n, 0]]
-        way = still if item < n else dq[item - n]
-        hit[item] = not static.clear_of_place(start, way)
+        motion = still if item < n else dq[item - n]
+        hit[item] = not static.clear_of_place(start, motion)
     return hit

@@ -36,8 +36,8 @@ class RobotSurface:
         covering_radius: Proved for the samples of every solid [m].
         labels: (n,) number of the closed part that each point is of.
         names: Link of each part.
-        sway: (n, dof) bound on how far a point moves per unit of each joint, over all
-            configurations [m per rad or m].
+        motion_bounds: (n, dof) bound on how far a point moves per unit of each joint,
+            over all configurations [m per rad or m].
 
     Raises:
         BadInput: `spacing` is not above 0, or `parts` is unknown.
@@ -63,7 +63,7 @@ class RobotSurface:
         self._body = frozen(np.repeat(robot.link_body[links], counts), np.int32)
         points = [np.zeros((0, 3)), *(s.points for s in surfaces)]
         self._points = frozen(np.concatenate(points), np.float64)
-        self.sway = frozen(self._sway(), np.float64)
+        self.motion_bounds = frozen(self._motion_bounds(), np.float64)
         self._frames = np.empty((len(robot.tree_i), 12))
         self._placed = np.empty_like(self._points)
         self._turned = np.empty_like(self._points)
@@ -124,16 +124,16 @@ class RobotSurface:
             for k, name in enumerate(self.names)
         )
 
-    def _sway(self) -> np.ndarray:
+    def _motion_bounds(self) -> np.ndarray:
         robot = self.robot
         span = joint_span(robot.tree_i, robot.tree_f, robot.lower, robot.upper)
         reach = point_reach(robot.tree_i, robot.tree_f, span, self._body, self._points)
-        sway = np.zeros((len(reach), robot.dof))
+        motion_bounds = np.zeros((len(reach), robot.dof))
         for joint in range(robot.dof):
             bodies = robot.tree_i[:, 1] == joint
             factor = np.abs(robot.tree_f[bodies, 15])
-            sway[:, joint] = reach[:, bodies] @ factor
-        return sway
+            motion_bounds[:, joint] = reach[:, bodies] @ factor
+        return motion_bounds
 
 
 def robot_surface(

@@ -2,7 +2,7 @@
 
 The covering radius is the largest distance from any point of the closed surface to its
 nearest sample. It is what the safety argument (design step 4) needs: a map built for
-`rho` heeds every closed obstacle whose covering radius is at most `rho`.
+`rho` avoids every closed obstacle whose covering radius is at most `rho`.
 """
 
 from dataclasses import dataclass, replace

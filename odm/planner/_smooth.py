@@ -178,8 +178,8 @@ def _length(q, k, robot):
 
 
 @njit(cache=True, nogil=True)
-def _short_way(corners, n, continuous):
-    """Let continuous joints go the short way from corner to corner."""
+def _unwrap(corners, n, continuous):
+    """Let continuous joints take the shorter rotation from corner to corner."""
     for k in range(1, n):
         for m in range(continuous.shape[0]):
             if continuous[m]:
@@ -191,7 +191,7 @@ def _short_way(corners, n, continuous):
 def next_change(rest, terms, scratch, drawn, most, worth):
     """Look for a change that saves the share `worth` of the rest of a path.
 
-    At most `most` changes are looked at, from number `drawn` + 1 on. Returns (the last
+    At most `most` changes are weighed, from number `drawn` + 1 on. Returns (the last
     number, found): `scratch` says what was found.
     """
     q, at, last, _ = rest
@@ -207,7 +207,7 @@ def next_change(rest, terms, scratch, drawn, most, worth):
             found = _pull(rest, u, v, scratch)
         if not found:
             continue
-        _short_way(corners, ints[N_CORNERS], continuous)
+        _unwrap(corners, ints[N_CORNERS], continuous)
         n = 0
         for k in range(at, ints[I] + 1):
             new[n] = q[k]

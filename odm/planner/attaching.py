@@ -1,22 +1,22 @@
-"""Joining configurations to the roadmap: goals when set, starts when first seen."""
+"""Connects configurations to the roadmap: goals when set, starts when first seen."""
 
 import numpy as np
 
-from odm.cell_map._sweep import sweep_room
+from odm.cell_map._sweep import sweep_scratch
 from odm.cell_map.cell_map import ROUNDING
 from odm.cell_map.sweep import swept_by
 from odm.frame.frame import Frame
-from odm.planner.kept_goals import KeptGoals
+from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
-from odm.search.state import MAX_ATTACHMENTS, point_motion
+from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
-_LOOKED_AT = 4  # times as many near nodes are looked at as are attached
-_QUICK = 6  # near nodes that a robot in motion may be joined with,
-_PASSED = 3  # and how many of them it is
+_LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
+_MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
+_MOVING_CONNECTIONS = 3  # and connections that it gets at most
 _TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
@@ -38,8 +38,8 @@ class Attacher:
     Attributes:
         goals: (g, dof) best first [rad or m].
         costs: (g,) of the goals, or None.
-        quick: Whether the start was attached by a few motions that have no cells.
-        is_stale: Whether goals are to be attached anew: the hand has changed.
+        without_cells: Whether the start was attached by a few motions without cells.
+        is_stale: Whether the hand has changed, so that goals must be attached anew.
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class Attacher:
         self._for_goals = min(goals, MAX_ATTACHMENTS)
         self._for_starts = min(starts, MAX_ATTACHMENTS)
         self._resize()
-        self.kept = KeptGoals(frame.memory.goals, kept)
+        self.kept = CachedGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
-        self.q_fresh = frame.memory.own.q_fresh
-        self._fresh_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(_QUICK, np.int64)
-        self.quick = self.is_stale = False
+        self.q_attached = frame.memory.robot_state.q_attached
+        self._attached_key = b""  # the same as bytes, which are compared faster
+        self._chosen = np.zeros(_MOVING_NODES, np.int64)
+        self.without_cells = self.is_stale = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
@@ -78,9 +78,11 @@ class Attacher:
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
         tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
         self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
-        self.room = sweep_room(arm, self.swept.grid, frame.robot.dof)
-        motion = point_motion(arm, frame.robot.dof)
-        frame.memory.proof.motion[:] = frame.memory.better_proof.motion[:] = motion
+        self.sweep_scratch = sweep_scratch(arm, self.swept.grid, frame.robot.dof)
+        motion = point_motion_bounds(arm, frame.robot.dof)
+        frame.memory.certificates.motion_bound[
+            :
+        ] = frame.memory.candidate_certificates.motion[:] = motion
 
     def hand_changed(self) -> None:
         """Throw all motions away; the goals are attached anew before they are used."""
@@ -105,7 +107,7 @@ class Attacher:
         kept_rows = len(self.goals)  # copying all would take half a millisecond
         before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
-        direct = np.full(len(goals), kinds.NO_WAY - 1)  # not known from this start
+        direct = np.full(len(goals), kinds.NO_MOTION - 1)  # not known from this start
         for g, q in enumerate(goals):
             m.goals.q[g] = q
             known = old.get(q.tobytes())
@@ -116,35 +118,35 @@ class Attacher:
             else:
                 self._take_over(g, known, before)
                 if self._is_direct_known():
-                    direct[g] = before[m.goals._fields.index("fresh_ref")][known]
+                    direct[g] = before[m.goals._fields.index("attached_ref")][known]
             m.goals.cost[g] = 0.0 if costs is None else costs[g]
-            m.goals.direct_stuck[g] = -1.0
+            m.goals.direct_blocked_at[g] = -1.0
         n = len(goals)
         m.goals.count[0] = n
         m.numbers.joint_costs[0] = 0 if costs is None else 1
-        np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.own.h_any)
+        np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.robot_state.h_any)
         path.goals_changed(vertex, m.goals.vertex[:n])
         self._attach_direct(direct)
         self.goals, self.costs = goals, costs
 
     def prepare(self, q: np.ndarray) -> bool:
-        """Attach a goal that will be set later; False where no room is kept for it."""
+        """Attach a goal that will be set later; False where it cannot be cached."""
         goals = self.frame.memory.goals
-        spare = int(goals.count[0])
-        if not self.kept.most or spare == len(goals.q):
+        row = int(goals.count[0])
+        if not self.kept.most or row == len(goals.q):
             return False
         if q not in self.kept:
             self.tidy()
-            goals.q[spare] = q
-            self._attach_goal(spare, q)
-            self.kept.keep(goals, spare)
-            goals.at[spare] = -1
+            goals.q[row] = q
+            self._attach_goal(row, q)
+            self.kept.keep(goals, row)
+            goals.at[row] = -1
         return True
 
     def _take_over(self, g: int, known: int, before: list[np.ndarray]) -> None:
         """Keep what is known of a goal that was there already, at rank `known`."""
         goals = self.frame.memory.goals
-        kept = ("h", "at", "node", "length", "ref", "stuck", "number", "vertex")
+        kept = ("h", "at", "node", "length", "ref", "blocked_at", "number", "vertex")
         for name in kept:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
@@ -153,7 +155,7 @@ class Attacher:
         m = self.frame.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
-        goals.stuck[g] = -1.0
+        goals.blocked_at[g] = -1.0
         goals.vertex[g] = self.new_vertex()
         self.distances(q)
         nearest = int(np.argmin(self.near))
@@ -172,7 +174,7 @@ class Attacher:
                 goals.h[g],
             )
             return
-        self._look_beyond(False)
+        self._set_beyond(False)
         self.distances(q)
         ids, refs = self._motions(q, self._for_goals, outward=False)
         k = len(ids)
@@ -186,20 +188,20 @@ class Attacher:
 
     # --- starts ----------------------------------------------------------------
 
-    def is_fresh(self, q: np.ndarray) -> bool:
+    def is_attached(self, q: np.ndarray) -> bool:
         """Return True if q is the configuration that was attached last, in full."""
-        return not self.quick and self.is_at(q)
+        return not self.without_cells and self.is_at(q)
 
     def is_at(self, q: np.ndarray) -> bool:
         """Return True if q is the configuration that was attached last."""
-        return q.tobytes() == self._fresh_key
+        return q.tobytes() == self._attached_key
 
     def forget_start(self) -> None:
         """Drop the attached start."""
-        self.q_fresh[:] = np.nan
-        self._fresh_key = b""
-        self.frame.memory.fresh.count[0] = 0
-        self.path.forget_beside()
+        self.q_attached[:] = np.nan
+        self._attached_key = b""
+        self.frame.memory.start_connections.count[0] = 0
+        self.path.forget_off_path()
 
     def forget_all(self) -> None:
         """Attach everything again: the scenery, or the hand, has changed."""
@@ -217,68 +219,68 @@ class Attacher:
         self.kept.clear()
         self.candidates.forget_cuts()
 
-    def attach_start(self, q: np.ndarray, quick: bool = False) -> None:
+    def attach_start(self, q: np.ndarray, without_cells: bool = False) -> None:
         """Attach a configuration never seen before.
 
-        `quick` leaves the cells of its motions out, which a robot that is passing
-        through would use once: the close test decides on a few of them.
+        `without_cells`: the cells of its motions are not swept; the close test decides
+        about a few of them. Cheaper for a robot that moves, which uses them once.
         """
         self.tidy()
         m = self.frame.memory
-        self.quick = quick
-        self.q_fresh[:] = q
-        self._fresh_key = self.q_fresh.tobytes()
+        self.without_cells = without_cells
+        self.q_attached[:] = q
+        self._attached_key = self.q_attached.tobytes()
         m.goals.count[1] = self.new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
-        self._look_beyond(True)
+        self._set_beyond(True)
         self.distances(q)
-        if quick:
-            ids, refs = self._quick_motions(q)
+        if without_cells:
+            ids, refs = self._motions_without_cells(q)
         else:
             ids, refs = self._motions(q, self._for_starts, outward=True)
         k = len(ids)
-        m.fresh.count[0] = k
-        m.fresh.node[:k], m.fresh.ref[:k] = ids, refs
-        m.fresh.length[:k] = self.near[ids]
-        m.fresh.static[:k] = 1
-        m.fresh.memo[:k] = 0
-        m.fresh.stuck[:k] = -1.0
+        m.start_connections.count[0] = k
+        m.start_connections.node[:k], m.start_connections.ref[:k] = ids, refs
+        m.start_connections.length[:k] = self.near[ids]
+        m.start_connections.static[:k] = 1
+        m.start_connections.memo[:k] = 0
+        m.start_connections.blocked_at[:k] = -1.0
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
 
-        known: (g,) references that were swept from this very start before, below NO_WAY
-        where there is none; None: there are none.
+        known: (g,) references that were swept from this very start before, below
+        NO_MOTION where there is none; None: there are none.
         """
         m, frame = self.frame.memory, self.frame
         g = int(m.goals.count[0])
-        m.goals.fresh_ref[:g] = kinds.NO_WAY
-        m.goals.direct_stuck[:g] = -1.0
+        m.goals.attached_ref[:g] = kinds.NO_MOTION
+        m.goals.direct_blocked_at[:g] = -1.0
         # a robot that has moved on does not begin where the start was attached
-        if g == 0 or not np.array_equal(self.q_fresh, frame.q):
+        if g == 0 or not np.array_equal(self.q_attached, frame.q):
             self._direct_from[:] = np.nan
             return
-        self._direct_from[:] = self.q_fresh
+        self._direct_from[:] = self.q_attached
         new = np.arange(g)
         if known is not None:
-            m.goals.fresh_ref[:g] = np.maximum(known, kinds.NO_WAY)
-            new = np.flatnonzero(known < kinds.NO_WAY)
+            m.goals.attached_ref[:g] = np.maximum(known, kinds.NO_MOTION)
+            new = np.flatnonzero(known < kinds.NO_MOTION)
         if not len(new):
             return
-        dq = frame.difference(self.q_fresh, m.goals.q[new])
-        q = np.repeat(self.q_fresh[None], len(new), axis=0)
+        dq = frame.difference(self.q_attached, m.goals.q[new])
+        q = np.repeat(self.q_attached[None], len(new), axis=0)
         free = frame.static.motions_free(q, dq)
-        if self.quick:
-            m.goals.fresh_ref[new[free]] = kinds.NO_ITEM
+        if self.without_cells:
+            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             return
         first = self.sweep(q[free], dq[free])
         if first >= 0:
-            m.goals.fresh_ref[new[free]] = first + np.arange(int(np.sum(free)))
+            m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 
     def _is_direct_known(self) -> bool:
-        return bool(np.array_equal(self._direct_from, self.q_fresh))
+        return bool(np.array_equal(self._direct_from, self.q_attached))
 
     # --- inside ----------------------------------------------------------------
 
@@ -291,30 +293,30 @@ class Attacher:
         return self.near
 
     def _candidates(self, wanted: int) -> np.ndarray:
-        """Return nodes to join q with, in turn the nearest and those on the way.
+        """Return nodes to connect q with, in turn the nearest and those ahead.
 
-        On the way are those with the least cost from q through the node to where the
-        motion leads: short paths leave through them. Ties go by number.
+        Ahead are those with the least cost from q through the node to where the path
+        leads: short paths leave through them. Ties go by number.
         """
         k = min(_LOOKED_AT * wanted, self.roadmap.n_nodes)
         near = self._least(self.near, k)
         if self.beyond is None:
             return near
-        by_way = self._least(self.near + self.beyond, k)
+        through = self._least(self.near + self.beyond, k)
         return np.array(
-            list(dict.fromkeys(np.stack([near, by_way], 1).ravel().tolist()))
+            list(dict.fromkeys(np.stack([near, through], 1).ravel().tolist()))
         )
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
         few = np.argpartition(cost, k - 1)[:k]
         return few[np.lexsort((few, cost[few]))]
 
-    def _look_beyond(self, towards_goals: bool) -> None:
-        """Set what lies beyond a node: the goals, or the robot's configuration."""
+    def _set_beyond(self, towards_goals: bool) -> None:
+        """Set the cost beyond each node: to the goals, or to the robot's place."""
         m = self.frame.memory
         self.beyond = None
         if towards_goals and m.goals.count[0]:
-            self.beyond = m.own.h_any
+            self.beyond = m.robot_state.h_any
         elif not towards_goals and np.isfinite(self.frame.q).all():
             self.distances(self.frame.q)
             self.beyond = self.near.copy()
@@ -341,21 +343,21 @@ class Attacher:
             return nodes[:0], nodes[:0]
         return nodes, first + np.arange(len(nodes))
 
-    def _quick_motions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _motions_without_cells(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, no items) of certified motions to a few near nodes.
 
         Only what the frame leaves free is certified, the best first.
         """
         frame = self.frame
-        ids = self._candidates(_QUICK)[: _LOOKED_AT * _QUICK]
+        ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
         table, points = frame.memory.table, frame.points
-        n = judge.clear_starts(table, points, q, ids, _QUICK, self._chosen)
+        n = judge.clear_nodes(table, points, q, ids, _MOVING_NODES, self._chosen)
         good = []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])
             if frame.static.motion_free(q, dq):
                 good.append(node)
-            if len(good) == _PASSED:
+            if len(good) == _MOVING_CONNECTIONS:
                 break
         nodes = np.array(good, np.int64)
         return nodes, np.full(len(nodes), kinds.NO_ITEM)
@@ -377,7 +379,7 @@ class Attacher:
             np.ascontiguousarray(dq),
             m.graph.region,
             m.pool,
-            self.room,
+            self.sweep_scratch,
         )
 
     def nearest(self, q: np.ndarray, count: int) -> np.ndarray:
@@ -391,7 +393,7 @@ class Attacher:
         return self.next_vertex
 
     def tidy(self) -> None:
-        """Throw old items away before the pool or the shortcuts run full."""
+        """Throw old items away before the pool or the table of cuts runs full."""
         m = self.frame.memory
         items, entries = m.pool.used
         full = 2 * items > len(m.pool.begin) or 2 * entries > len(m.pool.block)
@@ -399,9 +401,9 @@ class Attacher:
             return
         self.candidates.forget_cuts()
         refs = [self.path.items(), self.candidate.items()]
-        refs.append(m.fresh.ref[: m.fresh.count[0]])
+        refs.append(m.start_connections.ref[: m.start_connections.count[0]])
         g = int(m.goals.count[0])
-        refs.append(m.goals.fresh_ref[:g])
+        refs.append(m.goals.attached_ref[:g])
         refs.extend(m.goals.ref[k, : m.goals.number[k]] for k in range(g))
         refs.extend(self.kept.refs())
         refs.extend(
@@ -420,19 +422,26 @@ class Attacher:
             size = b - a
             pool.block[end : end + size] = pool.block[a:b].copy()
             pool.mask[end : end + size] = pool.mask[a:b].copy()
-            pool.sign[4 * new : 4 * new + 4] = pool.sign[4 * item : 4 * item + 4]
+            pool.signature[4 * new : 4 * new + 4] = pool.signature[
+                4 * item : 4 * item + 4
+            ]
             pool.begin[new], pool.end[new] = end, end + size
             end += size
         pool.used[:] = len(used), end
         for ref in refs:
-            own = ref >= 0
-            ref[own] = np.searchsorted(used, ref[own])
+            used_items = ref >= 0
+            ref[used_items] = np.searchsorted(used, ref[used_items])
 
     # --- memory ----------------------------------------------------------------
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what is remembered of goals and start beside their arrays."""
-        state = [self.quick, self.is_stale, self.next_vertex, self.costs is not None]
+        state = [
+            self.without_cells,
+            self.is_stale,
+            self.next_vertex,
+            self.costs is not None,
+        ]
         return {
             "goals": self.goals.copy(),
             "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
@@ -442,11 +451,11 @@ class Attacher:
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
-        quick, stale, vertex, has_costs = saved["state"].tolist()
-        self.quick, self.is_stale, self.next_vertex = bool(quick), bool(stale), vertex
+        without_cells, stale, self.next_vertex, has_costs = saved["state"].tolist()
+        self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None
         self._direct_from[:] = saved["direct_from"]
-        known = not np.isnan(self.q_fresh).any()
-        self._fresh_key = self.q_fresh.tobytes() if known else b""
+        known = not np.isnan(self.q_attached).any()
+        self._attached_key = self.q_attached.tobytes() if known else b""
         self.kept.load({k[5:]: a for k, a in saved.items() if k.startswith("kept_")})

@@ -67,34 +67,36 @@ class Connector:
         self._root, self._goals = b"", b""
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
-        self._wary = 0  # frames in a row that a path must be there to be taken
+        self._frames_to_persist = (
+            0  # frames in a row that a path must be there to be taken
+        )
 
     def answer(self, q: np.ndarray, patience: int, waits: bool) -> bool:
         """Let the path in use be one beyond the roadmap, if there is one already.
 
-        Where the path before was of that kind, or only just free, and was blocked, the
-        next one must be there for `patience` frames in a row: what opens and closes as
-        a hand trembles is not taken.
+        Where the path before was of that kind, or free only now, and was blocked, the
+        next one must be there for `persistence_frames` frames in a row: what opens and
+        closes as a hand trembles is not taken.
 
         Args:
             q: (dof,) where the robot is, inside its limits.
             patience: See `PlannerSettings`.
-            waits: Paths that are only just free are not taken now.
+            waits: Paths that is free only now are not taken now.
         """
         if not self.budget or not len(self.attacher.goals):
             return False
         if self.path.followed and (waits or self._is_mine()):
-            self._wary = patience
+            self._frames_to_persist = patience
         path = self._free_path(q)
         if path is None:
             self._asked = self.frame.number
             if self._search(self.budget):
                 path = self._free_path(q)
         if path is None:
-            self._wary = patience if self._wary else 0
+            self._frames_to_persist = patience if self._frames_to_persist else 0
             return False
-        self._wary = max(0, self._wary - 1)
-        if self._wary:
+        self._frames_to_persist = max(0, self._frames_to_persist - 1)
+        if self._frames_to_persist:
             return False
         self.path.lead(*path)
         return True
@@ -224,10 +226,12 @@ class Connector:
         return {
             "root": np.frombuffer(self._root, np.uint8),
             "goals": np.frombuffer(self._goals, np.uint8),
-            "counts": np.array([self._asked, self.looked, self._wary], np.int64),
+            "counts": np.array(
+                [self._asked, self.looked, self._frames_to_persist], np.int64
+            ),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
-        self._asked, self.looked, self._wary = saved["counts"].tolist()
+        self._asked, self.looked, self._frames_to_persist = saved["counts"].tolist()

@@ -1,4 +1,4 @@
-"""What a frame comes to: go on, take a new path, or hold; and what is joined for it.
+"""The decision of a frame: follow, replan or hold; and when q is connected anew.
 
 A robot finds a path only from a configuration that was joined to the roadmap, by
 motions to near nodes. That costs milliseconds, so it is done where `JOIN` says so.
@@ -90,8 +90,8 @@ class Decision:
 
     @property
     def waits(self) -> bool:
-        """Whether paths that are only just free are not taken now."""
-        return self._numbers.waits.item() > 0
+        """Whether paths that is free only now are not taken now."""
+        return self._numbers.frames_to_persist.item() > 0
 
     @property
     def patience(self) -> int:
@@ -100,7 +100,7 @@ class Decision:
 
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
-        if self.new_goals or self.attacher.quick:
+        if self.new_goals or self.attacher.without_cells:
             self._join_ahead(q)
         now = math.nan if now is None else now
         said = step.respond(self._memory.table, points, q, now)
@@ -113,7 +113,7 @@ class Decision:
         self, said: int, code: int, points: np.ndarray, q: np.ndarray, now: float
     ) -> int:
         """Join q to what it needs, and answer again."""
-        if code == step.BESIDE:
+        if code == step.OFF_PATH:
             said, code = self._beside(points, q, now)
         if code == step.NOT_ATTACHED and self._join(NOT_JOINED, q):
             said, code = self._again(points, q, now)
@@ -133,7 +133,7 @@ class Decision:
 
     def _again(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
         said = step.respond(self._memory.table, points, q, now)
-        if said % step.SEGMENT == step.BESIDE:
+        if said % step.SEGMENT == step.OFF_PATH:
             return self._beside(points, q, now)
         return said, said % step.SEGMENT
 
@@ -144,9 +144,9 @@ class Decision:
         """
         for _ in range(2):
             waits = self._numbers.candidate.item() and not self._always
-            (self.attacher.candidate if waits else self.path).certify_beside(q)
+            (self.attacher.candidate if waits else self.path).certify_off_path(q)
             said = step.respond(self._memory.table, points, q, now)
-            if said % step.SEGMENT != step.BESIDE:
+            if said % step.SEGMENT != step.OFF_PATH:
                 break
         return said, said % step.SEGMENT
 
@@ -165,10 +165,10 @@ class Decision:
     def join_between(self) -> bool:
         """Join the robot anew between frames, where it lingers or a goal has cleared.
 
-        Where it stands, a better path may leave by other nodes than those on its way.
+        Where it stands, a better path may leave by other nodes than those on its path.
         """
         q, self._looked = self.frame.q, self.frame.number
-        if self.attacher.quick and self._numbers.stood.item() >= _LINGERS:
+        if self.attacher.without_cells and self._numbers.stood.item() >= _LINGERS:
             return self._join(LINGERS, q)
         if self._robot() == STANDS and self.sees_better_goal():
             return self._join(BETTER_GOAL, q)
@@ -184,22 +184,22 @@ class Decision:
         attacher = self.attacher
         joined = NOTHING
         if attacher.is_at(q):
-            joined = FEW if attacher.quick else MANY
+            joined = FEW if attacher.without_cells else MANY
         robot = robot or self._robot()
         what = None if joined == MANY else JOIN.get((case, robot, joined))
         if what is None or not np.isfinite(q).all():
             return False
-        attacher.attach_start(q, quick=what == FEW)
+        attacher.attach_start(q, without_cells=what == FEW)
         return True
 
     def _robot(self) -> str:
         """Return what the robot did since the frame before."""
-        own = self._memory.own
-        if (own.before == own.q).all():
+        robot = self._memory.robot_state
+        if (robot.before == robot.q).all():
             return STANDS
-        if not np.isfinite(own.before).all():
+        if not np.isfinite(robot.before).all():
             return JUMPED
-        moved = np.abs(self.frame.difference(own.before, own.q)).max()
+        moved = np.abs(self.frame.difference(robot.before, robot.q)).max()
         return MOVES if moved < _PASSES else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:

@@ -59,7 +59,7 @@ class Reasons:
         if self._unable is not None:
             return self._unable, NOTHING
         if self._is_over:
-            return "no free way was found (ask for the reason in the frame)", NOTHING
+            return "no free path was found (ask for the reason in the frame)", NOTHING
         return self._blocked()
 
     def retreat(self) -> np.ndarray | None:
@@ -113,7 +113,7 @@ class Reasons:
             gap, _, link, what, point = rows[g]
         place = f"goal {g}" if at_goal else "the start"
         text = (
-            f"no free way leads to goal {g}: what is free around {place} is cut off "
+            f"no free path leads to goal {g}: what is free around {place} is cut off "
             f"({what} is {in_cm(gap)} from {link} there); move it away, or "
             "give another goal"
         )

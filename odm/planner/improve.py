@@ -94,6 +94,6 @@ class Improver:
         if found and ahead is not None and self.candidate.locate(ahead)[0] < 0:
             self.candidate.withdraw()  # the path up to there stays
             return 0
-        if frame.memory.numbers.beside.item():
+        if frame.memory.numbers.off_path.item():
             self._next = frame.number + 1  # a robot beside its path offers none
         return int(found)

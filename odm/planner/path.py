@@ -5,9 +5,9 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.search import _paths as kernels
 from odm.search import _step as step
-from odm.search._state import EDITED, NO_WAY
+from odm.search._state import EDITED, NO_MOTION
 
-_ROOM = 0.01  # [m] a robot beside its segment by less needs no test of its own
+_TUBE_RADIUS = 0.01  # [m] of the tube around a segment that one static test covers
 
 
 class PathInUse:
@@ -21,20 +21,21 @@ class PathInUse:
 
     Attributes:
         followed: Whether the frame before led along it.
-        item, vertex, q: Of the segments and the corners; see `Way` of the search.
+        item, vertex, q: Of the segments and the corners; see `Path` of the search.
     """
 
     def __init__(self, frame: Frame) -> None:
         """There is none yet."""
         self.frame = frame
         memory = frame.memory
-        self._way, self._proof, self._beside = memory.way, memory.proof, memory.beside
-        self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
-        self._count, self._numbers = self._way.count, memory.numbers
+        self._path, self._off_path = memory.path, memory.off_path
+        self._certificates = memory.certificates
+        self.vertex, self.item, self.q = self._path.vertex, self._path.ref, self._path.q
+        self._count, self._numbers = self._path.count, memory.numbers
         self._segment = memory.numbers.segment
         self.followed = False
-        self._room_key = b""  # end and begin of a segment, and
-        self._has_room = False  # whether it is free with room around it
+        self._tube_key = b""  # end and begin of a segment, and
+        self._tube_is_free = False  # whether the tube around it is free
 
     def __len__(self) -> int:
         """Return the number of corners; 0 where there is no path."""
@@ -73,10 +74,10 @@ class PathInUse:
         self.drop()
         self.followed = False
 
-    def forget_beside(self) -> None:
-        """Forget what is known of a robot beside its segment."""
-        self._room_key = b""
-        self._beside.q[:] = np.nan
+    def forget_off_path(self) -> None:
+        """Forget what is known of a robot off its segment."""
+        self._tube_key = b""
+        self._off_path.q[:] = np.nan
 
     def goals_changed(self, vertex: int, vertices: np.ndarray) -> None:
         """Find its goal, of that `vertex`, among the vertices of the new goals."""
@@ -85,46 +86,48 @@ class PathInUse:
             same = np.flatnonzero(vertices == vertex)
             self._count[1] = same[0] if len(same) else -1
 
-    def certify_beside(self, q: np.ndarray) -> None:
-        """Test the motions from q, beside its segment, to that segment's two ends.
+    def certify_off_path(self, q: np.ndarray) -> None:
+        """Test the motions from q, off its segment, to that segment's two ends.
 
-        They are new, so that they are tested against all that stands still; the
-        frame's points are asked where they are used. One test of the segment with room
-        around it answers for all motions that stay within that room.
+        They are new, so that they are tested against all that stands still; against
+        the frame's points where they are used. One test of a tube around the segment
+        answers for all motions that stay inside the tube.
 
         Args:
             q: (dof,) inside its limits, as `judge` found it.
         """
         static = self.frame.static
-        segment, beside = self._numbers.where.item(), self._beside
-        beside.q[0] = q
-        beside.q[1:] = self.q[segment + 1], self.q[segment]
-        end, begin = beside.q[1:]
+        segment, off_path = self._numbers.where.item(), self._off_path
+        off_path.q[0] = q
+        off_path.q[1:] = self.q[segment + 1], self.q[segment]
+        end, begin = off_path.q[1:]
         along = end - begin
-        key = beside.q[1:].tobytes()
-        if key != self._room_key:
-            self._room_key = key
-            self._has_room = static.motion_free(begin, along, _ROOM)
+        key = off_path.q[1:].tobytes()
+        if key != self._tube_key:
+            self._tube_key = key
+            self._tube_is_free = static.motion_free(begin, along, _TUBE_RADIUS)
         length2 = float(along @ along)
         share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
         off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
-        if self._has_room and off @ self._proof.motion <= _ROOM:
-            beside.free[:] = 1
+        if self._tube_is_free and off @ self._certificates.motion_bound <= _TUBE_RADIUS:
+            off_path.free[:] = 1
         else:
-            beside.free[:] = static.motions_free(np.stack([q, q]), beside.q[1:] - q)
+            off_path.free[:] = static.motions_free(np.stack([q, q]), off_path.q[1:] - q)
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.
 
-        Segments behind the robot are not looked at.
+        Segments behind the robot are left out.
         """
         m = self.frame.memory
-        at = kernels.locate_on_way(m.table, self._way, self.segment, q, m.own.out)
-        return int(at), float(m.own.out[0])
+        at = kernels.locate_on_path(
+            m.table, self._path, self.segment, q, m.robot_state.fraction
+        )
+        return int(at), float(m.robot_state.fraction[0])
 
     def rest_length(self, q: np.ndarray) -> float:
         """Return its weighted length from q, on the robot's segment, to the goal."""
-        return step.rest_length(self.frame.memory.table, self._way, self.segment, q)
+        return step.rest_length(self.frame.memory.table, self._path, self.segment, q)
 
     def write(
         self, vertex: np.ndarray, q: np.ndarray, item: list[int], old: list[int]
@@ -139,12 +142,13 @@ class PathInUse:
                 before new ones stay where they are.
         """
         n, before = len(vertex), len(self)
-        begin, end = self._proof.begin[:before].copy(), self._proof.end[:before].copy()
+        begin = self._certificates.begin[:before].copy()
+        end = self._certificates.end[:before].copy()
         q_before, first_new = self.q[:before].copy(), old.index(-1)
         self._count[0] = n
         self.vertex[:n], self.q[:n], self.item[: n - 1] = vertex, q, item
-        kernels.unwind(self._way, self.frame.robot.continuous)
-        kernels.certify_whole(self._way, 0, self._proof)
+        kernels.unwrap(self._path, self.frame.robot.continuous)
+        kernels.certify_whole(self._path, 0, self._certificates)
         for k, was in enumerate(old):
             if was < 0:
                 continue
@@ -154,7 +158,7 @@ class PathInUse:
             there = q_before[was + 1] if ahead else q_before[was]
             turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
             turns *= self.frame.robot.continuous
-            self._proof.begin[k], self._proof.end[k] = (
+            self._certificates.begin[k], self._certificates.end[k] = (
                 begin[was] + turns,
                 end[was] + turns,
             )
@@ -174,7 +178,7 @@ class PathInUse:
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Go on along a path whose arrays were loaded."""
-        self._room_key, self.followed = b"", bool(saved["followed"])
+        self._tube_key, self.followed = b"", bool(saved["followed"])
 
 
 class CandidatePath(PathInUse):
@@ -188,8 +192,12 @@ class CandidatePath(PathInUse):
         """There is none yet."""
         super().__init__(frame)
         m = frame.memory
-        self._way, self._proof, self._count = m.better, m.better_proof, m.better.count
-        self.vertex, self.item, self.q = self._way.vertex, self._way.ref, self._way.q
+        self._path, self._certificates, self._count = (
+            m.better,
+            m.candidate_certificates,
+            m.better.count,
+        )
+        self.vertex, self.item, self.q = self._path.vertex, self._path.ref, self._path.q
         self._segment = m.numbers.start
 
     def begin(self) -> None:
@@ -218,28 +226,29 @@ class Candidates:
 
     def __init__(self, frame: Frame) -> None:
         """Know none."""
-        self._short, self._past = frame.memory.short, frame.memory.past
+        self._shortcuts = frame.memory.shortcuts
+        self._earlier = frame.memory.earlier_paths
 
     def is_known(self, a: int, b: int) -> bool:
         """Return whether the motion from vertex a to b was tested already."""
-        known = kernels.find_shortcut(self._short, a, b)
-        return bool(known == NO_WAY or known >= 0)
+        known = kernels.find_shortcut(self._shortcuts, a, b)
+        return bool(known == NO_MOTION or known >= 0)
 
     def add(self, a: int, b: int, item: int) -> None:
         """Remember the motion from vertex a to b by its item; -1: it is not free."""
-        kernels.add_shortcut(self._short, a, b, item if item >= 0 else NO_WAY)
+        kernels.add_shortcut(self._shortcuts, a, b, item if item >= 0 else NO_MOTION)
 
     @property
     def is_filling(self) -> bool:
-        """Whether cuts should be forgotten before there is no room for more."""
-        return bool(4 * self._short.count[0] >= len(self._short.key))
+        """Whether the table of cuts is so full that they should be forgotten."""
+        return bool(4 * self._shortcuts.count[0] >= len(self._shortcuts.key))
 
     def forget_cuts(self) -> None:
         """Forget the cuts: the items that they name are thrown away."""
-        self._short.key[:] = -1
-        self._short.count[0] = 0
+        self._shortcuts.key[:] = -1
+        self._shortcuts.count[0] = 0
 
     def forget_all(self) -> None:
-        """Forget cuts and paths: they are another hand's."""
+        """Forget cuts and paths: what the hand holds has changed."""
         self.forget_cuts()
-        self._past.vertex[:] = -1
+        self._earlier.vertex[:] = -1

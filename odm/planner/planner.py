@@ -60,7 +60,7 @@ from roadmap.transforms import check_pose
 
 
 class ReactivePlanner:
-    """Answers every frame: go on, take a new path, or hold and say why.
+    """Answers every frame: follow the path in use, replan, or hold and say why.
 
     One planner belongs to one thread, the one that made it or took it over; any other
     is refused. It cannot be copied or pickled: make another one on the same map.
@@ -73,7 +73,7 @@ class ReactivePlanner:
         settings: See PlannerSettings.
 
     Attributes:
-        frame: What is known now; all helpers look at it.
+        frame: What is known now; all helpers read it.
         path, candidate, candidates, attacher: What is remembered between frames: the
             path in use, what was found to better it, motions to the roadmap.
         connector: What was found beyond the roadmap.
@@ -92,7 +92,7 @@ class ReactivePlanner:
         self.cell_map, self.robot = cell_map, cell_map.robot
         s = self.settings = settings or PlannerSettings()
         watch = SensorWatch(s.max_age_s, s.max_range_m)
-        frame = self.frame = Frame(cell_map, s.max_points, s.pads, watch)
+        frame = self.frame = Frame(cell_map, s.point_capacity, s.finger_pads, watch)
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.carrier = Carrier(frame)
         self._last_phase = LastPhase(frame)
@@ -109,13 +109,17 @@ class ReactivePlanner:
             path,
             self.candidate,
             self.candidates,
-            s.attachments,
-            s.start_attachments,
-            s.kept_goals,
+            s.goal_connections,
+            s.start_connections,
+            s.cached_goals,
         )
         # what works on it
         self.decision = Decision(
-            frame, path, attacher, always_replan, s.patience if s.memory_s else 0
+            frame,
+            path,
+            attacher,
+            always_replan,
+            s.persistence_frames if s.history_s else 0,
         )
         self._improver = Improver(
             frame,
@@ -126,8 +130,8 @@ class ReactivePlanner:
                 frame,
                 self.candidate,
                 attacher,
-                s.comfort,
-                s.calm if s.memory_s else 0.0,
+                s.smoothing_clearance,
+                s.history_clearance if s.history_s else 0.0,
             ),
             self.decision.join_between,
         )
@@ -258,7 +262,7 @@ class ReactivePlanner:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
 
         Attaching takes milliseconds, `set_goals` with a goal that is kept does not.
-        `PlannerSettings.kept_goals` says how many are kept, those set before too.
+        `PlannerSettings.cached_goals` says how many are kept, those set before too.
 
         Args:
             q: (dof,) a valid configuration [rad or m].
@@ -436,7 +440,7 @@ class ReactivePlanner:
         self.connector.reset()
         self._improver.reset()
         recent.forget_recent(self._memory.recent)
-        self._numbers.bare[0] = self._numbers.waits[0] = 0
+        self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()
         self.last = None
 
@@ -471,10 +475,13 @@ class ReactivePlanner:
     def _set_rules(self) -> None:
         """Tell the compiled loops what the user set."""
         s, rules = self.settings, self._memory.rules
-        rules.margin[0], rules.memory[0] = s.margin, s.memory_s
-        rules.close_tests[0], rules.looks[0] = s.close_tests, s.looks
-        rules.rings[0] = math.ceil(s.calm / self.cell_map.safety.h - 1e-9)
-        rules.patience[0] = s.patience
+        rules.hysteresis[0], rules.history_s[0] = s.hysteresis, s.history_s
+        rules.close_test_connections[0], rules.confirmations[0] = (
+            s.close_test_connections,
+            s.confirmations,
+        )
+        rules.rings[0] = math.ceil(s.history_clearance / self.cell_map.safety.h - 1e-9)
+        rules.persistence_frames[0] = s.persistence_frames
 
     def _remembering(self) -> dict[str, Remembers]:
         """Return who owns what is remembered, by name; arrays first, frame last."""
@@ -500,10 +507,10 @@ class ReactivePlanner:
             "clearance": repr(self.extra).encode(),
         }
 
-    # --- what it is told between frames ----------------------------------------
+    # --- changes between frames -------------------------------------------------
 
     def attach(self, thing: object, T_tool_object: np.ndarray | None = None) -> None:
-        """Take an object into the hand: from now on all motions heed it.
+        """Take an object into the hand: from now on all motions are tested with it.
 
         Edges are judged by the cells of the map's payload envelope, all other motions
         by the spheres of the object itself. The object may touch the links that the
@@ -740,7 +747,7 @@ class ReactivePlanner:
         self.memory.owner.check()
         return self._path_test.blocked_leg(path, extra, points, phase, classes)
 
-    def way_out(
+    def evasion(
         self,
         q: np.ndarray,
         coming: Sequence[tuple[float, np.ndarray]],
@@ -748,10 +755,10 @@ class ReactivePlanner:
     ) -> np.ndarray | None:
         """Return a (2, dof) motion from q that evades what comes, or None.
 
-        See `odm.planner.retreat.Retreat.way_out`.
+        See `odm.planner.retreat.Retreat.evasion`.
         """
         self.memory.owner.check()
-        return self._retreat.way_out(q, coming, speed_scale)
+        return self._retreat.evasion(q, coming, speed_scale)
 
     def cover(self) -> Cover:
         """Return the spheres of the map's cover, payload included."""

@@ -16,15 +16,15 @@ from roadmap.errors import BadInput
 NEAR = 0.15  # [m] farther points are no reason to move
 _GAIN = 0.01  # [m] a retreat must gain this much separation
 _TRIED = 12  # directions: to the nearest nodes
-_SHARES = (1.0, 0.5, 0.25)  # of the way to the node
-_AMPLE = 0.12  # [m] who keeps so much more than the planner asks is out of the way
+_SHARES = (1.0, 0.5, 0.25)  # of the motion to the node
+_AMPLE = 0.12  # [m] with so much more distance than is asked it has evaded
 _WORTH = 0.03  # [m] what a motion gains, against standing there
 _DIRECTIONS = 24
-_SETS_OFF = 0.06  # [s] that it takes to be on the way
+_SETS_OFF = 0.06  # [s] that it takes to begin to move
 
 
 class Retreat:
-    """Finds motions out of the way of the frame's points, or of what comes.
+    """Finds motions away from the frame's points, or from what comes.
 
     Args:
         frame: Its points and what stands still count.
@@ -64,7 +64,7 @@ class Retreat:
                     break
         return found
 
-    def way_out(
+    def evasion(
         self,
         q: np.ndarray,
         coming: Sequence[tuple[float, np.ndarray]],

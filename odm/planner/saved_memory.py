@@ -18,7 +18,12 @@ from roadmap.errors import BadInput
 
 _SETTING, _DIGEST = "setting.", "digest"
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
-_VERDICTS = ("search", "goals", "fresh", "recent")  # their verdicts of a frame are void
+_VERDICTS = (
+    "search",
+    "goals",
+    "start_connections",
+    "recent",
+)  # their verdicts of a frame are void
 
 
 class StateArrays:

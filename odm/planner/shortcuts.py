@@ -39,7 +39,7 @@ class Cutter:
         if len(path) < 3:
             return 0, budget
         found = 0
-        standing = self.attacher.is_fresh(frame.q)
+        standing = self.attacher.is_attached(frame.q)
         first = path.segment + (0 if standing else 1)
         last = len(path) - 1
         for gap in range(last - first, 1, -1):

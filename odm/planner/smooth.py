@@ -33,10 +33,10 @@ from roadmap.robot.robot import Robot
 _WORTH = 0.01  # a change must save this share of the whole rest
 _PACE = 0.5  # share of the joints' speed limits that is likely used
 _LEAD_S = 0.05  # what the robot reaches in this time at full speed stays [s]
-_GAIN_NODES = 128  # corners of the roadmap that are looked at
-_GAIN_STRAY, _GAIN_ROOM = 0.004, 10.0  # [m] allowed there, and of endless legs
-_MUCH = 0.3  # a change that comes nearer to points than is comfortable must save more
-_DRAWS = 40  # changes looked at for each one that is tested
+_GAIN_NODES = 128  # corners of the roadmap that are measured
+_GAIN_DEVIATION, _GAIN_LENGTH = 0.004, 10.0  # [m] allowed there, and of endless legs
+_MUCH = 0.3  # a change without the extra clearance must save more than this share
+_DRAWS = 40  # changes weighed for each one that is tested
 _WAIT = 8  # frames from a look that found the straight motion blocked to the next
 _DETOUR = 1.1  # times the straight length: a rest shorter than that stays
 
@@ -58,13 +58,13 @@ def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
         u, w = (leg / np.linalg.norm(leg) for leg in legs)
         far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w + u))
         if far > 0.0:
-            d, _ = blend_length(robot, q, -u, w, _GAIN_ROOM, _GAIN_STRAY)
-            gains.append(d * far / _GAIN_STRAY)
+            d, _ = blend_length(robot, q, -u, w, _GAIN_LENGTH, _GAIN_DEVIATION)
+            gains.append(d * far / _GAIN_DEVIATION)
     return float(np.median(gains)) if gains else 1.0
 
 
 class Change(NamedTuple):
-    """New legs for a part of the way.
+    """New legs for a part of the path.
 
     Attributes:
         i, j: Segments on which the new legs begin and end.
@@ -86,8 +86,9 @@ class Smoother:
         frame: The present frame.
         path: The candidate, which is changed.
         attacher: Makes the cells of new legs.
-        comfort: They keep so much more distance than they must [m].
-        calm: What saves much keeps so much more distance [m]; 0 heeds no history.
+        smoothing_clearance: Extra clearance that new legs keep where possible [m].
+        history_clearance: What saves much keeps so much more distance [m]; 0 heeds no
+            history.
     """
 
     def __init__(
@@ -95,12 +96,15 @@ class Smoother:
         frame: Frame,
         path: CandidatePath,
         attacher: Attacher,
-        comfort: float,
-        calm: float,
+        smoothing_clearance: float,
+        history_clearance: float,
     ) -> None:
         """Begin the order of the changes."""
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.comfort, self.calm = comfort, calm
+        self.smoothing_clearance, self.history_clearance = (
+            smoothing_clearance,
+            history_clearance,
+        )
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
             _PACE * robot.max_velocity,
@@ -111,7 +115,7 @@ class Smoother:
         ]
         deviation = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
         rounding = np.array([deviation, BLEND_DEVIATION, TURN_A, TURN_J])
-        continuous = frame.memory.own.continuous
+        continuous = frame.memory.robot_state.continuous
         self._terms = smoothing.Terms(np.stack(limits), rounding, continuous)
         self._scratch = smoothing.new_scratch(len(path.vertex), robot.dof)
         self.reset()
@@ -163,7 +167,7 @@ class Smoother:
 
         One that moves is led to a corner a little ahead, which it can round.
         """
-        at, own, q = self._at, self.frame.memory.own, self.path.q
+        at, own, q = self._at, self.frame.memory.robot_state, self.path.q
         if not moves and (own.before == own.q).all():
             return at, self._share
         leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
@@ -233,9 +237,11 @@ class Smoother:
         """Test a change; make it where it is free; return how many were made."""
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
         legs = list(zip(begin, dq, strict=True))
-        wide = self._clear(legs, self.comfort)
+        wide = self._clear(legs, self.smoothing_clearance)
         if not wide:
-            if self._saves(change) < _MUCH or not self._clear(legs, self.calm):
+            if self._saves(change) < _MUCH or not self._clear(
+                legs, self.history_clearance
+            ):
                 return 0
         if not all(self.frame.static.motion_free(q, leg) for q, leg in legs):
             return 0
@@ -244,7 +250,7 @@ class Smoother:
         if item < 0 or len(self.path) + 3 >= len(self.path.vertex):
             return 0
         legs = range(item, item + len(begin))
-        if self.calm and any(self.was_hit(leg) for leg in legs):
+        if self.history_clearance and any(self.was_hit(leg) for leg in legs):
             return 0
         self._make(change, item)
         return 1

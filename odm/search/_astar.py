@@ -1,8 +1,8 @@
-"""A* over the masks: an edge is looked at when it is about to be used, once a frame.
+"""Lazy A* over the masks: an edge is tested when it is about to be used, once a frame.
 
-The open list holds unverified entries: several for one vertex, one for each way into
-it. An entry is verified when it comes out first; so the first verified entry of a
-vertex is its shortest free way, as in lazy A* (Cohen, Phillips, Likhachev 2014).
+The open list holds unverified entries: several for one vertex, one for each motion
+into it. An entry is verified when it comes out first; so the first verified entry of a
+vertex is its shortest free path, as in lazy A* (Cohen, Phillips, Likhachev 2014).
 Where a search heeds where obstacles have lately been, an entry whose motion enters such
 cells pays a toll when it comes out, and waits anew; so the first that is paid and free
 is the shortest, tolls included, in one search.
@@ -15,19 +15,19 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.search._bound import free_bound, recent_bound, remember_way
+from odm.search._bound import free_bound, recent_bound, remember_path
 from odm.search._invalidation import refresh
-from odm.search._items import BLOCKED, FREE, MAYBE, is_taken, item_free, way_in_free
-from odm.search._judge import can_enter, start_clear, way_in_clear
-from odm.search._recent import TOLL, TOLLED, item_wary, ref_wary
+from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, item_free
+from odm.search._judge import can_enter, goal_motion_clear, start_clear
+from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
 
-LOOK_BACK = 8  # vertices closed before the last way is looked at,
-LOOK_FARTHER = 12  # and all ways of the past where it is blocked
-PATIENCE = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 1000  # lists looked at before the direct map settles all items at once
+BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
+BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
+FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
+MANY_TESTS = 1000  # cell lists compared before the direct map decides all items
 RECENT = 2  # frames in which its counts change little
-RECENT_TESTS = 700  # lists looked at before then
+RECENT_TESTS = 700  # cell lists compared before it does so then
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 
@@ -122,7 +122,7 @@ def verify(state, points, starts, entry, only):
         g, a = v - n, -2 - ref
         if search.e_from[entry] < 0 or goals.memo[g, a] != 4 * frame + MAYBE:
             return FREE
-        if way_in_clear(state, points, g, a):
+        if goal_motion_clear(state, points, g, a):
             return FREE
         return BLOCKED if can_enter(state, g) or only < 0 else HOPELESS
     if ref <= EDGE_BASE:
@@ -144,13 +144,13 @@ def toll(state, starts, entry):
         g = v - n
         before += goals.cost[g]
         item = goals.direct_ref[g] if parent < 0 else goals.ref[g, -2 - ref]
-        wary = ref_wary(state, item)
+        wary = ref_in_avoided(state, item)
     elif ref <= EDGE_BASE:
-        wary = item_wary(state, np.int64(v))
-        wary = wary or item_wary(state, np.int64(n + EDGE_BASE - ref))
+        wary = item_in_avoided(state, np.int64(v))
+        wary = wary or item_in_avoided(state, np.int64(n + EDGE_BASE - ref))
     else:
-        wary = item_wary(state, np.int64(v))
-        wary = wary or ref_wary(state, starts.ref[-2 - ref])
+        wary = item_in_avoided(state, np.int64(v))
+        wary = wary or ref_in_avoided(state, starts.ref[-2 - ref])
     return TOLL * (search.e_g[entry] - before) if wary else 0.0
 
 
@@ -167,7 +167,7 @@ def enter_goals(state, entry, low, high, bound):
         length = search.e_g[entry] + goals.length[g, a] + goals.cost[g]
         if length > bound:
             continue
-        if way_in_free(state, g, a) or goals.memo[g, a] == maybe:
+        if goal_motion_free(state, g, a) or goals.memo[g, a] == maybe:
             add_entry(search, n + g, -2 - a, entry, length, length)
 
 
@@ -177,7 +177,7 @@ def expand(state, entry, h, bound):
     graph, search = view(state, "graph"), view(state, "search")
     frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
     counted = view(state, "stats").counted[0] != 0
-    heed = view(state, "numbers").heed[0] == 1
+    avoid_history = view(state, "numbers").avoid_history[0] == 1
     n = graph.adj_ptr.shape[0] - 1
     v, g_v = search.e_node[entry], search.e_g[entry]
     begin, end = graph.adj_ptr[v], graph.adj_ptr[v + 1]
@@ -190,7 +190,7 @@ def expand(state, entry, h, bound):
         if counted:
             # an edge's count has its end nodes in it
             item = n + graph.adj_edge[k]
-            if is_taken(graph, item) or graph.closed[item]:
+            if is_hit(graph, item) or graph.closed[item]:
                 continue
         elif search.memo[w] == 2 * frame + 1:
             continue
@@ -203,12 +203,12 @@ def expand(state, entry, h, bound):
         edge = n + graph.adj_edge[k]
         if (
             counted
-            and heed
-            and (item_wary(state, np.int64(w)) or item_wary(state, edge))
+            and avoid_history
+            and (item_in_avoided(state, np.int64(w)) or item_in_avoided(state, edge))
         ):
             length += TOLL * graph.adj_length[k]
         if counted:
-            # all that is left can be used: only a shorter way in is of interest
+            # all that is left can be used: only a shorter path to w is of interest
             if search.near_run[w] == run and search.near_g[w] <= length:
                 continue
             search.near_run[w] = run
@@ -231,7 +231,7 @@ def begin_flood(state, low, high):
             w = goals.node[g, a]
             if search.flood[w] == run:
                 continue
-            if not way_in_free(state, g, a) and goals.memo[g, a] != maybe:
+            if not goal_motion_free(state, g, a) and goals.memo[g, a] != maybe:
                 continue
             if search.done[w] == run:
                 search.tail[0] = OVER
@@ -256,7 +256,7 @@ def flood_step(state):
         if search.flood[w] == run:
             continue
         if stats.counted[0] != 0:
-            if is_taken(graph, item) or graph.closed[item]:
+            if is_hit(graph, item) or graph.closed[item]:
                 continue
         elif not item_free(state, w) or not item_free(state, item):
             continue
@@ -299,7 +299,7 @@ def flood(state, starts, low, high):
 
 @njit(cache=True, nogil=True)
 def a_star(state, points, starts, only):
-    """Search from own.q by its start motions to goal `only` (-1: any, with costs).
+    """Search from the robot by its start motions to goal `only` (-1: any, with costs).
 
     starts.memo holds the frame's verdict of each start motion: free, or maybe, then
     the close test is asked when the motion comes out first; others are left out. So it
@@ -311,10 +311,10 @@ def a_star(state, points, starts, only):
     stats.runs[0] += 1
     run, frame = numbers.run[0], numbers.frame[0]
     n = view(state, "graph").adj_ptr.shape[0] - 1
-    h = view(state, "own").h_any if only < 0 else goals.h[only]
+    h = view(state, "robot_state").h_any if only < 0 else goals.h[only]
     low, high = (0, goals.count[0]) if only < 0 else (only, only + 1)
-    heed = numbers.heed[0] != 0
-    numbers.heed[0] = 1 if heed else 0
+    avoid_history = numbers.avoid_history[0] != 0
+    numbers.avoid_history[0] = 1 if avoid_history else 0
     add_starts(state, starts, h, low, high)
     search.tail[0] = NOT_BEGUN
     is_recent = frame - view(state, "direct").frame[0] <= RECENT
@@ -336,7 +336,7 @@ def a_star(state, points, starts, only):
             break
         if verdict != FREE:
             continue
-        if heed and search.e_paid[entry] == 0:
+        if avoid_history and search.e_paid[entry] == 0:
             search.e_paid[entry] = 1
             more = toll(state, starts, entry)
             if more > 0.0:
@@ -346,22 +346,22 @@ def a_star(state, points, starts, only):
                 continue
         search.done[v] = run
         popped += 1
-        if heed and popped == TOLLED:
-            heed = False
-            numbers.heed[0] = 2
+        if avoid_history and popped == TOLLED:
+            avoid_history = False
+            numbers.avoid_history[0] = 2
         if v >= n:
             stats.popped[0] += popped
-            if popped > LOOK_BACK and only >= 0:
-                remember_way(state, entry, only)
+            if popped > BOUND_BY_LAST_AFTER and only >= 0:
+                remember_path(state, entry, only)
             return entry
-        if popped == LOOK_BACK and only >= 0:
+        if popped == BOUND_BY_LAST_AFTER and only >= 0:
             bound = recent_bound(state, starts, only)
-        elif popped == LOOK_FARTHER and only >= 0 and bound == math.inf:
+        elif popped == BOUND_BY_ALL_AFTER and only >= 0 and bound == math.inf:
             bound = free_bound(state, starts, only)
         enter_goals(state, entry, low, high, bound)
         if not expand(state, entry, h, bound):
             break
-        if popped >= PATIENCE and bound == math.inf and search.tail[0] != OVER:
+        if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
             if flood(state, starts, low, high):
                 break
     stats.popped[0] += popped

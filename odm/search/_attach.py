@@ -39,14 +39,16 @@ def sweep_into_pool(swept, q, dq, region, pool, room):
             return -2
         pool.begin[item] = end
         for k4 in range(4 * item, 4 * item + 4):
-            pool.sign[k4] = 0
+            pool.signature[k4] = 0
         for b in range(words.shape[0]):
             if words[b] != 0:
                 if end < pool.block.shape[0]:
                     pool.block[end] = b
                     pool.mask[end] = words[b]
                 bit = region[b]
-                pool.sign[4 * item + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
+                pool.signature[4 * item + (bit >> 6)] |= np.uint64(1) << np.uint64(
+                    bit & 63
+                )
                 end += 1
                 words[b] = 0
         if end > pool.block.shape[0]:

@@ -1,4 +1,4 @@
-"""Paths that long searches found lately bound the next one.
+"""Paths that earlier long searches found give an upper bound for the next search.
 
 Where one of them is free in this frame, no path longer than it is of interest: A* need
 not keep entries beyond it, and returns what it would have returned anyway.
@@ -9,38 +9,38 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.search._items import FREE, item_free, way_in_free
-from odm.search._recent import TOLL, item_wary, ref_wary
+from odm.search._items import FREE, goal_motion_free, item_free
+from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
 
 ROUNDING = 1.0 + 1e-9
 
 
 @njit(cache=True, nogil=True)
-def way_bound(state, starts, r, g, best):
-    """Return the length of past path r to goal g where it is free and below `best`.
+def path_bound(state, starts, r, g, best):
+    """Return the length of earlier path r to goal g if free and below `best`, or that.
 
     A path counts from any vertex that the start is joined to. Tolls may be counted
     twice: a bound that is too large cuts off too little, nothing else.
     """
-    past, goals = view(state, "past"), view(state, "goals")
-    if past.vertex[r] != goals.vertex[g]:
+    earlier, goals = view(state, "earlier_paths"), view(state, "goals")
+    if earlier.vertex[r] != goals.vertex[g]:
         return best
     n = view(state, "graph").adj_ptr.shape[0] - 1
     free = 4 * view(state, "numbers").frame[0] + FREE
-    heed = view(state, "numbers").heed[0] == 1
+    avoid_history = view(state, "numbers").avoid_history[0] == 1
     length = goals.cost[g]
-    for i in range(past.count[r]):
-        v, via = np.int64(past.node[r, i]), np.int64(past.via[r, i])
-        length += past.length[r, i]
-        if heed:
+    for i in range(earlier.count[r]):
+        v, via = np.int64(earlier.node[r, i]), np.int64(earlier.via[r, i])
+        length += earlier.length[r, i]
+        if avoid_history:
             ref = goals.ref[g, via] if i == 0 else EDGE_BASE - via
-            if item_wary(state, v) or ref_wary(state, ref):
-                length += TOLL * past.length[r, i]
+            if item_in_avoided(state, v) or ref_in_avoided(state, ref):
+                length += TOLL * earlier.length[r, i]
         if length >= best:
             break
         if i == 0:
-            if not way_in_free(state, g, via):
+            if not goal_motion_free(state, g, via):
                 break
         elif not item_free(state, n + via):
             break
@@ -49,7 +49,9 @@ def way_bound(state, starts, r, g, best):
         for k in range(starts.count[0]):
             if starts.node[k] == v and starts.memo[k] == free:
                 first = starts.length[k]
-                if heed and (item_wary(state, v) or ref_wary(state, starts.ref[k])):
+                if avoid_history and (
+                    item_in_avoided(state, v) or ref_in_avoided(state, starts.ref[k])
+                ):
                     first += TOLL * first
                 best = min(best, length + first)
     return best
@@ -58,69 +60,69 @@ def way_bound(state, starts, r, g, best):
 @njit(cache=True, nogil=True)
 def recent_bound(state, starts, g):
     """Return the length of the path found last if it leads to g and is free, or inf."""
-    past = view(state, "past")
-    r = past.count[past.vertex.shape[0] + 1]
-    return ROUNDING * way_bound(state, starts, r, g, math.inf)
+    earlier = view(state, "earlier_paths")
+    r = earlier.count[earlier.vertex.shape[0] + 1]
+    return ROUNDING * path_bound(state, starts, r, g, math.inf)
 
 
 @njit(cache=True, nogil=True)
 def free_bound(state, starts, g):
-    """Return the length of the shortest past path to goal g that is free, or inf."""
+    """Return the length of the shortest earlier path to g that is free, or inf."""
     best = math.inf
-    for r in range(view(state, "past").vertex.shape[0]):
-        best = way_bound(state, starts, r, g, best)
+    for r in range(view(state, "earlier_paths").vertex.shape[0]):
+        best = path_bound(state, starts, r, g, best)
     return best * ROUNDING
 
 
 @njit(cache=True, nogil=True)
-def remember_way(state, entry, g):
+def remember_path(state, entry, g):
     """Keep the path that ends in heap entry `entry` at goal g."""
-    past, search, goals = (
-        view(state, "past"),
+    earlier, search, goals = (
+        view(state, "earlier_paths"),
         view(state, "search"),
         view(state, "goals"),
     )
-    rows = past.vertex.shape[0]
-    r = past.count[rows]
+    rows = earlier.vertex.shape[0]
+    r = earlier.count[rows]
     via = -2 - search.e_ref[entry]
     e = search.e_from[entry]
     count = 0
     after = search.e_g[entry]
-    past.vertex[r] = -1
+    earlier.vertex[r] = -1
     while e >= 0:
-        if count >= past.node.shape[1]:
+        if count >= earlier.node.shape[1]:
             return
-        past.node[r, count] = search.e_node[e]
-        past.via[r, count] = via
-        past.length[r, count] = after - search.e_g[e]
+        earlier.node[r, count] = search.e_node[e]
+        earlier.via[r, count] = via
+        earlier.length[r, count] = after - search.e_g[e]
         after = search.e_g[e]
         via = EDGE_BASE - search.e_ref[e]
         e = search.e_from[e]
         count += 1
     if count == 0:
         return
-    past.length[r, 0] -= goals.cost[g]
-    past.count[r] = count
-    past.vertex[r] = goals.vertex[g]
-    same = row_with(past, r)
+    earlier.length[r, 0] -= goals.cost[g]
+    earlier.count[r] = count
+    earlier.vertex[r] = goals.vertex[g]
+    same = row_with(earlier, r)
     if same >= 0:
-        past.vertex[r] = -1
-        past.count[rows + 1] = same
+        earlier.vertex[r] = -1
+        earlier.count[rows + 1] = same
     else:
-        past.count[rows] = (r + 1) % rows
-        past.count[rows + 1] = r
+        earlier.count[rows] = (r + 1) % rows
+        earlier.count[rows + 1] = r
 
 
 @njit(cache=True, nogil=True)
-def row_with(past, r):
-    """Return another row that ends as row r does, all its path; -1: there is none."""
-    count = past.count[r]
-    for s in range(past.vertex.shape[0]):
-        if s == r or past.vertex[s] != past.vertex[r] or past.count[s] < count:
+def row_with(earlier, r):
+    """Return another row whose path ends with all of path r; -1: there is none."""
+    count = earlier.count[r]
+    for s in range(earlier.vertex.shape[0]):
+        if s == r or earlier.vertex[s] != earlier.vertex[r] or earlier.count[s] < count:
             continue
-        same = past.via[s, 0] == past.via[r, 0]
+        same = earlier.via[s, 0] == earlier.via[r, 0]
         for i in range(count):
-            same = same and past.node[s, i] == past.node[r, i]
+            same = same and earlier.node[s, i] == earlier.node[r, i]
         if same:
             return s
     return -1

@@ -59,7 +59,7 @@ def halton(index, base):
 
 
 @njit(cache=True, nogil=True)
-def draw(trees, own, side):
+def draw(trees, robot, side):
     """Write the next sample to trees.sample; some are drawn near a branch."""
     trees.drawn[0] += 1
     number = trees.drawn[0]
@@ -67,30 +67,30 @@ def draw(trees, own, side):
     spread = 0.0
     if number % NEARBY == 0:
         spread = SPREAD * (1 << (number // NEARBY) % 3)
-    for j in range(own.lower.shape[0]):
+    for j in range(robot.lower.shape[0]):
         u = halton(trees.drawn[0], PRIMES[j % PRIMES.shape[0]])
-        low, high = own.lower[j], own.upper[j]
-        if own.continuous[j]:
+        low, high = robot.lower[j], robot.upper[j]
+        if robot.continuous[j]:
             low, high = -math.pi, math.pi
         if spread > 0.0:
             at = trees.q[side, i, j]
             u = 2.0 * u - 1.0
             trees.sample[j] = at + spread * u
-            if not own.continuous[j]:
+            if not robot.continuous[j]:
                 trees.sample[j] = min(high, max(low, trees.sample[j]))
         else:
             trees.sample[j] = low + u * (high - low)
 
 
 @njit(cache=True, nogil=True)
-def apart2(a, b, own):
+def apart2(a, b, robot):
     """Return the squared weighted length of the short motion from a to b."""
     total = 0.0
     for j in range(a.shape[0]):
         d = b[j] - a[j]
-        if own.continuous[j]:
+        if robot.continuous[j]:
             d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
-        d *= own.weights[j]
+        d *= robot.weights[j]
         total += d * d
     return total
 
@@ -98,10 +98,10 @@ def apart2(a, b, own):
 @njit(cache=True, nogil=True)
 def nearest(problem, side, q):
     """Return the branch of a tree that is nearest to q, and how far it is."""
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     best, at = math.inf, -1
     for i in range(trees.count[side]):
-        far = apart2(trees.q[side, i], q, own)
+        far = apart2(trees.q[side, i], q, robot)
         if far < best:
             best, at = far, i
     trees.looked[0] += trees.count[side]
@@ -149,20 +149,20 @@ def grow(problem, side, near, q, far):
 
     At most STRIDE long; trees.reached tells whether it ends at q.
     """
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     if trees.count[side] == trees.parent.shape[1]:
         return -1
     begin = trees.q[side, near]
-    displacement(begin, q, own.continuous, trees.dq)
+    displacement(begin, q, robot.continuous, trees.dq)
     share = min(1.0, STRIDE / far) if far > 0.0 else 1.0
     for j in range(q.shape[0]):
-        if own.continuous[j] and share * abs(trees.dq[j]) > TURN:
+        if robot.continuous[j] and share * abs(trees.dq[j]) > TURN:
             share = TURN / abs(trees.dq[j])
     new = trees.count[side]
     end = trees.q[side, new]
     for j in range(q.shape[0]):
         end[j] = q[j] if share == 1.0 else begin[j] + share * trees.dq[j]
-    displacement(begin, end, own.continuous, trees.dq)
+    displacement(begin, end, robot.continuous, trees.dq)
     if not certify(problem, begin, trees.dq, end):
         return -1
     trees.parent[side, new] = near
@@ -196,7 +196,7 @@ def drop(trees, side, branch):
 @njit(cache=True, nogil=True)
 def is_still_free(problem, side, branch):
     """Test the motion to a branch against this frame, once; drop it where blocked."""
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     now = view(problem.state, "numbers").frame[0]
     parent = trees.parent[side, branch]
     if trees.seen[side, branch] == now:
@@ -205,7 +205,7 @@ def is_still_free(problem, side, branch):
     free = stands_free(problem.state, problem.points, end)
     if free and parent >= 0:
         begin = trees.q[side, parent]
-        displacement(begin, end, own.continuous, trees.dq)
+        displacement(begin, end, robot.continuous, trees.dq)
         free = close_free(problem.state, problem.points, begin, trees.dq)
     if free:
         trees.seen[side, branch] = now
@@ -247,13 +247,13 @@ def add_root(problem, side, q, parent):
 
 @njit(cache=True, nogil=True)
 def plant(problem):
-    """Let the trees begin at own.q and at the goals; False: an end is in contact."""
+    """Let the trees begin at the robot and at the goals; False: one is in contact."""
     state = problem.state
     goals, trees = view(state, "goals"), view(state, "trees")
     full = trees.parent.shape[1]
     if trees.count[0] == full or trees.count[1] == full:
         trees.count[:] = 0
-    if not add_root(problem, 0, view(state, "own").q, ROOT):
+    if not add_root(problem, 0, view(state, "robot_state").q, ROOT):
         return False
     for g in range(goals.count[0]):
         add_root(problem, 1, goals.q[g], ROOT - g)
@@ -269,7 +269,7 @@ def connect(problem, budget):
     written to trees.route, trees.corners many.
     """
     state = problem.state
-    trees, own = view(state, "trees"), view(state, "own")
+    trees, robot = view(state, "trees"), view(state, "robot_state")
     begin_work(problem)
     full = trees.parent.shape[1]
     while work_done(problem) < budget:
@@ -279,7 +279,7 @@ def connect(problem, budget):
             return FULL
         a = 0 if trees.count[0] <= trees.count[1] else 1
         b = 1 - a
-        draw(trees, own, a)
+        draw(trees, robot, a)
         near, far = nearest(problem, a, trees.sample)
         if not is_still_free(problem, a, near):
             continue
@@ -291,7 +291,7 @@ def connect(problem, budget):
             continue
         trees.reached[0] = False
         while other >= 0 and not trees.reached[0]:
-            far = math.sqrt(apart2(trees.q[b, other], trees.q[a, new], own))
+            far = math.sqrt(apart2(trees.q[b, other], trees.q[a, new], robot))
             last = other
             other = grow(problem, b, last, trees.q[a, new], far)
         if other < 0:
@@ -339,12 +339,12 @@ def write_route(problem, a, new, other):
 def point_on(trees, continuous, u, out):
     """Write the point at share u of the route's length to `out`; return its leg."""
     last = trees.corners[0] - 2
-    along = u * trees.until[last + 1]
+    path_ends = u * trees.until[last + 1]
     k = 0
-    while k < last and trees.until[k + 1] <= along:
+    while k < last and trees.until[k + 1] <= path_ends:
         k += 1
     length = trees.until[k + 1] - trees.until[k]
-    s = (along - trees.until[k]) / length if length > 0.0 else 0.0
+    s = (path_ends - trees.until[k]) / length if length > 0.0 else 0.0
     displacement(trees.route[k], trees.route[k + 1], continuous, trees.dq)
     for j in range(out.shape[0]):
         out[j] = trees.route[k, j] + s * trees.dq[j]
@@ -356,11 +356,11 @@ def point_on(trees, continuous, u, out):
 
 
 @njit(cache=True, nogil=True)
-def measure(trees, own):
+def measure(trees, robot):
     """Write the length of the route up to each of its corners to trees.until."""
     trees.until[0] = 0.0
     for k in range(1, trees.corners[0]):
-        leg = math.sqrt(apart2(trees.route[k - 1], trees.route[k], own))
+        leg = math.sqrt(apart2(trees.route[k - 1], trees.route[k], robot))
         trees.until[k] = trees.until[k - 1] + leg
 
 
@@ -370,12 +370,12 @@ def leg_passes(problem, q_from, q_to):
 
     One that turns a continuous joint so far that the short way is unsure does not.
     """
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
-    displacement(q_from, q_to, own.continuous, trees.dq)
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
+    displacement(q_from, q_to, robot.continuous, trees.dq)
     moves = False
     for j in range(q_from.shape[0]):
         moves = moves or trees.dq[j] != 0.0
-        if own.continuous[j] and abs(trees.dq[j]) > TURN:
+        if robot.continuous[j] and abs(trees.dq[j]) > TURN:
             return False
     return not moves or passes(problem, q_from, trees.dq)
 
@@ -397,23 +397,23 @@ def lay_out(trees, i, j, a, b):
 @njit(cache=True, nogil=True)
 def shorten(problem, budget):
     """Cut corners of the route between drawn points; return how many cuts were made."""
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     begin_work(problem)
     a, b = trees.ends[0], trees.ends[1]
     made, failed, k = 0, 0, 0
-    measure(trees, own)
+    measure(trees, robot)
     while work_done(problem) < budget and trees.corners[0] > 2 and failed < MOST_FAILED:
         k += 1
         u, w = halton(k, 2), halton(k, 3)
         if k == 1:  # all of it at once
             u, w = 0.0, 1.0
-        i = point_on(trees, own.continuous, min(u, w), a)
-        j = point_on(trees, own.continuous, max(u, w), b)
+        i = point_on(trees, robot.continuous, min(u, w), a)
+        j = point_on(trees, robot.continuous, max(u, w), b)
         failed += 1
         if i == j or trees.corners[0] + 2 > trees.route.shape[0]:
             continue
         total = abs(w - u) * trees.until[trees.corners[0] - 1]
-        if math.sqrt(apart2(a, b, own)) > WORTH * total:
+        if math.sqrt(apart2(a, b, robot)) > WORTH * total:
             continue
         if not leg_passes(problem, a, b):
             continue
@@ -424,7 +424,7 @@ def shorten(problem, budget):
             continue
         lay_out(trees, i, j, a, b)
         merge(problem)
-        measure(trees, own)
+        measure(trees, robot)
         made, failed = made + 1, 0
     return made
 
@@ -432,10 +432,10 @@ def shorten(problem, budget):
 @njit(cache=True, nogil=True)
 def merge(problem):
     """Leave out corners of the route that another one is at the same place as."""
-    trees, own = view(problem.state, "trees"), view(problem.state, "own")
+    trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     kept, n = 0, trees.corners[0]
     for k in range(1, n):
-        other = apart2(trees.route[kept], trees.route[k], own) > 0.0
+        other = apart2(trees.route[kept], trees.route[k], robot) > 0.0
         if other or (k == n - 1 and kept == 0):
             kept += 1
         if other or k == n - 1:  # the goal as it was given
@@ -449,15 +449,15 @@ def free_from(state, points, k):
 
     Where only its last corner is left, that is none.
     """
-    found, own = view(state, "found"), view(state, "own")
+    found, robot = view(state, "found"), view(state, "robot_state")
     last = found.count[k] - 1
     first = last
     while first > 0:
         ref, begin = found.ref[k, first - 1], found.q[k, first - 1]
         for j in range(begin.shape[0]):
-            own.dq[j] = found.q[k, first, j] - begin[j]
+            robot.dq[j] = found.q[k, first, j] - begin[j]
         if not ref_free(state, ref) and not part_free(
-            state, points, ref, begin, own.dq
+            state, points, ref, begin, robot.dq
         ):
             break
         first -= 1

@@ -1,7 +1,7 @@
 """Cost to go over the whole roadmap, from every node to a goal.
 
 Where the shortest edge is not tiny, nodes wait in buckets as wide as that edge (Dial,
-Communications of the ACM 12(11), 1969): no node of a bucket can shorten the way of
+Communications of the ACM 12(11), 1969): no node of a bucket can shorten the path of
 another one in it, so their order does not matter and no heap is needed.
 """
 

@@ -29,13 +29,13 @@ from odm.search._judge import (
     open_goal,
     stands_free,
 )
-from odm.search._paths import take_shortcuts, unwind, write_way
-from odm.search._recent import ref_wary
+from odm.search._paths import take_shortcuts, unwrap, write_path
+from odm.search._recent import ref_in_avoided
 from odm.search._state import view
 
-# What the close test may add where cells block all motions: HOPELESS: the start is in
-# contact; NO_ENTRY, NO_EXIT: no motion into the goal, or from the start; NOTHING: none
-# that was not known; SEARCH: some, which a search may use
+# What the close test finds where the cells block all motions. HOPELESS: the start is in
+# contact; NO_ENTRY, NO_EXIT: no motion into the goal, or from the start, is free;
+# NOTHING: none that was not known before; SEARCH: some, which a search may use
 HOPELESS, NO_ENTRY, NO_EXIT, NOTHING, SEARCH = range(5)
 
 
@@ -58,7 +58,7 @@ def take_points(state, points, heeded):
     mark_more(points, heeded, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
-    sign_frame(cloud, view(state, "graph").region, view(state, "search").sign)
+    sign_frame(cloud, view(state, "graph").region, view(state, "search").signature)
     view(state, "numbers").frame[0] += 1
     for count in view(state, "stats"):
         count[0] = 0
@@ -117,22 +117,24 @@ def begin_shapes(state, given, data, counts, room):
 
 @njit(cache=True, nogil=True)
 def plan(state, points, starts, start_vertex, most, last):
-    """Plan from scratch from own.q to goals 0 to last - 1 in rank order.
+    """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 
     With costs to all of them. Of motions whose cells are occupied the close test is
     asked about `most` at either end. Where numbers.heed is 1, cells that are to be wary
-    of cost a toll. Returns True and writes the path `spare` when one was found.
+    of cost a toll. Returns True and writes the path `found_path` when one was found.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = False
     any_start = False
     leaves = True  # the start may be left by one of its motions
-    heed = view(state, "numbers").heed[0] == 1
+    avoid_history = view(state, "numbers").avoid_history[0] == 1
     for g in range(goals.count[0] if joint else last):
         straight = judge_direct(state, points, g)
-        # one that is to be wary of is but a way among others
+        # one that is to be wary of is but a path among others
         if straight and not joint:
-            if not (heed and leaves and ref_wary(state, goals.direct_ref[g])):
+            if not (
+                avoid_history and leaves and ref_in_avoided(state, goals.direct_ref[g])
+            ):
                 go_straight(state, start_vertex, g)
                 return True
         if not leaves:
@@ -162,7 +164,7 @@ def plan(state, points, starts, start_vertex, most, last):
             if offered == SEARCH:
                 entry = a_star(state, points, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
-        if entry >= 0 and write_way(state, starts, entry, start_vertex):
+        if entry >= 0 and write_path(state, starts, entry, start_vertex):
             take_shortcuts(state)
             return True
     if not joint:
@@ -170,7 +172,7 @@ def plan(state, points, starts, start_vertex, most, last):
     if not any_start:
         offer_starts(state, starts, most)
     entry = a_star(state, points, starts, -1)
-    if entry >= 0 and write_way(state, starts, entry, start_vertex):
+    if entry >= 0 and write_path(state, starts, entry, start_vertex):
         take_shortcuts(state)
         return True
     return False
@@ -183,7 +185,7 @@ def offer(state, points, starts, g, any_start, can_enter, most):
     `any_start`, `can_enter`: there is a motion from the start, or into goal g, whose
     cells are free.
     """
-    if not any_start and not stands_free(state, points, view(state, "own").q):
+    if not any_start and not stands_free(state, points, view(state, "robot_state").q):
         return HOPELESS
     if not can_enter:
         if not stands_free(state, points, view(state, "goals").q[g]):
@@ -201,13 +203,17 @@ def offer(state, points, starts, g, any_start, can_enter, most):
 
 @njit(cache=True, nogil=True)
 def go_straight(state, start_vertex, g):
-    """Let the path `spare` be the straight motion to goal g."""
-    way, goals, own = view(state, "spare"), view(state, "goals"), view(state, "own")
-    way.count[0] = 2
-    way.count[1] = g
-    way.vertex[0] = start_vertex
-    way.vertex[1] = goals.vertex[g]
-    way.ref[0] = goals.direct_ref[g]
-    way.q[0] = own.q
-    way.q[1] = goals.q[g]
-    unwind(way, own.continuous)
+    """Let `found_path` be the straight motion to goal g."""
+    path, goals, robot = (
+        view(state, "found_path"),
+        view(state, "goals"),
+        view(state, "robot_state"),
+    )
+    path.count[0] = 2
+    path.count[1] = g
+    path.vertex[0] = start_vertex
+    path.vertex[1] = goals.vertex[g]
+    path.ref[0] = goals.direct_ref[g]
+    path.q[0] = robot.q
+    path.q[1] = goals.q[g]
+    unwrap(path, robot.continuous)

@@ -69,10 +69,10 @@ def change_block(direct, graph, b, word):
     count = 0
     for k in range(direct.ptr[b], direct.ptr[b + 1]):
         mask = direct.mask[k]
-        direct.turned[count] = k
+        direct.changed[count] = k
         count += np.int64((mask & old != 0) != (mask & word != 0))
     for i in range(count):
-        k = direct.turned[i]
+        k = direct.changed[i]
         item = direct.item[k]
         step = 1 if direct.mask[k] & word != 0 else -1
         if count_item(direct, item, step) and item < n_nodes:

@@ -19,37 +19,37 @@ REFUSED, FREE, BLOCKED, MAYBE = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
-def sign_items(ptr, block, region, sign):
-    """Write the signatures of items to `sign` (4 per item), zero before."""
+def sign_items(ptr, block, region, signature):
+    """Write the signatures of items to `signature` (4 per item), zero before."""
     for i in range(ptr.shape[0] - 1):
         for k in range(ptr[i], ptr[i + 1]):
             bit = region[block[k]]
-            sign[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
+            signature[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
 
 
 @njit(cache=True, nogil=True)
-def sign_frame(cloud, region, sign):
-    """Write the signature of the occupied blocks to `sign` (4,)."""
+def sign_frame(cloud, region, signature):
+    """Write the signature of the occupied blocks to `signature` (4,)."""
     for k in range(4):
-        sign[k] = 0
+        signature[k] = 0
     for k in range(cloud.counts[N_OCCUPIED]):
         bit = region[cloud.occupied[k]]
-        sign[bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
+        signature[bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
 
 
 @njit(cache=True, nogil=True)
-def apart(sign, item, frame):
+def disjoint(signature, item, frame):
     """Return True if an item's signature has no bit in common with the frame's."""
     at = 4 * item
-    common = (sign[at] & frame[0]) | (sign[at + 1] & frame[1])
-    common |= (sign[at + 2] & frame[2]) | (sign[at + 3] & frame[3])
+    common = (signature[at] & frame[0]) | (signature[at + 1] & frame[1])
+    common |= (signature[at + 2] & frame[2]) | (signature[at + 3] & frame[3])
     return common == 0
 
 
 @njit(cache=True, nogil=True)
-def is_taken(graph, item):
+def is_hit(graph, item):
     """Return True if the direct map, brought up to the frame, counts an item."""
-    return (graph.taken[item >> 6] >> np.uint64(item & 63)) & np.uint64(1) != 0
+    return (graph.hit_bits[item >> 6] >> np.uint64(item & 63)) & np.uint64(1) != 0
 
 
 @njit(cache=True, nogil=True)
@@ -66,10 +66,10 @@ def item_free(state, item):
         return known & 1 == 0
     hit = 1 if graph.closed[item] else 0
     if stats.counted[0] != 0:
-        hit |= 1 if is_taken(graph, item) else 0
+        hit |= 1 if is_hit(graph, item) else 0
     elif hit == 0:
         stats.edge_tests[0] += 1
-        if not apart(graph.sign, item, search.sign):
+        if not disjoint(graph.signature, item, search.signature):
             words = view(state, "cloud").words
             begin, end = graph.ptr[item], graph.ptr[item + 1]
             if list_hit(words, graph.block, graph.mask, begin, end):
@@ -93,14 +93,14 @@ def edge_free(state, edge):
 def pool_free(state, item):
     """Return True if no occupied cell is in the list of a pool item."""
     pool = view(state, "pool")
-    if apart(pool.sign, item, view(state, "search").sign):
+    if disjoint(pool.signature, item, view(state, "search").signature):
         return True
     words = view(state, "cloud").words
     return not list_hit(words, pool.block, pool.mask, pool.begin[item], pool.end[item])
 
 
 @njit(cache=True, nogil=True)
-def way_in_free(state, g, a):
+def goal_motion_free(state, g, a):
     """Return True if the cells of attachment a of goal g are free; remembered."""
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     known = goals.memo[g, a]

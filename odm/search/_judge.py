@@ -14,20 +14,20 @@ from odm.search._items import (
     MAYBE,
     REFUSED,
     edge_free,
+    goal_motion_free,
     item_free,
     pool_free,
-    way_in_free,
 )
-from odm.search._state import EDGE_BASE, NO_ITEM, NO_WAY, TO_END, view
+from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 
 
 @njit(cache=True, nogil=True)
 def near_free(state, cloud, q, dq):
     """Run the close test of a motion against points and all of the frame's shapes."""
-    own, tolerance = view(state, "own"), view(state, "terms").tolerance[0]
+    robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
     view(state, "stats").close[0] += 1
     clearance = Clearance(
-        view(state, "arm"), own.radii, own.bare, tolerance, view(state, "work")
+        view(state, "arm"), robot.radii, robot.bare, tolerance, view(state, "work")
     )
     return motion_clear(clearance, q, dq, cloud, view(state, "solids"), False)
 
@@ -43,7 +43,7 @@ def close_free(state, points, q, dq):
 
 @njit(cache=True, nogil=True)
 def pick_ref(state, points, ref):
-    """Return the points inside the cells of a way's item: all that can be in its way.
+    """Return the points inside the cells of a motion's item: all that can block it.
 
     An edge's cells are those of its list and of its two nodes. Without an item, all
     points are returned, and where extra clearance is kept: then points of other cells
@@ -54,12 +54,12 @@ def pick_ref(state, points, ref):
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
         return cloud
-    pick = view(state, "pick")
-    forget_cells(pick)
+    picked = view(state, "picked")
+    forget_cells(picked)
     if ref >= 0:
         pool = view(state, "pool")
         begin, end = pool.begin[ref], pool.end[ref]
-        pick_cells(pick, cloud.words, pool.block, pool.mask, begin, end)
+        pick_cells(picked, cloud.words, pool.block, pool.mask, begin, end)
     else:
         graph = view(state, "graph")
         edge = EDGE_BASE - ref
@@ -67,25 +67,25 @@ def pick_ref(state, points, ref):
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
         for item in (n + edge, a, b):
             begin, end = graph.ptr[item], graph.ptr[item + 1]
-            pick_cells(pick, cloud.words, graph.block, graph.mask, begin, end)
-    pick_points(pick, cloud, points)
-    return pick
+            pick_cells(picked, cloud.words, graph.block, graph.mask, begin, end)
+    pick_points(picked, cloud, points)
+    return picked
 
 
 @njit(cache=True, nogil=True)
-def where_blocked(state, near, q, dq, stuck):
+def where_blocked(state, near, q, dq, blocked_at):
     """Return the share of a motion at which the close test finds it blocked, or -1.
 
-    It is most likely blocked where it was the last time, at the share `stuck` (-1: it
-    was not): there is where it is looked at first.
+    It is most likely blocked where it was the last time, at the share `blocked_at`
+    (-1: it was not), so that this place is tested first.
     """
-    own = view(state, "own")
-    if stuck >= 0.0:
-        set_point(q, dq, stuck, own.spot)
+    robot = view(state, "robot_state")
+    if blocked_at >= 0.0:
+        set_point(q, dq, blocked_at, robot.scratch_q)
         for j in range(q.shape[0]):
-            own.still[j] = 0.0
-        if not near_free(state, near, own.spot, own.still):
-            return stuck
+            robot.zero_motion[j] = 0.0
+        if not near_free(state, near, robot.scratch_q, robot.zero_motion):
+            return blocked_at
     if near_free(state, near, q, dq):
         return -1.0
     return view(state, "work").value[0]
@@ -108,24 +108,27 @@ def ref_free(state, ref):
 
 
 @njit(cache=True, nogil=True)
-def rest_free(state, points, way, segment, q):
+def rest_free(state, points, path, segment, q):
     """Test what is left of a path from q on its `segment`; return the bad one or -1.
 
-    From beside the segment the motion to its end is no part of what was certified: no
+    From off the segment the motion to its end is no part of what was certified: no
     cells are known of it, so the close test takes all points.
     """
-    own, is_beside = view(state, "own"), view(state, "numbers").beside[0] == 1
-    for k in range(segment, way.count[0] - 1):
-        beside = k == segment and is_beside
-        ref = NO_ITEM if beside else way.ref[k]
+    robot, is_off_path = (
+        view(state, "robot_state"),
+        view(state, "numbers").off_path[0] == 1,
+    )
+    for k in range(segment, path.count[0] - 1):
+        off_path = k == segment and is_off_path
+        ref = NO_ITEM if off_path else path.ref[k]
         if ref_free(state, ref):
             continue
-        if beside and view(state, "beside").free[TO_END] != 1:
+        if off_path and view(state, "off_path").free[TO_END] != 1:
             return k
-        begin = q if k == segment else way.q[k]
+        begin = q if k == segment else path.q[k]
         for j in range(q.shape[0]):
-            own.dq[j] = way.q[k + 1, j] - begin[j]
-        if not part_free(state, points, ref, begin, own.dq):
+            robot.dq[j] = path.q[k + 1, j] - begin[j]
+        if not part_free(state, points, ref, begin, robot.dq):
             return k
     return -1
 
@@ -148,9 +151,10 @@ def judge_starts(state, starts):
 
 @njit(cache=True, nogil=True)
 def offer_starts(state, starts, most):
-    """Let the search ask the close test about up to `most` blocked start motions.
+    """Mark up to `most` blocked start motions as MAYBE; return how many.
 
-    The nearest whose nodes are free; returns how many.
+    The search runs their close test when they come out first. Those to the nearest
+    nodes that are free.
     """
     frame = view(state, "numbers").frame[0]
     offered = 0
@@ -178,32 +182,32 @@ def can_leave(state, starts):
 @njit(cache=True, nogil=True)
 def start_clear(state, points, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
-    own, nodes = view(state, "own"), view(state, "graph").nodes
-    displacement(own.q, nodes[starts.node[k]], own.continuous, own.dq)
+    robot, nodes = view(state, "robot_state"), view(state, "graph").nodes
+    displacement(robot.q, nodes[starts.node[k]], robot.continuous, robot.dq)
     near = pick_ref(state, points, starts.ref[k])
-    stuck = where_blocked(state, near, own.q, own.dq, starts.stuck[k])
-    starts.stuck[k] = stuck
-    verdict = FREE if stuck < 0.0 else REFUSED
+    blocked_at = where_blocked(state, near, robot.q, robot.dq, starts.blocked_at[k])
+    starts.blocked_at[k] = blocked_at
+    verdict = FREE if blocked_at < 0.0 else REFUSED
     starts.memo[k] = 4 * view(state, "numbers").frame[0] + verdict
-    return stuck < 0.0
+    return blocked_at < 0.0
 
 
 @njit(cache=True, nogil=True)
-def clear_starts(state, points, q, ids, most, kept):
+def clear_nodes(state, points, q, ids, most, kept):
     """Write to `kept` the nodes of `ids` that q can go to in this frame, in order.
 
-    For a robot that is passing through: at most `most` of them. A node counts where
-    its cells are free and the close test finds the motion to it free. Returns how many.
+    For a robot that moves: at most `most` of them. A node counts where its cells are
+    free and the close test finds the motion to it free. Returns how many.
     """
-    nodes, own = view(state, "graph").nodes, view(state, "own")
+    nodes, robot = view(state, "graph").nodes, view(state, "robot_state")
     n = 0
     for k in range(ids.shape[0]):
         if n == most:
             break
         if not item_free(state, ids[k]):
             continue
-        displacement(q, nodes[ids[k]], own.continuous, own.dq)
-        if close_free(state, points, q, own.dq):
+        displacement(q, nodes[ids[k]], robot.continuous, robot.dq)
+        if close_free(state, points, q, robot.dq):
             kept[n] = ids[k]
             n += 1
     return n
@@ -214,7 +218,7 @@ def judge_goal(state, g):
     """Return True if a motion into goal g and the node it comes from are free."""
     goals = view(state, "goals")
     for a in range(goals.number[g]):
-        if way_in_free(state, g, a) and item_free(state, goals.node[g, a]):
+        if goal_motion_free(state, g, a) and item_free(state, goals.node[g, a]):
             return True
     return False
 
@@ -224,32 +228,32 @@ def can_enter(state, g):
     """Return True if a motion into goal g is free, or may be by the close test."""
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     for a in range(goals.number[g]):
-        if way_in_free(state, g, a) or goals.memo[g, a] == 4 * frame + MAYBE:
+        if goal_motion_free(state, g, a) or goals.memo[g, a] == 4 * frame + MAYBE:
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def way_in_clear(state, points, g, a):
+def goal_motion_clear(state, points, g, a):
     """Run the close test of attachment a of goal g; its verdict is remembered."""
-    goals, own = view(state, "goals"), view(state, "own")
+    goals, robot = view(state, "goals"), view(state, "robot_state")
     q = view(state, "graph").nodes[goals.node[g, a]]
-    displacement(q, goals.q[g], own.continuous, own.dq)
+    displacement(q, goals.q[g], robot.continuous, robot.dq)
     near = pick_ref(state, points, goals.ref[g, a])
-    stuck = where_blocked(state, near, q, own.dq, goals.stuck[g, a])
-    goals.stuck[g, a] = stuck
-    verdict = FREE if stuck < 0.0 else REFUSED
+    blocked_at = where_blocked(state, near, q, robot.dq, goals.blocked_at[g, a])
+    goals.blocked_at[g, a] = blocked_at
+    verdict = FREE if blocked_at < 0.0 else REFUSED
     goals.memo[g, a] = 4 * view(state, "numbers").frame[0] + verdict
-    return stuck < 0.0
+    return blocked_at < 0.0
 
 
 @njit(cache=True, nogil=True)
 def open_goal(state, points, g, most):
     """Look for a blocked motion into g that the close test finds free; True if any.
 
-    Up to `most` are in question; those after the first that is free are left to the
-    search, which asks when they come out first. Where none is free no search begins:
-    it would look everywhere for a goal that cannot be entered.
+    Up to `most` are tested until one is free; those after it are marked MAYBE, and
+    tested when the search comes to them. Where none is free no search begins: it would
+    visit all nodes for a goal that cannot be reached.
     """
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     offered = 0
@@ -257,42 +261,44 @@ def open_goal(state, points, g, most):
     for a in range(goals.number[g]):
         if offered >= most:
             break
-        if way_in_free(state, g, a) or goals.memo[g, a] != 4 * frame + BLOCKED:
+        if goal_motion_free(state, g, a) or goals.memo[g, a] != 4 * frame + BLOCKED:
             continue
         if item_free(state, goals.node[g, a]):
             offered += 1
             if any_:
                 goals.memo[g, a] = 4 * frame + MAYBE
             else:
-                any_ = way_in_clear(state, points, g, a)
+                any_ = goal_motion_clear(state, points, g, a)
     return any_
 
 
 @njit(cache=True, nogil=True)
 def stands_free(state, points, q):
     """Return True if a configuration itself keeps its distance from the points."""
-    own = view(state, "own")
+    robot = view(state, "robot_state")
     for j in range(q.shape[0]):
-        own.still[j] = 0.0
-    return close_free(state, points, q, own.still)
+        robot.zero_motion[j] = 0.0
+    return close_free(state, points, q, robot.zero_motion)
 
 
 @njit(cache=True, nogil=True)
 def judge_direct(state, points, g):
-    """Test the straight motion to goal g: cells, where it stuck before, closely."""
-    goals, own = view(state, "goals"), view(state, "own")
+    """Test the straight motion to goal g: its cells, then the close test."""
+    goals, robot = view(state, "goals"), view(state, "robot_state")
     frame, ref = view(state, "numbers").frame[0], goals.direct_ref[g]
     goals.direct_memo[g] = 4 * frame + BLOCKED
-    if ref == NO_WAY:
+    if ref == NO_MOTION:
         return False
     if ref >= 0 and pool_free(state, ref):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
-    displacement(own.q, goals.q[g], own.continuous, own.dq)
+    displacement(robot.q, goals.q[g], robot.continuous, robot.dq)
     near = pick_ref(state, points, ref)
-    stuck = where_blocked(state, near, own.q, own.dq, goals.direct_stuck[g])
-    goals.direct_stuck[g] = stuck
-    if stuck >= 0.0:
+    blocked_at = where_blocked(
+        state, near, robot.q, robot.dq, goals.direct_blocked_at[g]
+    )
+    goals.direct_blocked_at[g] = blocked_at
+    if blocked_at >= 0.0:
         return False
     goals.direct_memo[g] = 4 * frame + FREE
     return True

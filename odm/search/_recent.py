@@ -15,7 +15,7 @@ from numba import njit
 
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
-from odm.search._items import apart
+from odm.search._items import disjoint
 from odm.search._state import EDGE_BASE, view
 
 PERIOD_S = 0.01  # [s] between two frames where no time is given
@@ -88,7 +88,7 @@ def remember(state, now):
 @njit(cache=True, nogil=True)
 def this_period(state, now):
     """Return the number of the period that a time lies in."""
-    return np.int64(math.floor(now * PERIODS / view(state, "rules").memory[0]))
+    return np.int64(math.floor(now * PERIODS / view(state, "rules").history_s[0]))
 
 
 @njit(cache=True, nogil=True)
@@ -104,14 +104,14 @@ def lay_out_recent(state):
     last = recent.marked.shape[0] - 1
     for k in range(recent.marked[last]):
         b = recent.marked[k]
-        recent.lately[b] = 0
-        recent.wary[b] = 0
+        recent.occupied[b] = 0
+        recent.avoided[b] = 0
     recent.marked[last] = 0
     rules, now, kept = view(state, "rules"), recent.clock[0], 0
     period = this_period(state, now)
     for k in range(recent.listed[last]):
         b = recent.listed[k]
-        if recent.when[b] < now - rules.memory[0] - _SLACK_S:
+        if recent.when[b] < now - rules.history_s[0] - _SLACK_S:
             drop_block(recent, b)
             continue
         recent.listed[kept] = b
@@ -120,13 +120,13 @@ def lay_out_recent(state):
         word = np.uint64(0)
         for g in range(PERIODS + 1):
             word |= recent.cells[(PERIODS + 1) * b + g]
-        recent.lately[b] = word
+        recent.occupied[b] = word
         add_cells(recent, b, word)
     recent.listed[last] = kept
     cloud = view(state, "cloud")
     for k in range(cloud.counts[N_OCCUPIED]):
         b = cloud.occupied[k]
-        recent.lately[b] |= cloud.words[b]
+        recent.occupied[b] |= cloud.words[b]
         add_cells(recent, b, cloud.words[b])
     grow(recent, cloud, rules.rings[0])
     region = view(state, "graph").region
@@ -142,11 +142,11 @@ def add_cells(recent, b, word):
     """Be wary of some cells of a block."""
     if word == 0:
         return
-    if recent.wary[b] == 0:
+    if recent.avoided[b] == 0:
         last = recent.marked.shape[0] - 1
         recent.marked[recent.marked[last]] = b
         recent.marked[last] += 1
-    recent.wary[b] |= word
+    recent.avoided[b] |= word
 
 
 @njit(cache=True, nogil=True)
@@ -161,7 +161,7 @@ def grow(recent, cloud, rings):
     for _ in range(rings - 1):
         n = recent.marked[last]
         for k in range(n):
-            recent.grown[k] = recent.wary[recent.marked[k]]
+            recent.grown[k] = recent.avoided[recent.marked[k]]
         for k in range(n):
             grow_block(recent, cloud.shape, recent.marked[k], recent.grown[k])
 
@@ -190,7 +190,7 @@ def grow_block(recent, shape, b, word):
 
 
 @njit(cache=True, nogil=True)
-def item_wary(state, item):
+def item_in_avoided(state, item):
     """Return True if a roadmap item's own cells are to be wary of; remembered."""
     recent, graph = view(state, "recent"), view(state, "graph")
     frame = recent.laid[0]
@@ -198,9 +198,9 @@ def item_wary(state, item):
     if known >> 1 == frame:
         return known & 1 == 1
     hit = 0
-    if not apart(graph.sign, item, recent.sign):
+    if not disjoint(graph.signature, item, recent.sign):
         begin, end = graph.ptr[item], graph.ptr[item + 1]
-        if list_hit(recent.wary, graph.block, graph.mask, begin, end):
+        if list_hit(recent.avoided, graph.block, graph.mask, begin, end):
             hit = 1
     recent.memo[item] = 2 * frame + hit
     return hit == 1
@@ -210,32 +210,32 @@ def item_wary(state, item):
 def pool_wary(state, item):
     """Return True if cells of a pool item are to be wary of."""
     pool, recent = view(state, "pool"), view(state, "recent")
-    if apart(pool.sign, item, recent.sign):
+    if disjoint(pool.signature, item, recent.sign):
         return False
     begin, end = pool.begin[item], pool.end[item]
-    return list_hit(recent.wary, pool.block, pool.mask, begin, end)
+    return list_hit(recent.avoided, pool.block, pool.mask, begin, end)
 
 
 @njit(cache=True, nogil=True)
-def ref_wary(state, ref):
-    """Return True if the cells of a way's segment are wary; unknown ones are not."""
+def ref_in_avoided(state, ref):
+    """Return True if the cells of a path's segment are wary; unknown ones are not."""
     if ref >= 0:
         return pool_wary(state, ref)
     if ref > EDGE_BASE:
         return False
     graph, edge = view(state, "graph"), EDGE_BASE - ref
-    if item_wary(state, graph.adj_ptr.shape[0] - 1 + edge):
+    if item_in_avoided(state, graph.adj_ptr.shape[0] - 1 + edge):
         return True
-    if item_wary(state, np.int64(graph.edges[edge, 0])):
+    if item_in_avoided(state, np.int64(graph.edges[edge, 0])):
         return True
-    return item_wary(state, np.int64(graph.edges[edge, 1]))
+    return item_in_avoided(state, np.int64(graph.edges[edge, 1]))
 
 
 @njit(cache=True, nogil=True)
-def way_wary(state, way):
-    """Return True if cells of a way are to be wary of."""
-    for k in range(way.count[0] - 1):
-        if ref_wary(state, way.ref[k]):
+def path_in_avoided(state, path):
+    """Return True if cells of a path are to be wary of."""
+    for k in range(path.count[0] - 1):
+        if ref_in_avoided(state, path.ref[k]):
             return True
     return False
 
@@ -246,7 +246,7 @@ def list_was_hit(state, block, mask, begin, end):
 
     What is occupied now is asked by the close test.
     """
-    lately, words = view(state, "recent").lately, view(state, "cloud").words
+    lately, words = view(state, "recent").occupied, view(state, "cloud").words
     for k in range(begin, end):
         word = lately[block[k]]
         if word != 0 and word & ~words[block[k]] & mask[k] != 0:
@@ -255,13 +255,13 @@ def list_was_hit(state, block, mask, begin, end):
 
 
 @njit(cache=True, nogil=True)
-def way_bare(state, way):
-    """Return True if a way is only just free: through cells left lately."""
+def path_crosses_history(state, path):
+    """Return True if a path is free only now: through cells left lately."""
     pool, graph = view(state, "pool"), view(state, "graph")
     n = graph.adj_ptr.shape[0] - 1
-    for k in range(way.count[0] - 1):
-        ref = way.ref[k]
-        if not ref_wary(state, ref):
+    for k in range(path.count[0] - 1):
+        ref = path.ref[k]
+        if not ref_in_avoided(state, ref):
             continue
         if ref >= 0:
             begin, end = pool.begin[ref], pool.end[ref]

@@ -25,10 +25,10 @@ from odm.obstacles._cloud import Cloud
 from odm.obstacles._solid_samples import Patterns
 from odm.obstacles._solids import Solids
 
-NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4  # instead of a pool item
-TO_END, TO_BEGIN = 0, 1  # entries of Beside.free
-# what a candidate is: the way in use, changed in part; another way; one only just free
-EDITED, BETTER_WAY, BARE_WAY = 1, 2, 3
+NO_ITEM, IS_GOAL, NO_MOTION = -1, -3, -4  # instead of a pool item
+TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free
+# what a candidate is: the path in use, changed in part; another path; one free only now
+EDITED, BETTER_PATH, PRESENT_ONLY_PATH = 1, 2, 3
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment
 LOST = -100  # number of a frame that is long over
 
@@ -49,9 +49,9 @@ class Graph(NamedTuple):
     # bit of a block in signatures, 0 to 255
     region: np.ndarray = array("i4", "blocks")
     # signature of an item: regions of its blocks
-    sign: np.ndarray = array("u8", "4*n+4*m")
-    # the bits of Direct, once a frame made use of them
-    taken: np.ndarray = array("u8", "bits", GOAL)
+    signature: np.ndarray = array("u8", "4*n+4*m")
+    # Direct.bits: which items are hit by the frame
+    hit_bits: np.ndarray = array("u8", "bits", GOAL)
 
 
 class Pool(NamedTuple):
@@ -61,7 +61,7 @@ class Pool(NamedTuple):
     end: np.ndarray = array("i8", "items", GOAL)
     block: np.ndarray = array(BLOCK, "item_entries", GOAL)
     mask: np.ndarray = array("u8", "item_entries", GOAL)
-    sign: np.ndarray = array("u8", "4*items", GOAL)  # signature of an item
+    signature: np.ndarray = array("u8", "4*items", GOAL)  # signature of an item
     used: np.ndarray = array("i8", "2", GOAL)  # items, entries
 
 
@@ -77,9 +77,9 @@ class Direct(NamedTuple):
     hits: np.ndarray = array("i4", "n+m", GOAL)
     # blocks with seen cells, their number last
     listed: np.ndarray = array("i4", "blocks+1", GOAL)
-    # one bit for each item: its count is not 0
+    # one bit for each item: it is hit, its count is not 0
     bits: np.ndarray = array("u8", "bits", GOAL)
-    turned: np.ndarray = array("i4", "longest_list", FRAME)
+    changed: np.ndarray = array("i4", "longest_list", FRAME)
     # frame that the counts stand for
     frame: np.ndarray = array("i8", "1", GOAL, LOST)
 
@@ -94,8 +94,8 @@ class Starts(NamedTuple):
     # 0 not tested, 1 free, 2 not free of what stands still
     static: np.ndarray = array("i8", "joins", GOAL)
     memo: np.ndarray = array("i8", "joins", FRAME)  # 4 * frame + verdict of the frame
-    # share of the motion where it was blocked last, or -1
-    stuck: np.ndarray = array("f8", "joins", GOAL, -1)
+    # share t of the motion at which it was blocked last, or -1
+    blocked_at: np.ndarray = array("f8", "joins", GOAL, -1)
     count: np.ndarray = array("i8", "2", GOAL)  # number, next to be tested
 
 
@@ -111,19 +111,19 @@ class Goals(NamedTuple):
     # >= 0 pool item, IS_GOAL the node is the goal
     ref: np.ndarray = array("i8", "goals joins", GOAL)
     memo: np.ndarray = array("i8", "goals joins", FRAME)
-    stuck: np.ndarray = array("f8", "goals joins", GOAL, -1)  # as in Starts
+    blocked_at: np.ndarray = array("f8", "goals joins", GOAL, -1)  # as in Starts
     number: np.ndarray = array("i8", "goals", GOAL)  # attachments
     # unique number of the goal as a vertex
     vertex: np.ndarray = array("i8", "goals", GOAL)
-    # >= 0 pool item of start -> goal, NO_ITEM or NO_WAY
-    direct_ref: np.ndarray = array("i8", "goals", FRAME, NO_WAY)
+    # >= 0 pool item of start -> goal, NO_ITEM or NO_MOTION
+    direct_ref: np.ndarray = array("i8", "goals", FRAME, NO_MOTION)
     direct_length: np.ndarray = array("f8", "goals", FRAME)
     # direct_ref at the attached configuration
-    fresh_ref: np.ndarray = array("i8", "goals", GOAL, NO_WAY)
+    attached_ref: np.ndarray = array("i8", "goals", GOAL, NO_MOTION)
     direct_memo: np.ndarray = array("i8", "goals", FRAME)
     # t at which it was blocked last, or -1
-    direct_stuck: np.ndarray = array("f8", "goals", GOAL, -1)
-    # goals, vertex of the attached start, of a start on the way
+    direct_blocked_at: np.ndarray = array("f8", "goals", GOAL, -1)
+    # goals, vertex of the attached start, of a start on the path
     count: np.ndarray = array("i8", "3", GOAL)
 
 
@@ -152,34 +152,35 @@ class Search(NamedTuple):
     waiting: np.ndarray = array("i8", "1", FRAME)
     head: np.ndarray = array("i8", "1", FRAME)  # of the flood's queue, and its tail
     tail: np.ndarray = array("i8", "1", FRAME)
-    sign: np.ndarray = array("u8", "4", FRAME)  # of the frame's occupied blocks
+    signature: np.ndarray = array("u8", "4", FRAME)  # of the frame's occupied blocks
 
 
 class Stats(NamedTuple):
     """What the searches of a frame did."""
 
     popped: np.ndarray = array("i8", "1", FRAME)  # vertices closed
-    edge_tests: np.ndarray = array("i8", "1", FRAME)  # lists looked at
+    edge_tests: np.ndarray = array("i8", "1", FRAME)  # cell lists compared
     flooded: np.ndarray = array("i8", "1", FRAME)  # nodes of the goal's side
     close: np.ndarray = array("i8", "1", FRAME)  # close tests
     runs: np.ndarray = array("i8", "1", FRAME)
     counted: np.ndarray = array("i8", "1", FRAME)  # 1: the direct map decides
 
 
-class Past(NamedTuple):
-    """Ways that long searches found lately; see `_bound.py`."""
+class EarlierPaths(NamedTuple):
+    """Paths that earlier long searches found; see `_bound.py`."""
 
-    vertex: np.ndarray = array("i8", "past", GOAL, -1)  # of the goal, -1 none
-    node: np.ndarray = array("i4", "past corners", GOAL)  # from the goal's side
+    vertex: np.ndarray = array("i8", "earlier", GOAL, -1)  # of the goal, -1 none
+    # from the goal's side
+    node: np.ndarray = array("i4", "earlier corners", GOAL)
     # attachment of the goal, then edge to the node before, and the length of that
-    via: np.ndarray = array("i4", "past corners", GOAL)
-    length: np.ndarray = array("f8", "past corners", GOAL)
+    via: np.ndarray = array("i4", "earlier corners", GOAL)
+    length: np.ndarray = array("f8", "earlier corners", GOAL)
     # nodes of each; next to be replaced; found last
-    count: np.ndarray = array("i8", "past+2", GOAL)
+    count: np.ndarray = array("i8", "earlier+2", GOAL)
 
 
-class Way(NamedTuple):
-    """A path as vertices and the items between them; see Proof, too."""
+class Path(NamedTuple):
+    """A path as vertices and the items between them; see Certificates, too."""
 
     # node, or unique number of start or goal
     vertex: np.ndarray = array("i8", "corners", GOAL)
@@ -188,7 +189,7 @@ class Way(NamedTuple):
     count: np.ndarray = array("i8", "2", GOAL)  # vertices, goal index
 
 
-class Proof(NamedTuple):
+class Certificates(NamedTuple):
     """The motions that were tested for the segments of a path.
 
     Segment k leads from q[k] to q[k + 1] of the path. It is all or a part of the motion
@@ -198,11 +199,11 @@ class Proof(NamedTuple):
     begin: np.ndarray = array("f8", "corners dof", GOAL)
     end: np.ndarray = array("f8", "corners dof", GOAL)
     # most that joint j moves any point per unit [m]
-    motion: np.ndarray = array("f8", "dof")
+    motion_bound: np.ndarray = array("f8", "dof")
 
 
-class Beside(NamedTuple):
-    """What is known of a robot beside its segment."""
+class OffPath(NamedTuple):
+    """What is known of the motions of a robot that is off its path, back to it."""
 
     # where it is; the segment's end; its begin
     q: np.ndarray = array("f8", "3 dof", GOAL, np.nan)
@@ -220,9 +221,9 @@ class Recent(NamedTuple):
     # blocks that were occupied lately, their number last
     listed: np.ndarray = array("i4", "blocks+1", GOAL)
     clock: np.ndarray = array("f8", "1", GOAL)  # time of the frame [s]
-    lately: np.ndarray = array("u8", "blocks", FRAME)  # all cells occupied lately
-    # these, and the frame's grown: what new ways keep clear of
-    wary: np.ndarray = array("u8", "blocks", FRAME)
+    occupied: np.ndarray = array("u8", "blocks", FRAME)  # all cells occupied lately
+    # these, and the frame's grown: what new paths keep clear of
+    avoided: np.ndarray = array("u8", "blocks", FRAME)
     grown: np.ndarray = array("u8", "blocks", FRAME)
     # blocks with such cells, their number last
     marked: np.ndarray = array("i4", "blocks+1", FRAME)
@@ -236,12 +237,12 @@ class Rules(NamedTuple):
     """What the user set; see `PlannerSettings`."""
 
     always: np.ndarray = array("i8")  # 1: search from scratch in every frame
-    margin: np.ndarray = array("f8")
-    close_tests: np.ndarray = array("i8")
-    looks: np.ndarray = array("i8")
-    memory: np.ndarray = array("f8")  # [s]
+    hysteresis: np.ndarray = array("f8")
+    close_test_connections: np.ndarray = array("i8")
+    confirmations: np.ndarray = array("i8")
+    history_s: np.ndarray = array("f8")  # [s]
     rings: np.ndarray = array("i8")  # of cells by which the frame's grow
-    patience: np.ndarray = array("i8")
+    persistence_frames: np.ndarray = array("i8")
 
 
 class Shortcuts(NamedTuple):
@@ -249,7 +250,7 @@ class Shortcuts(NamedTuple):
 
     # from << 31 | to, -1 empty; the size is a power of 2
     key: np.ndarray = array("i8", "shortcuts", GOAL, -1)
-    item: np.ndarray = array("i8", "shortcuts", GOAL)  # pool item, or NO_WAY
+    item: np.ndarray = array("i8", "shortcuts", GOAL)  # pool item, or NO_MOTION
     count: np.ndarray = array("i8", "1", GOAL)
     best: np.ndarray = array("f8", "corners", FRAME)
     back: np.ndarray = array("i8", "2*corners+2", FRAME)
@@ -282,7 +283,7 @@ class Trees(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Paths that the trees made, each a `Way`."""
+    """Paths that the trees made, each a `Path`."""
 
     vertex: np.ndarray = array("i8", "found corners", GOAL)
     ref: np.ndarray = array("i8", "found corners", GOAL, NO_ITEM)
@@ -295,7 +296,7 @@ class Terms(NamedTuple):
     """Lengths that the tests keep [m]."""
 
     tolerance: np.ndarray = array("f8")  # mu / 2: inflation of a piece of a motion
-    beside: np.ndarray = array("f8")  # share of tracking and blending
+    path_tolerance: np.ndarray = array("f8")  # share of tracking and blending
     extra: np.ndarray = array("f8")  # clearance beyond the map's
 
 
@@ -306,33 +307,38 @@ class Numbers(NamedTuple):
     step: np.ndarray = array("i8", "1", GOAL)  # steps of the planner
     run: np.ndarray = array("i8", "1", GOAL)  # searches begun
     joint_costs: np.ndarray = array("i8", "1", GOAL)  # 1: goals compete by their costs
-    segment: np.ndarray = array("i8", "1", GOAL)  # of the answer's way that q is on
-    same: np.ndarray = array("i8", "1", FRAME)  # 1: the way found is the one in use
+    segment: np.ndarray = array("i8", "1", GOAL)  # of the path in use that q is on
+    same: np.ndarray = array("i8", "1", FRAME)  # 1: the path found is the one in use
     joint: np.ndarray = array("i8", "1", FRAME)  # that is out of its limits
-    better: np.ndarray = array("i8", "1", GOAL)  # looks in a row that found one
-    # 0 none; else a candidate waits for the next frame: EDITED, BETTER_WAY, BARE_WAY
+    better: np.ndarray = array(
+        "i8", "1", GOAL
+    )  # consecutive searches that found a better path
+    # 0 none; else a candidate waits for the next frame: EDITED, BETTER_PATH or
+    # PRESENT_ONLY_PATH
     candidate: np.ndarray = array("i8", "1", GOAL)
     start: np.ndarray = array("i8", "1", GOAL)  # its segment that q was on
-    bare: np.ndarray = array("i8", "1", GOAL)  # 1: the way was only just free
-    waits: np.ndarray = array("i8", "1", GOAL)  # frames such a way must be there yet
+    present_only: np.ndarray = array("i8", "1", GOAL)  # 1: the way was free only now
+    frames_to_persist: np.ndarray = array(
+        "i8", "1", GOAL
+    )  # frames such a path must be there yet
     wish: np.ndarray = array("i8", "1", FRAME)  # 1: look for a better goal now
     seen: np.ndarray = array("i8", "1", GOAL)  # step whose q and time were noted
     stood: np.ndarray = array("i8", "1", GOAL)  # frames without a move
-    heed: np.ndarray = array(
+    avoid_history: np.ndarray = array(
         "i8", "1", FRAME
     )  # 1: this search heeds Recent.wary, 2: no more
     where: np.ndarray = array("i8", "1", FRAME)  # segment that q is on, -1: none
-    rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the way is free
-    beside: np.ndarray = array("i8", "1", GOAL)  # 1: q is beside its segment
+    rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the path is free
+    off_path: np.ndarray = array("i8", "1", GOAL)  # 1: q is off its segment
 
 
-class Own(NamedTuple):
-    """What belongs to no other group."""
+class RobotState(NamedTuple):
+    """The robot: limits, weights and motion bounds, where it is, and scratch."""
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
-    bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
+    present_only: np.ndarray = array("f8", "spheres")  # sphere radius + m
     # most that joint j moves any sphere's centre per unit
-    sway: np.ndarray = array("f8", "dof")
+    motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
     continuous: np.ndarray = array("b1", "dof")
     lower: np.ndarray = array("f8", "dof")
@@ -340,14 +346,14 @@ class Own(NamedTuple):
     # cost to go to the best goal, costs included
     h_any: np.ndarray = array("f8", "n", GOAL)
     # configuration that was attached last
-    q_fresh: np.ndarray = array("f8", "dof", GOAL, np.nan)
+    q_attached: np.ndarray = array("f8", "dof", GOAL, np.nan)
     q: np.ndarray = array("f8", "dof", FRAME, np.nan)  # present configuration
     # that of the frame before
     before: np.ndarray = array("f8", "dof", GOAL, np.nan)
     dq: np.ndarray = array("f8", "dof", FRAME)
-    spot: np.ndarray = array("f8", "dof", FRAME)
-    still: np.ndarray = array("f8", "dof", FRAME)  # zeros
-    out: np.ndarray = array("f8", "2", FRAME)  # share of the segment that q is on
+    scratch_q: np.ndarray = array("f8", "dof", FRAME)
+    zero_motion: np.ndarray = array("f8", "dof", FRAME)  # zeros
+    fraction: np.ndarray = array("f8", "2", FRAME)  # share of the segment that q is on
 
 
 class Groups:
@@ -358,24 +364,24 @@ class Groups:
     cloud: Cloud  # the frame's points
     solids: Solids  # the frame's shapes
     patterns: Patterns  # what their samples are made from
-    pick: Cloud  # those inside the cells of one motion
+    picked: Cloud  # those of them inside the cells of one motion
     graph: Graph
     direct: Direct
     pool: Pool
     goals: Goals
-    fresh: Starts  # of the configuration that was attached last
-    along: Starts  # of a robot on its way: the ends of its segment
+    start_connections: Starts  # of the configuration that was attached last
+    path_ends: Starts  # of a robot on its path: the ends of its segment
     search: Search
     stats: Stats
-    past: Past
-    short: Shortcuts
-    way: Way  # in use
-    spare: Way  # found last
-    better: Way  # the candidate
-    proof: Proof
-    better_proof: Proof
-    beside: Beside
-    own: Own
+    earlier_paths: EarlierPaths
+    shortcuts: Shortcuts
+    path: Path  # in use
+    found_path: Path  # found last
+    better: Path  # the candidate
+    certificates: Certificates
+    candidate_certificates: Certificates
+    off_path: OffPath
+    robot_state: RobotState
     recent: Recent
     rules: Rules
     terms: Terms

@@ -1,7 +1,7 @@
-"""The frame's decision: go on, take a new way, or hold.
+"""The frame's decision: go on, take a new path, or hold.
 
 `respond` is the one call of a frame whose points were taken. It tests the candidate
-that waits, else the way in use, and searches only where neither is free. A hand that
+that waits, else the path in use, and searches only where neither is free. A hand that
 trembles comes and goes over the same place, so a search heeds where the obstacles have
 lately been (`_recent.py`). That only ranks ways: what is free, and what blocks the way
 in use, is decided by the frame's own points alone.
@@ -16,20 +16,25 @@ from odm.search._frame import plan
 from odm.search._judge import rest_free, stands_free
 from odm.search._paths import (
     certify_whole,
-    copy_proof,
-    copy_way,
+    copy_certificates,
+    copy_path,
     is_on,
-    locate_on_way,
+    locate_on_path,
+    path_length,
     turns_back,
-    way_length,
 )
-from odm.search._recent import lay_out_recent, remember, way_bare, way_wary
+from odm.search._recent import (
+    lay_out_recent,
+    path_crosses_history,
+    path_in_avoided,
+    remember,
+)
 from odm.search._state import (
-    BARE_WAY,
-    BETTER_WAY,
+    BETTER_PATH,
     EDITED,
     NO_ITEM,
-    NO_WAY,
+    NO_MOTION,
+    PRESENT_ONLY_PATH,
     TO_BEGIN,
     TO_END,
     view,
@@ -37,10 +42,10 @@ from odm.search._state import (
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
-LOOK, BESIDE, BETTER = 6, 7, 8
+REPLAN, OFF_PATH, BETTER = 6, 7, 8
 HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
-WORTH_A_LOOK = 1.1  # times the straight distance
+DETOUR_WORTH_SEARCHING = 1.1  # times the straight distance
 BETTER_EVERY = 8  # frames between two looks for a better goal
 # an answer is code + SEGMENT * segment + COUNT * corners + GOAL * (goal + 1)
 SEGMENT, COUNT, GOAL = 16, 1 << 16, 1 << 28
@@ -49,63 +54,63 @@ SEGMENT, COUNT, GOAL = 16, 1 << 16, 1 << 28
 @njit(cache=True, nogil=True)
 def weighted(q_from, q_to, state):
     """Return the weighted length of the straight motion between configurations."""
-    own = view(state, "own")
-    displacement(q_from, q_to, own.continuous, own.dq)
+    robot = view(state, "robot_state")
+    displacement(q_from, q_to, robot.continuous, robot.dq)
     total = 0.0
     for j in range(q_from.shape[0]):
-        d = own.weights[j] * own.dq[j]
+        d = robot.weights[j] * robot.dq[j]
         total += d * d
     return math.sqrt(total)
 
 
 @njit(cache=True, nogil=True)
-def along_way(state, way, segment, q, along):
-    """Let the two ends of the way's present segment be what q is attached to.
+def connect_along_path(state, path, segment, q, path_ends):
+    """Connect q to the two ends of the segment that it is on.
 
-    On the segment those motions are parts of the one that was certified. Beside it
-    they are new: no cells are known of them, and `beside` says whether they are free of
-    what stands still.
+    On the segment those motions are parts of the one that was certified. Off it they
+    are new: no cells are known of them, and the group OffPath says whether they are
+    free of what stands still.
     """
     graph, goals, free = (
         view(state, "graph"),
         view(state, "goals"),
-        view(state, "beside").free,
+        view(state, "off_path").free,
     )
     n = graph.adj_ptr.shape[0] - 1
     count = 0
-    beside = view(state, "numbers").beside[0] == 1
-    ref = NO_ITEM if beside else way.ref[segment]
+    off_path = view(state, "numbers").off_path[0] == 1
+    ref = NO_ITEM if off_path else path.ref[segment]
     for g in range(goals.count[0]):
-        goals.direct_ref[g] = NO_WAY
+        goals.direct_ref[g] = NO_MOTION
     for k in (TO_END, TO_BEGIN):
-        if beside and free[k] != 1:
+        if off_path and free[k] != 1:
             continue
-        v = way.vertex[segment + 1 - k]
+        v = path.vertex[segment + 1 - k]
         if v < n:
-            along.node[count] = v
-            along.length[count] = weighted(q, graph.nodes[v], state)
-            along.ref[count] = ref
-            along.static[count] = 1
-            along.memo[count] = 0
-            along.stuck[count] = -1.0
+            path_ends.node[count] = v
+            path_ends.length[count] = weighted(q, graph.nodes[v], state)
+            path_ends.ref[count] = ref
+            path_ends.static[count] = 1
+            path_ends.memo[count] = 0
+            path_ends.blocked_at[count] = -1.0
             count += 1
             continue
         for g in range(goals.count[0]):
             if goals.vertex[g] == v:
                 goals.direct_ref[g] = ref
-    along.count[0] = count
+    path_ends.count[0] = count
 
 
 @njit(cache=True, nogil=True)
-def same_rest(way, where, new):
-    """Return True if `new` leads over the very vertices that are ahead on `way`."""
+def same_rest(path, where, new):
+    """Return True if `new` leads over the very vertices that are ahead on `path`."""
     if where < 0 or new.count[0] < 2:
         return False
-    shift = way.count[0] - new.count[0]
+    shift = path.count[0] - new.count[0]
     if shift != where:
         return False
     for k in range(1, new.count[0]):
-        if new.vertex[k] != way.vertex[k + shift]:
+        if new.vertex[k] != path.vertex[k + shift]:
             return False
     return True
 
@@ -113,77 +118,82 @@ def same_rest(way, where, new):
 @njit(cache=True, nogil=True)
 def take_configuration(state, q):
     """Keep q; return the code of what is wrong with it, or FOLLOWING."""
-    own = view(state, "own")
+    robot = view(state, "robot_state")
     for j in range(q.shape[0]):
-        own.q[j] = q[j]
+        robot.q[j] = q[j]
     for j in range(q.shape[0]):
         if not math.isfinite(q[j]):
             return NOT_FINITE
-        over = max(own.lower[j] - q[j], q[j] - own.upper[j])
-        if not own.continuous[j] and over > LIMIT_TOLERANCE:
+        over = max(robot.lower[j] - q[j], q[j] - robot.upper[j])
+        if not robot.continuous[j] and over > LIMIT_TOLERANCE:
             view(state, "numbers").joint[0] = j
             return OUT_OF_LIMITS
     return FOLLOWING
 
 
 @njit(cache=True, nogil=True)
-def rest_length(state, way, where, q):
-    """Return the weighted length of a way from q on its segment `where`."""
-    rest = weighted(q, way.q[where + 1], state)
-    for k in range(where + 1, way.count[0] - 1):
-        rest += weighted(way.q[k], way.q[k + 1], state)
+def rest_length(state, path, where, q):
+    """Return the weighted length of a path from q on its segment `where`."""
+    rest = weighted(q, path.q[where + 1], state)
+    for k in range(where + 1, path.count[0] - 1):
+        rest += weighted(path.q[k], path.q[k + 1], state)
     return rest
 
 
 @njit(cache=True, nogil=True)
 def note_move(state, q):
     """Note that a frame asks from q: whether the robot moved since the one before."""
-    own, numbers = view(state, "own"), view(state, "numbers")
+    robot, numbers = view(state, "robot_state"), view(state, "numbers")
     stood = True
     for j in range(q.shape[0]):
-        own.before[j] = own.q[j]
-        stood = stood and own.q[j] == q[j]
+        robot.before[j] = robot.q[j]
+        stood = stood and robot.q[j] == q[j]
     numbers.stood[0] = numbers.stood[0] + 1 if stood else 0
 
 
 @njit(cache=True, nogil=True)
 def judge(state, points, q):
-    """Judge the way in use: FOLLOWING, a trouble's code, or LOOK for a new way.
+    """Judge the path in use: FOLLOWING, a trouble's code, or LOOK for a new path.
 
     With LOOK numbers.where is the segment that q is on, -1 for none. With BESIDE it is
     not on that segment but beside it, and the group Beside is to be filled first: for
-    the candidate if one waits, else for the way in use.
+    the candidate if one waits, else for the path in use.
     """
-    own, numbers, way = view(state, "own"), view(state, "numbers"), view(state, "way")
+    robot, numbers, path = (
+        view(state, "robot_state"),
+        view(state, "numbers"),
+        view(state, "path"),
+    )
     trouble = take_configuration(state, q)
     if trouble != FOLLOWING:
         return trouble
-    q = own.q
+    q = robot.q
     always = view(state, "rules").always[0] == 1
     if numbers.candidate[0] != 0 and not always:
         kind = numbers.candidate[0]
         if take_candidate(state, points, q):
             return FOLLOWING if kind == EDITED else PLANNED
         if numbers.candidate[0] != 0:
-            return BESIDE
+            return OFF_PATH
     numbers.rest[0] = 0
     where = -1
-    if way.count[0] >= 2:
-        where = locate_on_way(state, way, 0, q, own.out)  # it may have slowed down
-    if where >= 0 and turns_back(way, where, q, own.continuous):
+    if path.count[0] >= 2:
+        # it may have slowed down
+        where = locate_on_path(state, path, 0, q, robot.fraction)
+    if where >= 0 and turns_back(path, where, q, robot.continuous):
         where = -1
     numbers.where[0] = where
-    numbers.beside[0] = 0
-    if where < 0 and not is_fresh(own):
+    numbers.off_path[0] = 0
+    if where < 0 and not is_attached(robot):
         return NOT_ATTACHED
-    if where >= 0 and not is_on(view(state, "proof"), where, q):
-        numbers.beside[0] = 1
-        if not is_known_beside(view(state, "beside"), way, where, q):
-            return BESIDE
-    if where < 0 or always or way.count[1] < 0:
-        return LOOK
-    if rest_free(state, points, way, where, q) >= 0:
-        return LOOK
+    if where >= 0 and not is_on(view(state, "certificates"), where, q):
+        numbers.off_path[0] = 1
+        if not is_off_path_known(view(state, "off_path"), path, where, q):
+            return OFF_PATH
+    if where < 0 or always or path.count[1] < 0:
+        return REPLAN
+    if rest_free(state, points, path, where, q) >= 0:
+        return REPLAN
     numbers.rest[0] = 1
     numbers.segment[0] = where
     return FOLLOWING
@@ -198,41 +208,41 @@ def drop_candidate(state):
 
 @njit(cache=True, nogil=True)
 def take_candidate(state, points, q):
-    """Let the candidate be the way in use where q is on it and it is free; True if so.
+    """Let the candidate be the path in use where q is on it and it is free; True if so.
 
     It has one chance. Only where q is beside its segment numbers.where it still waits:
     the group Beside is to be filled for that first.
     """
-    numbers, own, better = (
+    numbers, robot, better = (
         view(state, "numbers"),
-        view(state, "own"),
+        view(state, "robot_state"),
         view(state, "better"),
     )
-    proof, kind = view(state, "better_proof"), numbers.candidate[0]
+    certificates, kind = view(state, "better_proof"), numbers.candidate[0]
     numbers.candidate[0] = 0
     where = -1
     if better.count[0] >= 2 and better.count[1] >= 0:
-        where = locate_on_way(state, better, 0, q, own.out)
-    if where < 0 or turns_back(better, where, q, own.continuous):
+        where = locate_on_path(state, better, 0, q, robot.fraction)
+    if where < 0 or turns_back(better, where, q, robot.continuous):
         drop_candidate(state)
         return False
-    numbers.beside[0] = 0
-    if not is_on(proof, where, q):
-        numbers.beside[0] = 1
-        if not is_known_beside(view(state, "beside"), better, where, q):
+    numbers.off_path[0] = 0
+    if not is_on(certificates, where, q):
+        numbers.off_path[0] = 1
+        if not is_off_path_known(view(state, "off_path"), better, where, q):
             numbers.candidate[0], numbers.where[0] = kind, where
             return False
     if rest_free(state, points, better, where, q) >= 0:
         drop_candidate(state)
         return False
-    copy_way(better, view(state, "way"))
-    copy_proof(proof, view(state, "proof"), better.count[0] - 1)
+    copy_path(better, view(state, "path"))
+    copy_certificates(certificates, view(state, "certificates"), better.count[0] - 1)
     drop_candidate(state)
     numbers.where[0] = numbers.segment[0] = where
     numbers.rest[0] = 1
     numbers.same[0] = numbers.better[0] = 0
     if kind != EDITED:
-        numbers.bare[0] = 1 if kind == BARE_WAY else 0
+        numbers.present_only[0] = 1 if kind == PRESENT_ONLY_PATH else 0
     return True
 
 
@@ -242,249 +252,269 @@ def better_goal_stands_clear(state, points):
     goals = view(state, "goals")
     if view(state, "numbers").joint_costs[0] == 1:  # then none is better by its rank
         return False
-    for g in range(view(state, "way").count[1]):
+    for g in range(view(state, "path").count[1]):
         if stands_free(state, points, goals.q[g]):
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def is_known_beside(beside, way, segment, q):
-    """Return True if `beside` tells of this very q and segment."""
+def is_off_path_known(off_path, path, segment, q):
+    """Return True if the group OffPath was filled for this very q and segment."""
     for j in range(q.shape[0]):
-        if beside.q[0, j] != q[j]:
+        if off_path.q[0, j] != q[j]:
             return False
-        if beside.q[1, j] != way.q[segment + 1, j]:
+        if off_path.q[1, j] != path.q[segment + 1, j]:
             return False
-        if beside.q[2, j] != way.q[segment, j]:
-            return False
-    return True
-
-
-@njit(cache=True, nogil=True)
-def is_fresh(own):
-    """Return True if the start motions of this very q are known."""
-    for j in range(own.q.shape[0]):
-        if own.q[j] != own.q_fresh[j]:
+        if off_path.q[2, j] != path.q[segment, j]:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def search_way(state, points, last):
-    """Search a way from own.q to goals 0 to last - 1; True: it is the group `spare`."""
-    goals, own = view(state, "goals"), view(state, "own")
-    numbers, way = view(state, "numbers"), view(state, "way")
+def is_attached(robot):
+    """Return True if q is the configuration that was connected last."""
+    for j in range(robot.q.shape[0]):
+        if robot.q[j] != robot.q_attached[j]:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def search_path(state, points, last):
+    """Search a path from the robot to goals 0 to last - 1; True: in `found_path`."""
+    goals, robot = view(state, "goals"), view(state, "robot_state")
+    numbers, path = view(state, "numbers"), view(state, "path")
     start_vertex = goals.count[1]
-    starts = view(state, "fresh")
-    if is_fresh(own):
+    starts = view(state, "start_connections")
+    if is_attached(robot):
         for g in range(goals.count[0]):
-            goals.direct_ref[g] = goals.fresh_ref[g]
+            goals.direct_ref[g] = goals.attached_ref[g]
     else:
-        starts = view(state, "along")
-        along_way(state, way, numbers.where[0], own.q, starts)
+        starts = view(state, "path_ends")
+        connect_along_path(state, path, numbers.where[0], robot.q, starts)
         start_vertex = goals.count[2]
     for g in range(goals.count[0]):
-        goals.direct_length[g] = weighted(own.q, goals.q[g], state)
-    budget = 2 * view(state, "rules").close_tests[0]
-    numbers.heed[0] = 1 if is_calm(state) else 0
-    if numbers.heed[0] == 1:
+        goals.direct_length[g] = weighted(robot.q, goals.q[g], state)
+    budget = 2 * view(state, "rules").close_test_connections[0]
+    numbers.avoid_history[0] = 1 if keeps_history(state) else 0
+    if numbers.avoid_history[0] == 1:
         lay_out_recent(state)
     found = plan(state, points, starts, start_vertex, budget, last)
-    numbers.heed[0] = 0
+    numbers.avoid_history[0] = 0
     return found
 
 
 @njit(cache=True, nogil=True)
-def is_calm(state):
-    """Return True if new ways keep clear of where the obstacles have lately been."""
+def keeps_history(state):
+    """Return True if new paths keep clear of where the obstacles have lately been."""
     rules = view(state, "rules")
-    return rules.always[0] == 0 and rules.memory[0] > 0.0
+    return rules.always[0] == 0 and rules.history_s[0] > 0.0
 
 
 @njit(cache=True, nogil=True)
 def replan(state, points):
-    """Take a new way after `judge` said LOOK: PLANNED or NO_PATH.
+    """Take a new path after `judge` said LOOK: PLANNED or NO_PATH.
 
-    Where the last way that was only just free was blocked, the next one must be there
-    for `patience` frames in a row: what opens and closes as a hand trembles is not
-    taken.
+    Where the last path that was free only now was blocked, the next one must be there
+    for `persistence_frames` frames in a row: what opens and closes as a hand trembles
+    is not taken.
     """
-    numbers, spare = view(state, "numbers"), view(state, "spare")
-    found = search_way(state, points, view(state, "goals").count[0])
-    if not is_calm(state):
+    numbers, found_path = view(state, "numbers"), view(state, "found_path")
+    found = search_path(state, points, view(state, "goals").count[0])
+    if not keeps_history(state):
         if found:
             adopt(state)
         return PLANNED if found else NO_PATH
-    patience = view(state, "rules").patience[0]
-    bare = not found or way_bare(state, spare)
-    if bare and numbers.bare[0] == 1:
-        numbers.bare[0], numbers.waits[0] = 0, patience
+    persistence_frames = view(state, "rules").persistence_frames[0]
+    present_only = not found or path_crosses_history(state, found_path)
+    if present_only and numbers.present_only[0] == 1:
+        numbers.present_only[0], numbers.frames_to_persist[0] = 0, persistence_frames
     if not found:
-        numbers.waits[0] = patience if numbers.waits[0] > 0 else 0
+        numbers.frames_to_persist[0] = (
+            persistence_frames if numbers.frames_to_persist[0] > 0 else 0
+        )
         return NO_PATH
-    if bare:
-        numbers.waits[0] = max(0, numbers.waits[0] - 1)
-        if numbers.waits[0] > 0:
+    if present_only:
+        numbers.frames_to_persist[0] = max(0, numbers.frames_to_persist[0] - 1)
+        if numbers.frames_to_persist[0] > 0:
             return NO_PATH
     else:
-        numbers.waits[0] = 0
-    numbers.bare[0] = 1 if bare else 0
+        numbers.frames_to_persist[0] = 0
+    numbers.present_only[0] = 1 if present_only else 0
     adopt(state)
     return PLANNED
 
 
 @njit(cache=True, nogil=True)
 def better_found(state, points, q):
-    """Look for a better way than the free one in use; True: `spare` is to be taken.
+    """Look for a better path than the free one in use; True: take `found_path`.
 
-    To a goal of better rank; or to the same, shorter by `margin` and clear of where the
-    obstacles have lately been. `looks` in a row must find one. A goal beside a hand is
-    near where that has lately been, always: a way to it may be only just free.
+    To a goal of better rank; or to the same, shorter by `hysteresis` and clear of where
+    the obstacles have lately been. `confirmations` in a row must find one. A goal
+    beside a hand is
+    near where that has lately been, always: a path to it may be free only now.
     """
-    numbers, own, goals = (
+    numbers, robot, goals = (
         view(state, "numbers"),
-        view(state, "own"),
+        view(state, "robot_state"),
         view(state, "goals"),
     )
-    way, spare, rules = view(state, "way"), view(state, "spare"), view(state, "rules")
-    rank, where = way.count[1], numbers.segment[0]
-    if rank < 0 or way.count[0] < 2:
+    path, found_path, rules = (
+        view(state, "path"),
+        view(state, "found_path"),
+        view(state, "rules"),
+    )
+    rank, where = path.count[1], numbers.segment[0]
+    if rank < 0 or path.count[0] < 2:
         return False
-    found = search_way(state, points, rank + 1)
+    found = search_path(state, points, rank + 1)
     joint = numbers.joint_costs[0] == 1
-    if found and (joint or spare.count[1] == rank):
-        now = rest_length(state, way, where, q)
-        new = way_length(spare, own.weights)
+    if found and (joint or found_path.count[1] == rank):
+        now = rest_length(state, path, where, q)
+        new = path_length(found_path, robot.weights)
         if joint:
-            new += goals.cost[spare.count[1]] - goals.cost[rank]
-        found = new <= (1.0 - rules.margin[0]) * now
-        found = found and not (is_calm(state) and way_wary(state, spare))
+            new += goals.cost[found_path.count[1]] - goals.cost[rank]
+        found = new <= (1.0 - rules.hysteresis[0]) * now
+        found = found and not (
+            keeps_history(state) and path_in_avoided(state, found_path)
+        )
     numbers.better[0] = numbers.better[0] + 1 if found else 0
-    return numbers.better[0] >= rules.looks[0]
+    return numbers.better[0] >= rules.confirmations[0]
 
 
 @njit(cache=True, nogil=True)
 def offer_better(state, points):
-    """Look for a better way between frames; True: it is the candidate.
+    """Look for a better path between frames; True: it is the candidate.
 
     It begins with all of the segment that the robot is on, so the next frame may ask
     from any place on it.
     """
-    numbers, own, goals = (
+    numbers, robot, goals = (
         view(state, "numbers"),
-        view(state, "own"),
+        view(state, "robot_state"),
         view(state, "goals"),
     )
-    if numbers.rest[0] == 0 or numbers.beside[0] == 1:
+    if numbers.rest[0] == 0 or numbers.off_path[0] == 1:
         return False
-    way, spare, better = view(state, "way"), view(state, "spare"), view(state, "better")
-    proof, where = view(state, "better_proof"), numbers.segment[0]
-    if way.count[0] < 2:
+    path, found_path, better = (
+        view(state, "path"),
+        view(state, "found_path"),
+        view(state, "better"),
+    )
+    certificates, where = view(state, "better_proof"), numbers.segment[0]
+    if path.count[0] < 2:
         return False
     numbers.where[0] = where
-    if way.count[1] == 0 or numbers.joint_costs[0] == 1:
-        straight = weighted(own.q, way.q[way.count[0] - 1], state)
-        if rest_length(state, way, where, own.q) <= WORTH_A_LOOK * straight:
+    if path.count[1] == 0 or numbers.joint_costs[0] == 1:
+        straight = weighted(robot.q, path.q[path.count[0] - 1], state)
+        if (
+            rest_length(state, path, where, robot.q)
+            <= DETOUR_WORTH_SEARCHING * straight
+        ):
             numbers.better[0] = 0
             return False
-    if not better_found(state, points, own.q):
+    if not better_found(state, points, robot.q):
         return False
     numbers.better[0] = 0
-    bare = is_calm(state) and way_bare(state, spare)
-    copy_way(spare, better)
+    present_only = keeps_history(state) and path_crosses_history(state, found_path)
+    copy_path(found_path, better)
     first = 0
-    if spare.vertex[0] == goals.count[2] and not is_fresh(own):
+    if found_path.vertex[0] == goals.count[2] and not is_attached(robot):
         # on its segment towards one end: begin at the other
-        ends = view(state, "proof")
-        towards = spare.vertex[1] == way.vertex[where + 1]
+        ends = view(state, "certificates")
+        towards = found_path.vertex[1] == path.vertex[where + 1]
         other = where if towards else where + 1
-        for j in range(own.q.shape[0]):
-            better.q[0, j] = way.q[other, j]
-            proof.begin[0, j] = ends.begin[where, j]
-            proof.end[0, j] = ends.end[where, j]
-        better.vertex[0] = way.vertex[other]
+        for j in range(robot.q.shape[0]):
+            better.q[0, j] = path.q[other, j]
+            certificates.begin[0, j] = ends.begin[where, j]
+            certificates.end[0, j] = ends.end[where, j]
+        better.vertex[0] = path.vertex[other]
         first = 1
-    certify_whole(better, first, proof)
+    certify_whole(better, first, certificates)
     numbers.start[0] = 0
-    numbers.candidate[0] = BARE_WAY if bare else BETTER_WAY
+    numbers.candidate[0] = PRESENT_ONLY_PATH if present_only else BETTER_PATH
     return True
 
 
 @njit(cache=True, nogil=True)
 def take_better(state, points, q):
-    """Look for a way to a better goal within the frame; PLANNED or FOLLOWING."""
-    numbers, spare = view(state, "numbers"), view(state, "spare")
+    """Look for a path to a better goal within the frame; PLANNED or FOLLOWING."""
+    numbers, found_path = view(state, "numbers"), view(state, "found_path")
     if not better_found(state, points, q):
         return FOLLOWING
-    numbers.bare[0] = 1 if is_calm(state) and way_bare(state, spare) else 0
+    numbers.present_only[0] = (
+        1 if keeps_history(state) and path_crosses_history(state, found_path) else 0
+    )
     adopt(state)
     return PLANNED
 
 
 @njit(cache=True, nogil=True)
 def begin_candidate(state):
-    """Let the candidate be the way in use, to be changed; one that waits stays."""
-    numbers, way, better = (
+    """Let the candidate be the path in use, to be changed; one that waits stays."""
+    numbers, path, better = (
         view(state, "numbers"),
-        view(state, "way"),
+        view(state, "path"),
         view(state, "better"),
     )
     if numbers.candidate[0] != 0:
         return
-    copy_way(way, better)
-    copy_proof(view(state, "proof"), view(state, "better_proof"), way.count[0] - 1)
+    copy_path(path, better)
+    copy_certificates(
+        view(state, "certificates"), view(state, "better_proof"), path.count[0] - 1
+    )
     numbers.start[0] = numbers.segment[0]
 
 
 @njit(cache=True, nogil=True)
 def adopt(state):
     """Take the way that a search found; numbers.same tells that it is the old."""
-    own, numbers = view(state, "own"), view(state, "numbers")
-    way, spare = view(state, "way"), view(state, "spare")
+    robot, numbers = view(state, "robot_state"), view(state, "numbers")
+    path, found_path = view(state, "path"), view(state, "found_path")
     numbers.better[0] = 0
     drop_candidate(state)
-    numbers.same[0] = 1 if same_rest(way, numbers.where[0], spare) else 0
-    copy_way(spare, way)
+    numbers.same[0] = 1 if same_rest(path, numbers.where[0], found_path) else 0
+    copy_path(found_path, path)
     numbers.segment[0] = 0
     numbers.rest[0] = 1
-    first, where, proof = 0, numbers.where[0], view(state, "proof")
-    if where >= 0 and numbers.beside[0] == 0 and not is_fresh(own):
-        # its first segment is another part of the motion that q is on
+    first, where, certificates = 0, numbers.where[0], view(state, "certificates")
+    if where >= 0 and numbers.off_path[0] == 0 and not is_attached(robot):
+        # its first segment is a part of the certified motion that q is on
         first = 1
-        for j in range(own.q.shape[0]):
-            proof.begin[0, j] = proof.begin[where, j]
-            proof.end[0, j] = proof.end[where, j]
-    certify_whole(way, first, proof)
-    numbers.beside[0] = 0
+        for j in range(robot.q.shape[0]):
+            certificates.begin[0, j] = certificates.begin[where, j]
+            certificates.end[0, j] = certificates.end[where, j]
+    certify_whole(path, first, certificates)
+    numbers.off_path[0] = 0
 
 
 @njit(cache=True, nogil=True)
 def packed(state, code):
-    """Return a code with the numbers of the way in use: one number says all."""
-    numbers, way = view(state, "numbers"), view(state, "way")
-    said = code + SEGMENT * numbers.segment[0] + COUNT * way.count[0]
-    return said + GOAL * (way.count[1] + 1)
+    """Return a code with the numbers of the path in use: one number says all."""
+    numbers, path = view(state, "numbers"), view(state, "path")
+    said = code + SEGMENT * numbers.segment[0] + COUNT * path.count[0]
+    return said + GOAL * (path.count[1] + 1)
 
 
 @njit(cache=True, nogil=True)
 def respond(state, points, q, now):
-    """Answer one frame whose points were taken; a code, packed with the way's numbers.
+    """Answer one frame whose points were taken; a code, packed with the path's numbers.
 
-    The answer's path is the group `way`; numbers.segment is its segment that q is on.
+    The answer's path is the group `path`; numbers.segment is its segment that q is on.
     Asked again in the same frame, after q was joined to something, it goes on.
     `now` [s] is NaN where no time is given.
     """
-    numbers, way = view(state, "numbers"), view(state, "way")
+    numbers, path = view(state, "numbers"), view(state, "path")
     if numbers.seen[0] != numbers.step[0]:
         numbers.seen[0] = numbers.step[0]
         note_move(state, q)
-        if is_calm(state):
+        if keeps_history(state):
             remember(state, now)
     code = judge(state, points, q)
-    if code == LOOK:
+    if code == REPLAN:
         code = replan(state, points)
-    elif code == FOLLOWING and way.count[1] > 0:
+    elif code == FOLLOWING and path.count[1] > 0:
         if numbers.wish[0] == 1:
             code = take_better(state, points, q)
         elif numbers.step[0] % BETTER_EVERY == 0:

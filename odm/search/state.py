@@ -14,12 +14,12 @@ from odm.search._items import sign_items
 from odm.search._state import (
     KINDS,
     LOST,
+    Certificates,
     Direct,
     Graph,
     Groups,
-    Own,
     Pool,
-    Proof,
+    RobotState,
     Stats,
     Terms,
     table_of,
@@ -37,7 +37,7 @@ _SIZES = {
     "items": 8192,
     "item_entries": 1_000_000,
     "shortcuts": 8192,
-    "past": 8,
+    "earlier": 8,
     "branches": 2048,
     "route": 256,
     "found": 4,
@@ -98,7 +98,7 @@ class Memory(Groups):
 def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     """Let a planner's table point at other groups, by name; the others stay.
 
-    For what carries and what makes room; it costs a walk over all arrays.
+    For a payload and for larger clouds; it costs a walk over all arrays.
 
     Raises:
         BadInput: An array is not as it is declared.
@@ -111,8 +111,8 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
         object.__setattr__(memory, name, value)
 
 
-def lay_out(cell_map: CellMap, max_points: int) -> Memory:
-    """Return all arrays for a planner on this map, for up to `max_points` points."""
+def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
+    """Return all arrays for a planner on this map, for so many points at first."""
     robot, roadmap, arm = cell_map.robot, cell_map.roadmap, cell_map.arm
     n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
     cells, grid, safety = cell_map.arm_cells, cell_map.grid, cell_map.safety
@@ -121,11 +121,11 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
     sizes["blocks"] = len(cells.t_ptr) - 1
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
-    own = new(
-        Own,
+    robot_state = new(
+        RobotState,
         sizes,
         radii=cell_map.swept_radii(),
-        sway=joint_sway(arm, dof),
+        motion_bound=center_motion_bounds(arm, dof),
         weights=roadmap.weights,
         continuous=robot.continuous,
         lower=robot.lower,
@@ -133,21 +133,25 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     )
     terms = new(Terms, sizes)
     terms.tolerance[0] = cell_map.motion_tolerance
-    # a robot so far beside its path is on its way. That spends nothing of m: from
-    # there its first leg is tested with all of m, which the executor then spends
-    terms.beside[0] = safety.tracking + safety.blending
+    # a robot off its path by no more than this follows it. That spends nothing of m:
+    # from there its first leg is tested with all of m, which the executor then spends
+    terms.path_tolerance[0] = safety.tracking + safety.blending
     block = np.zeros(sizes["item_entries"], cells.block.dtype)
     groups = {
         "arm": arm,
         "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
-        "cloud": grid.new_cloud(max_points),
-        "pick": grid.new_cloud(max_points),
+        "cloud": grid.new_cloud(point_capacity),
+        "picked": grid.new_cloud(point_capacity),
         "graph": graph,
         "direct": direct,
         "pool": new(Pool, sizes, block=block),
-        "proof": new(Proof, sizes, motion=point_motion(arm, dof)),
-        "better_proof": new(Proof, sizes, motion=point_motion(arm, dof)),
-        "own": own,
+        "certificates": new(
+            Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
+        ),
+        "better_proof": new(
+            Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
+        ),
+        "robot_state": robot_state,
         "terms": terms,
         # rows of one array, which is read at once
         "stats": Stats(*np.zeros((len(Stats._fields), 1), np.int64)),
@@ -170,8 +174,8 @@ def graph_on(
     }
     item = cells.t_item.view(np.int32)
     direct = new(Direct, sizes, ptr=cells.t_ptr, item=item, mask=cells.t_mask)
-    sign = np.zeros(4 * (n + m), np.uint64)
-    sign_items(cells.ptr, cells.block, region, sign)
+    signature = np.zeros(4 * (n + m), np.uint64)
+    sign_items(cells.ptr, cells.block, region, signature)
     graph = new(
         Graph,
         sizes,
@@ -185,8 +189,8 @@ def graph_on(
         block=cells.block,
         mask=cells.mask,
         region=region,
-        sign=sign,
-        taken=direct.bits,
+        signature=signature,
+        hit_bits=direct.bits,
     )
     return graph, direct
 
@@ -200,12 +204,12 @@ def regions(cell_map: CellMap) -> np.ndarray:
     return (np.searchsorted(used, coarse.ravel()) % 256).astype(np.int32)
 
 
-def joint_sway(arm: Arm, dof: int) -> np.ndarray:
-    """Return (dof,) how far a joint moves any sphere, per rad or m, at most."""
+def center_motion_bounds(arm: Arm, dof: int) -> np.ndarray:
+    """Return (dof,) how far a joint moves any sphere centre at most, per rad or m."""
     return motion_per_joint(arm.tree_i, arm.tree_f, arm.reach, dof)
 
 
-def point_motion(arm: Arm, dof: int) -> np.ndarray:
+def point_motion_bounds(arm: Arm, dof: int) -> np.ndarray:
     """Return (dof,) how far a joint moves any point of any sphere, per rad or m.
 
     A joint whose axis goes through all its spheres' centres moves none of these, but
@@ -213,7 +217,7 @@ def point_motion(arm: Arm, dof: int) -> np.ndarray:
     """
     turning = arm.tree_i[:, 2] == 1
     reach = arm.reach + arm.spheres[:, 3:] * turning
-    return joint_sway(arm._replace(reach=reach), dof)
+    return center_motion_bounds(arm._replace(reach=reach), dof)
 
 
 class DirectMap:

@@ -25,11 +25,11 @@ def bytes_touched(memory: Memory, segment: int, n_points: int) -> int:
         segment: The segment of the path that the robot is on.
         n_points: Points of the frame.
     """
-    graph, way = memory.graph, memory.way
+    graph, path = memory.graph, memory.path
     blocks = int(memory.cloud.counts[N_OCCUPIED])
     total = n_points * _POINT + blocks * (_BLOCK + _STAMP)
-    n, frame = len(graph.adj_ptr) - 1, memory.search.sign
-    for ref in way.ref[segment : int(way.count[0]) - 1].tolist():
+    n, frame = len(graph.adj_ptr) - 1, memory.search.signature
+    for ref in path.ref[segment : int(path.count[0]) - 1].tolist():
         cells, items = memory.pool, [ref]
         begin, end = memory.pool.begin, memory.pool.end
         if ref <= EDGE_BASE:

@@ -178,7 +178,7 @@ class BlendedPath:
         return np.array([False, *sharp, True])
 
     def joined(
-        self, path: np.ndarray, s: float, blend: float, room: float
+        self, path: np.ndarray, s: float, blend: float, available: float
     ) -> "BlendedPath":
         """Return this path followed by a corner path.
 
@@ -186,9 +186,10 @@ class BlendedPath:
             path: (k, dof) corners; the first one is the end of this path.
             s: Arc length of the first one.
             blend: No centre of the cover gets farther from the corner path [m].
-            room: What rounding the first one may take of this path; 0: it stays sharp.
+            available: Length of this path that the blend of the first corner may take;
+                0: it stays sharp.
         """
-        pieces, off = blend_path(self.robot, path, blend, self.pieces, s, room)
+        pieces, off = blend_path(self.robot, path, blend, self.pieces, s, available)
         return BlendedPath.of(self.robot, pieces, max(off, self.deviation), path[0])
 
     def part(self, begin: float, end: float) -> "BlendedPath":

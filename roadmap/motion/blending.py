@@ -92,7 +92,7 @@ def blend_path(
     blend: float,
     before: tuple[Piece, ...] = (),
     at: float = 0.0,
-    room_before: float = 0.0,
+    available_before: float = 0.0,
 ) -> tuple[tuple[Piece, ...], float]:
     """Return the pieces of a corner path, and how far they deviate from it [m].
 
@@ -103,7 +103,7 @@ def blend_path(
         before: Pieces that lead to the path; the last one is blended with the first
             leg of the path where it is straight.
         at: Arc length at which the path starts.
-        room_before: What the first blend may take of the end of `before`.
+        available_before: What the first blend may take of the end of `before`.
     """
     pieces = list(before)
     if pieces:
@@ -117,10 +117,10 @@ def blend_path(
         at = straight.end
         if pieces and pieces[-1].d == 0.0 and blend > 0.0:
             # each corner may take half of the legs that meet in it
-            room = 0.5 * min(pieces[-1].length, lengths[k])
+            available = 0.5 * min(pieces[-1].length, lengths[k])
             if len(pieces) == len(before):
-                room = min(room_before, pieces[-1].length, 0.5 * lengths[k])
-            d, off = blend_length(robot, path[k], pieces[-1].u, u, room, blend)
+                available = min(available_before, pieces[-1].length, 0.5 * lengths[k])
+            d, off = blend_length(robot, path[k], pieces[-1].u, u, available, blend)
             if off > 0.0 and d > 10.0 * SHORTEST and u @ pieces[-1].u > -0.999:
                 pieces[-1:], straight = _rounded(pieces[-1], straight, d)
                 deviation = max(deviation, off)
@@ -133,7 +133,7 @@ def blend_length(
     corner: np.ndarray,
     u: np.ndarray,
     w: np.ndarray,
-    room: float,
+    available: float,
     blend: float,
 ) -> tuple[float, float]:
     """Return the half-length of a corner's blend, and how far it deviates at most [m].
@@ -143,17 +143,19 @@ def blend_length(
         corner: (dof,) configuration of the corner [rad or m].
         u: (dof,) unit direction before it.
         w: (dof,) unit direction behind it.
-        room: The most that the half-length may be [rad or m of joint space].
+        available: Largest half-length [rad or m of joint space].
         blend: No centre of the cover may deviate farther than this [m].
     """
     far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w - u))
-    d = room if far * room <= blend else blend / far
+    d = available if far * available <= blend else blend / far
     if far == 0.0:
         return d, 0.0
     cover = CoverModel(
         robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body, robot.sphere_reach
     )
-    longer, deviation = longest_blend(cover, corner, u, w, float(room), float(blend))
+    longer, deviation = longest_blend(
+        cover, corner, u, w, float(available), float(blend)
+    )
     if longer < d:
         return d, far * d
     return longer, min(deviation, far * longer)

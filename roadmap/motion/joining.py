@@ -63,9 +63,9 @@ def joined(
         same_until = before.pieces[-1].begin
     else:
         before, same_until = present.part(behind, commit.s), commit.s
-    room = corner_s - _steady_from(present, state) if before.pieces else 0.0
+    available = corner_s - _steady_from(present, state) if before.pieces else 0.0
     for share in (1.0, 0.0):
-        path = before.joined(corners, corner_s, blend, share * room)
+        path = before.joined(corners, corner_s, blend, share * available)
         try:
             return path, retimed(profile, t, path, scale, same_until)
         except NoProfile:

@@ -117,10 +117,10 @@ class _Draw:
     def pair(self, motion: str, frames: int, condition: str) -> Pair:
         for _ in range(200):
             capsules = arm_frames(motion, frames, self.rng)
-            heeded = capsules[:1] if condition == "first" else capsules
+            counted_capsules = capsules[:1] if condition == "first" else capsules
             free = self.clear if condition == "clear" else self.free
             q_start, q_goal = self.configuration(1.0), self.configuration(-1.0)
-            if not (free(q_start, heeded) and free(q_goal, heeded)):
+            if not (free(q_start, counted_capsules) and free(q_goal, counted_capsules)):
                 continue
             if self.rng.random() < 0.5:
                 q_start, q_goal = q_goal, q_start

@@ -298,7 +298,7 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     ):
         table.add_row(name, number)
     console.print(table)
-    for seed, step, fault in report.told:
+    for seed, step, fault in report.first_faults:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
     sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
     console.print(

@@ -40,11 +40,11 @@ class LoopSettings:
         seed: Seed of the human motion, noted in the result.
         spacing: Distance of the samples on the person's surface [m].
         speed_scale: Share of the joints' speed limits the robot uses.
-        retreat_scale: Share of the limits when it moves out of the way.
-        stand_below: It does not even retreat where, two frames on, its cover would be
-            nearer to a sample than this [m]: between samples the person may touch it
-            then, and to be touched at rest is the lesser evil. With samples 3 cm
-            apart an arm can touch a finger 2.1 cm from the nearest one.
+        retreat_scale: Share of the limits when it retreats.
+        min_retreat_separation: No retreat where the separation, extrapolated by two
+            frames, is below this [m]: between samples the person may touch it then, and
+            to be touched at rest is the lesser evil. With samples 3 cm apart an arm can
+            touch a finger 2.1 cm from the nearest one.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         improve: Motions the planner may test between two frames to shorten its path;
             none in a frame that found a new one, which took its time, and three times
@@ -61,7 +61,7 @@ class LoopSettings:
     spacing: float = 0.03
     speed_scale: float = 0.5
     retreat_scale: float = 0.25
-    stand_below: float = 0.022
+    min_retreat_separation: float = 0.022
     keep_paths: int = 0
     improve: int = 4
     shapes: bool = False
@@ -71,7 +71,9 @@ class LoopSettings:
         """Refuse values that make no loop."""
         counts = ("seed", "keep_paths", "improve")
         ranges = {name: (0, 2**63, "") for name in counts}
-        check_settings(self, {**ranges, "stand_below": (0.0, np.inf, "m")}, counts)
+        check_settings(
+            self, {**ranges, "min_retreat_separation": (0.0, np.inf, "m")}, counts
+        )
         for name in ("rate_hz", "duration_s", "spacing"):
             value = getattr(self, name)
             if not is_between(value, 0, np.inf) or value in (0, np.inf):
@@ -165,8 +167,8 @@ class Loop:
         shares = ExecutionSettings(
             s.speed_scale,
             s.retreat_scale,
-            stand_below=s.stand_below,
-            encoder=pushed.encoder if pushed else 0.0,
+            min_retreat_separation=s.min_retreat_separation,
+            encoder_error=pushed.encoder if pushed else 0.0,
         )
         self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
@@ -299,7 +301,7 @@ class Loop:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.improve and self._new_path_for < NEW_PATH_FRAMES:
-            ahead = self.executor.ahead()
+            ahead = self.executor.next_commit()
             times = NEW_PATH_IMPROVE if self._new_path_for > 0 else 1
             most = times * self.settings.improve
             _optional(self.planner, "improve", most, ahead)

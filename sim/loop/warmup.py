@@ -183,7 +183,7 @@ def exercise(cell_map: CellMap) -> None:
 
     Later planners of this process then find all kernels loaded.
     """
-    settings = PlannerSettings(max_points=64)
+    settings = PlannerSettings(point_capacity=64)
     for always_replan in (True, False):
         planner = ReactivePlanner(cell_map, always_replan, settings)
         start, goal = _two_nodes(planner)
@@ -202,11 +202,11 @@ def exercise(cell_map: CellMap) -> None:
             planner.separation(start)
             planner.is_free(start, goal)
             planner.blocked_leg(np.stack([start, goal]), 0.1, points)
-            planner.way_out(start, [(0.1, points)], 0.5)
-            if planner.memory.way.count[0] >= 2:
+            planner.evasion(start, [(0.1, points)], 0.5)
+            if planner.memory.path.count[0] >= 2:
                 planner.attacher.forget_start()
                 planner.step(points, q=start)
-            planner.attacher.attach_start(start, quick=True)
+            planner.attacher.attach_start(start, without_cells=True)
             planner.connector.answer(planner.frame.q.copy(), 0, False)
             planner.invalid_nodes()
             planner.invalid_edges()
@@ -282,7 +282,7 @@ def _ask(cell_map: CellMap) -> None:
 
 def _carry(cell_map: CellMap) -> None:
     """Plan with something in the hand, the base elsewhere, more distance kept."""
-    planner = ReactivePlanner(cell_map, settings=PlannerSettings(max_points=64))
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(point_capacity=64))
     start, goal = _two_nodes(planner)
     planner.set_goals([goal])
     planner.attach(np.array([[0.12, 0.0, 0.0, 0.03]]))

@@ -40,7 +40,11 @@ GRASPS = 8  # of the person, at most
 # One look is enough to go to a better target: the margin of quality is the hysteresis.
 # No memory of where the person was: with it the planner stays with a worse target.
 PLANNER = PlannerSettings(
-    attachments=4, start_attachments=4, looks=1, memory_s=0.0, kept_goals=32
+    goal_connections=4,
+    start_connections=4,
+    confirmations=1,
+    history_s=0.0,
+    cached_goals=32,
 )
 
 
@@ -182,7 +186,7 @@ class MeetTask:
 
     def figures(self, loop: MeetLoop, result: RunResult) -> dict:
         """Return what became of the targets, by "targets"."""
-        margin = loop.live.settings.choice.margin
+        margin = loop.live.settings.choice.quality_hysteresis
         audit = {"margin": margin, "audit": shares(self.verdicts, margin)}
         return {"targets": target_figures(loop, result) | audit}
 

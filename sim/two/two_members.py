@@ -34,7 +34,7 @@ class TwoSettings:
         script_scale: The same for a scripted robot.
         script_rest_s: Time it rests at each of its places [s].
         improve: Motions a planner may test between two frames to shorten its path.
-        heed: False takes the braking away: for the test that it is needed.
+        braking: False takes the braking away: for the test that it is needed.
     """
 
     rate_hz: float = 100.0
@@ -44,7 +44,7 @@ class TwoSettings:
     script_scale: float = 0.1
     script_rest_s: float = 5.0
     improve: int = 4
-    heed: bool = True
+    braking: bool = True
 
     def __post_init__(self) -> None:
         """Refuse values that make no run."""
@@ -103,7 +103,9 @@ class Planned:
         self._held_s = self._since_s = 0.0
         shares = ExecutionSettings(settings.speed_scale)
         if settings.other == PLANNED:  # the other one leaves; no need to back off
-            shares = ExecutionSettings(settings.speed_scale, stand_below=np.inf)
+            shares = ExecutionSettings(
+                settings.speed_scale, min_retreat_separation=np.inf
+            )
         self.executor = Executor(
             self.robot, self.planner, wait.copy(), self._period, shares
         )

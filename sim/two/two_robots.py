@@ -116,7 +116,7 @@ class TwoRobots:
 
     def _threat(self, k: int, other: object) -> object:
         surface, T = self.surfaces[1 - k], self.T_other[k]
-        if not self.settings.heed:
+        if not self.settings.braking:
             return None
         if isinstance(other, Scripted):
             scale = self.settings.script_scale

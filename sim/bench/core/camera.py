@@ -132,7 +132,7 @@ def _measure(
     asked: dict[str, float],
 ) -> list[dict]:
     space = SeenSpace(cell_map, cameras, settings)
-    planner = ReactivePlanner(cell_map, settings=PlannerSettings(memory_s=0.0))
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(history_s=0.0))
     planner.set_goals([np.array(cell_map.roadmap.nodes[-1])])
     clock, plan = Clock(), Clock()
     valid, points, kept = [], [], []
@@ -158,7 +158,9 @@ def _measure(
     else:
         rows.append(value_row(f"... {name}readings, mean", round(np.mean(valid)), ""))
     rows.append(value_row(f"... {name}points, mean", round(np.mean(points)), ""))
-    rows.append(plan.row(f"... {name}points -> answer", "planner.step with memory_s=0"))
+    rows.append(
+        plan.row(f"... {name}points -> answer", "planner.step with history_s=0")
+    )
     return rows
 
 

@@ -23,10 +23,19 @@ Lines = Iterator[str]
 FRAMES = 160  # of each setting
 _SETTINGS = {
     "as it comes": {},
-    "no memory": {"memory_s": 0.0, "calm": 0.0, "comfort": 0.0},
+    "no memory": {
+        "history_s": 0.0,
+        "history_clearance": 0.0,
+        "smoothing_clearance": 0.0,
+    },
     "more clearance": {"extra_clearance": 0.03},
-    "few motions": {"attachments": 4, "start_attachments": 4, "kept_goals": 8},
-    "eager": {"margin": 0.0, "looks": 1, "patience": 0, "close_tests": 0},
+    "few motions": {"goal_connections": 4, "start_connections": 4, "cached_goals": 8},
+    "eager": {
+        "hysteresis": 0.0,
+        "confirmations": 1,
+        "persistence_frames": 0,
+        "close_test_connections": 0,
+    },
 }
 
 
@@ -287,7 +296,7 @@ def outcome(call: Callable, *values: object, **options: object) -> str:
 def layers(shop: object) -> Lines:
     """Take things into the hand and let them go; touch what may be touched."""
     pads = ("panda_leftfinger", "panda_rightfinger")
-    settings = {"fingers": odm.PlannerSettings(pads=pads), "carry": None}
+    settings = {"fingers": odm.PlannerSettings(finger_pads=pads), "carry": None}
     things = {
         "balls": np.array([[0.0, 0.0, 0.05, 0.06], [0.0, 0.04, 0.06, 0.04]]),
         "box": odm.Box([0.06, 0.05, 0.1], scenes.pose(0.0, 0.0, 0.05)),
@@ -410,7 +419,8 @@ def shapes(shop: object) -> Lines:
     robot = shop.loaded("gross").robot
     for parts in ("all", "moving", "standing"):
         surface = odm.RobotSurface(robot, 0.03, parts)
-        known = fields(surface, "covering_radius", "labels", "names", "sway")
+        known = fields(surface, "covering_radius", "labels", "names")
+        known += f", sway {told(surface.motion_bounds)}"
         yield f"robot, {parts}: {len(surface)} {known}"
         yield f"robot, {parts}: {digest(surface.at(0.3 * robot.upper, T))}"
     for part in odm.robot_surface(robot, 0.3 * robot.upper):
@@ -592,7 +602,11 @@ def live(shop: object) -> Lines:
     """Let a planner pursue the best targets of a person who moves."""
     held = handover.load_reach_map(shop.reach())
     settings = odm.PlannerSettings(
-        attachments=4, start_attachments=4, looks=1, memory_s=0.0, kept_goals=32
+        goal_connections=4,
+        start_connections=4,
+        confirmations=1,
+        history_s=0.0,
+        cached_goals=32,
     )
     T_world_base = scenes.pose(0.0, 0.0, 0.75)
     for k, side in enumerate(("right", "left")):

@@ -135,7 +135,7 @@ class _Sweeper:
 
     def by_bound(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the cells of a motion by the motion bound, (n_blocks,)."""
-        room = sweep.sweep_room(self._swept.arm, self._swept.grid, len(q))
+        room = sweep.sweep_scratch(self._swept.arm, self._swept.grid, len(q))
         q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
         sweep.sweep_motion(self._swept, q, dq, room)
         return room.words

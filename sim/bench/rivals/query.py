@@ -42,14 +42,14 @@ class Query:
 def query_of(planner: ReactivePlanner, pair: Pair) -> Query:
     """Return the query that a planner stands at: goal 0 is set, q_start attached."""
     m, roadmap = planner.memory, planner.cell_map.roadmap
-    n_starts, n_goals = int(m.fresh.count[0]), int(m.goals.number[0])
+    n_starts, n_goals = int(m.start_connections.count[0]), int(m.goals.number[0])
     dq = difference(planner.robot, pair.q_start, pair.q_goal)
     return Query(
         roadmap,
         pair.q_start,
         pair.q_goal,
-        m.fresh.node[:n_starts].copy(),
-        m.fresh.length[:n_starts].copy(),
+        m.start_connections.node[:n_starts].copy(),
+        m.start_connections.length[:n_starts].copy(),
         m.goals.node[0, :n_goals].copy(),
         m.goals.length[0, :n_goals].copy(),
         bool(planner.static.motion_free(pair.q_start, dq)),

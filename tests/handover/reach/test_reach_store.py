@@ -74,7 +74,7 @@ def test_a_witness_that_contradicts_the_map_is_an_error_not_a_wrong_answer(arm_m
     wrong = ReachMap(
         arm_map.chain, arm_map.grid, arm_map.packed._replace(roots=roots), 1.0
     )
-    pushed = arm_map.marked_cells()[arm_map.packed.way != kernels.ROOT]
+    pushed = arm_map.marked_cells()[arm_map.packed.predecessor != kernels.ROOT]
     refused = 0
     for cell in pushed[:200]:
         try:

@@ -96,7 +96,7 @@ def test_a_person_who_goes_elsewhere_is_followed(cell_map, robot_map, index):
     _, after = run(live, q, [there] * 300)
     assert before[-1].key is not None and after[-1].key is not None
     assert before[-1].key != after[-1].key
-    margin = live.settings.choice.margin
+    margin = live.settings.choice.quality_hysteresis
     live.meet.update(there)
     was = live.meet.rated([before[-1].key])[0]
     assert was is None or after[-1].quality > was.quality + margin
@@ -121,7 +121,7 @@ def test_a_blocked_best_target_is_left_for_the_best_reachable(
     live = live_of(cell_map, robot_map, index, human)
     _, pursuits = run(live, start(cell_map), [human] * 200)
     first = live.meet.rated([pursuits[-1].key])[0]
-    live = live_of(cell_map, robot_map, index, human, attach_every=6)
+    live = live_of(cell_map, robot_map, index, human, connect_every=6)
     ball = np.r_[first.T_world_tool[:3, 3], first.T_world_tool[:3, 3], 0.02]
     wall = odm.sample_capsules(ball[None], 0.03)
     q, keys, states = start(cell_map), [], []
@@ -140,7 +140,7 @@ def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
     cell_map, robot_map, index
 ):
     human = person(0.9)
-    live = live_of(cell_map, robot_map, index, human, near_m=0.0)
+    live = live_of(cell_map, robot_map, index, human, node_tolerance_m=0.0)
     target = live.meet.best(1)[0]
     far = target.T_world_tool.copy()
     far[0, 3] += 5.0
@@ -156,7 +156,9 @@ def test_a_node_serves_only_where_the_person_can_take_the_object(
     cell_map, robot_map, index
 ):
     human = person(0.9)
-    live = live_of(cell_map, robot_map, index, human, near_m=0.2, near_rad=1.0)
+    live = live_of(
+        cell_map, robot_map, index, human, node_tolerance_m=0.2, node_tolerance_rad=1.0
+    )
     meet, served = live.meet, 0
     for target in meet.best(200):
         goal = live.finder.near_node(target)
@@ -198,9 +200,9 @@ def test_an_index_of_another_map_is_refused(cell_map, robot_map):
     ("wrong", "words"),
     [
         ({"ranked": 0}, "ranked"),
-        ({"attach_every": 0.5}, "attach_every"),
-        ({"near_m": -1.0}, "near_m"),
-        ({"near_rad": float("nan")}, "near_rad"),
+        ({"connect_every": 0.5}, "connect_every"),
+        ({"node_tolerance_m": -1.0}, "node_tolerance_m"),
+        ({"node_tolerance_rad": float("nan")}, "node_tolerance_rad"),
     ],
 )
 def test_live_settings_that_are_none_are_refused(wrong, words):

@@ -8,7 +8,13 @@ from handover.targets.target_offers import Offer
 from roadmap.errors import BadInput
 
 SETTINGS = ChoiceSettings(
-    margin=0.05, drop=0.2, goals=3, ahead=2, patience=10, retry=50, spares=1
+    quality_hysteresis=0.05,
+    max_quality_loss=0.2,
+    goals=3,
+    max_untried=2,
+    untried_frames=10,
+    retry_frames=50,
+    fallbacks=1,
 )
 
 
@@ -53,13 +59,13 @@ def test_a_better_one_within_the_margin_changes_nothing(pursuing):
 
 
 def test_one_better_by_the_margin_goes_before_the_pursued_which_stays(pursuing):
-    for _ in range(SETTINGS.patience + 1):
+    for _ in range(SETTINGS.untried_frames + 1):
         keys = decide(pursuing, {1: 0.5, 2: 0.56}, pursued=1).keys
     assert keys == (2, 1)
 
 
 def test_the_pursued_keeps_its_lead_after_the_change(pursuing):
-    for _ in range(SETTINGS.patience + 1):
+    for _ in range(SETTINGS.untried_frames + 1):
         decide(pursuing, {1: 0.5, 2: 0.56}, pursued=1)
     for quality in (0.51, 0.56, 0.6):  # a hand that trembles
         assert decide(pursuing, {1: quality, 2: 0.56}, pursued=2).keys[0] == 2
@@ -77,12 +83,14 @@ def test_without_any_target_nothing_is_offered(pursuing):
 def test_one_that_is_never_reached_makes_room_for_the_next_and_comes_again():
     choice, offered = TargetChoice(SETTINGS), []
     ranked = {1: 0.5, 2: 0.9, 3: 0.85, 4: 0.8, 5: 0.75}
-    for _ in range(6 * SETTINGS.patience + SETTINGS.retry):
+    for _ in range(6 * SETTINGS.untried_frames + SETTINGS.retry_frames):
         offered += [k for k in decide(choice, ranked, pursued=1).keys]
     first = {key: offered.index(key) for key in (2, 3, 4, 5)}
     assert first[2] < first[3] < first[4] < first[5]  # all had their turn, best first
     away = [k for k, key in enumerate(offered) if key == 2]
-    assert any(b - a > SETTINGS.retry for a, b in zip(away, away[1:], strict=False))
+    assert any(
+        b - a > SETTINGS.retry_frames for a, b in zip(away, away[1:], strict=False)
+    )
 
 
 def test_standing_it_tries_all_that_fit_and_then_the_others():
@@ -97,7 +105,7 @@ def test_standing_it_tries_all_that_fit_and_then_the_others():
 
 def test_what_has_no_configuration_yet_is_wished_for(pursuing):
     ranked = {1: 0.5, 2: 0.9}
-    for _ in range(SETTINGS.patience + 1):
+    for _ in range(SETTINGS.untried_frames + 1):
         decision = decide(pursuing, ranked, pursued=1, offer=coming)
     assert decision.wish == 2 and decision.keys == (1,)
 
@@ -121,7 +129,7 @@ def test_one_that_was_reached_may_come_again_at_once():
     decide(choice, {1: 0.5, 2: 0.9}, pursued=2)  # reached, then blocked
     ranked = {1: 0.5, 2: 0.9, 3: 0.85, 4: 0.8}
     offered = []
-    for _ in range(SETTINGS.retry - 2):
+    for _ in range(SETTINGS.retry_frames - 2):
         offered.append(decide(choice, ranked, pursued=1).keys)
     left = next(k for k, keys in enumerate(offered) if 2 not in keys)
     assert any(2 in keys for keys in offered[left:])
@@ -133,7 +141,7 @@ def test_one_that_was_reached_may_come_again_at_once():
 
 def test_spares_are_cheap_and_not_much_worse(pursuing):
     ranked = {1: 0.5, 2: 0.45, 3: 0.1}
-    for _ in range(3 * SETTINGS.patience):
+    for _ in range(3 * SETTINGS.untried_frames):
         keys = decide(pursuing, ranked, pursued=1, is_cheap=anything).keys
     assert keys == (1, 2)
     # the person came nearer: what is far below the best now is no spare any more
@@ -157,14 +165,14 @@ def test_the_same_input_gives_the_same_offers():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"margin": -0.1}, "margin"),
-        ({"margin": float("nan")}, "margin"),
-        ({"drop": 0.01}, "drop"),
+        ({"quality_hysteresis": -0.1}, "quality_hysteresis"),
+        ({"quality_hysteresis": float("nan")}, "quality_hysteresis"),
+        ({"max_quality_loss": 0.01}, "max_quality_loss"),
         ({"goals": 0}, "goals"),
-        ({"patience": 0}, "patience"),
-        ({"patience": 1.5}, "patience"),
-        ({"spares": 4}, "spares"),
-        ({"ahead": 9}, "ahead"),
+        ({"untried_frames": 0}, "untried_frames"),
+        ({"untried_frames": 1.5}, "untried_frames"),
+        ({"fallbacks": 4}, "fallbacks"),
+        ({"max_untried": 9}, "max_untried"),
     ],
 )
 def test_settings_that_are_none_are_refused(wrong, words):

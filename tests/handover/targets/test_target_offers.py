@@ -15,7 +15,9 @@ from handover.targets.target_offers import Offer, TargetOffers
 from odm import PlannerSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 
-KEPT = PlannerSettings(attachments=4, start_attachments=4, looks=1, kept_goals=16)
+KEPT = PlannerSettings(
+    goal_connections=4, start_connections=4, confirmations=1, cached_goals=16
+)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def planner(cell_map):
 @pytest.fixture
 def finder(planner, robot_map, index):
     meet = workspace(robot_map, person(0.9))
-    return TargetGoals(planner, meet, index, LiveSettings(near_m=0.0))
+    return TargetGoals(planner, meet, index, LiveSettings(node_tolerance_m=0.0))
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ def test_the_configurations_of_a_target_differ_and_all_hold_the_tool_there(
 
 def test_a_target_is_offered_after_one_job_a_frame(planner, finder):
     target = finder.meet.best(1)[0]
-    offers = TargetOffers(planner, finder, LiveSettings(attach_every=3))
+    offers = TargetOffers(planner, finder, LiveSettings(connect_every=3))
     said = settled(offers, {target.key: target}, target.key)
     assert said[-1] is Offer.MADE and set(said[:-1]) == {Offer.COMING}
     assert 2 < len(said) <= finder.settings.starts + 3
@@ -88,7 +90,7 @@ def test_a_target_is_offered_after_one_job_a_frame(planner, finder):
 
 def test_what_is_blocked_gives_way_to_another_configuration(planner, finder, several):
     key, targets = several.key, {several.key: several}
-    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
+    offers = TargetOffers(planner, finder, LiveSettings(connect_every=1))
     settled(offers, targets, key)
     (first,) = offers.goals((key,))
     # something stands where the arm would be, and not where another one would
@@ -110,7 +112,7 @@ def test_what_is_blocked_gives_way_to_another_configuration(planner, finder, sev
 
 
 def test_a_target_all_of_which_is_blocked_is_not_waited_for(planner, finder, several):
-    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
+    offers = TargetOffers(planner, finder, LiveSettings(connect_every=1))
     q = finder.found(several.key)[0].q
     planner.step(ball_round(planner, q), q=planner.cell_map.roadmap.nodes[0])
     for _ in range(
@@ -129,8 +131,10 @@ def test_a_node_is_offered_only_where_the_robot_would_stand_clear(
     planner, robot_map, index
 ):
     meet = workspace(robot_map, person(0.9))
-    finder = TargetGoals(planner, meet, index, LiveSettings(near_m=0.2, near_rad=1.0))
-    offers = TargetOffers(planner, finder, LiveSettings(attach_every=1))
+    finder = TargetGoals(
+        planner, meet, index, LiveSettings(node_tolerance_m=0.2, node_tolerance_rad=1.0)
+    )
+    offers = TargetOffers(planner, finder, LiveSettings(connect_every=1))
     for target in meet.best(200):
         offers.begin({target.key: target})
         node = finder.near_node(target)
@@ -148,7 +152,7 @@ def test_no_frame_does_two_jobs_however_the_person_moves(
     planner = odm.ReactivePlanner(cell_map, settings=KEPT)
     people = [person(0.75 + 0.004 * (k % 100), 0.002 * (k % 60)) for k in range(300)]
     meet = workspace(robot_map, people[0])
-    live = LiveTargets(planner, meet, None, index, LiveSettings(attach_every=4))
+    live = LiveTargets(planner, meet, None, index, LiveSettings(connect_every=4))
     done: Counter = Counter()
 
     def counted(owner, name, what):
@@ -183,8 +187,8 @@ def test_what_was_joined_may_be_set_once_where_nothing_is_kept(
     planner = odm.ReactivePlanner(cell_map)  # keeps no goals
     planner.step(np.zeros((0, 3)), q=cell_map.roadmap.nodes[0])
     meet = workspace(robot_map, person(0.9))
-    finder = TargetGoals(planner, meet, index, LiveSettings(near_m=0.0))
+    finder = TargetGoals(planner, meet, index, LiveSettings(node_tolerance_m=0.0))
     target = finder.meet.best(1)[0]
-    offers = TargetOffers(planner, finder, LiveSettings(attach_every=5))
+    offers = TargetOffers(planner, finder, LiveSettings(connect_every=5))
     assert settled(offers, {target.key: target}, target.key)[-1] is Offer.MADE
     assert len(offers.goals((target.key,))) == 1

@@ -152,7 +152,7 @@ def test_into_a_bin_with_2_cm_to_spare(planner):
     assert answer.fine
     legs = zip(answer.path[:-1], answer.path[1:], strict=True)
     assert not all(planner.is_free(a, b) for a, b in legs)
-    coarse = Approacher(planner.frame, ApproachSettings(fine=False)).run(DOWN)
+    coarse = Approacher(planner.frame, ApproachSettings(use_fine_cover=False)).run(DOWN)
     assert not coarse and "panda_" in coarse.reason
 
 
@@ -282,7 +282,7 @@ def test_points_that_are_nowhere_allow_no_approach(planner):
 
 def test_a_small_budget_is_kept(planner):
     see(planner, [])
-    tight = Approacher(planner.frame, ApproachSettings(motions=3)).run(DOWN)
+    tight = Approacher(planner.frame, ApproachSettings(max_tests=3)).run(DOWN)
     assert not tight and tight.motions == 3 and "budget of 3 motions" in tight.reason
 
 

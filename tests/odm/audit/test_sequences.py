@@ -72,7 +72,7 @@ def test_every_event_happens_and_most_frames_are_answered(carrying_map, judge):
     answered = total = near = 0
     for seed in range(6):
         report = run_sequence(carrying_map, judge, seed, 150)
-        assert not report.told
+        assert not report.first_faults
         answered, total = answered + report.answered, total + report.steps
         near += report.near
         assert report.smallest > 0.0

@@ -17,7 +17,9 @@ def test_paths_keep_m_from_everything_in_view(small_map, seed):
     rng = np.random.default_rng(300 + seed)
     cameras = [camera_at(eye) for eye in EYES]
     space = odm.SeenSpace(small_map, cameras, odm.SeenSettings(memory_s=0.0))
-    planner = odm.ReactivePlanner(small_map, settings=odm.PlannerSettings(memory_s=0.0))
+    planner = odm.ReactivePlanner(
+        small_map, settings=odm.PlannerSettings(history_s=0.0)
+    )
     exact, m = ExactRobot(small_map.robot), small_map.safety.m
     paths = 0
     for k in range(12):

@@ -18,7 +18,7 @@ from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.payload import loaded_map
 from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
 from odm.close_test.safety import Safety
-from odm.search import _paths as ways
+from odm.search import _paths as paths
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.loading.held_link import with_payload
@@ -246,8 +246,8 @@ def test_no_shortcut_is_remembered_from_another_hand(cell_map, takes):
     planner.set_goals([HIGH])
     planner.step(NOBODY, q=OVER)
     # one that an earlier search has found, by the number of its item
-    ways.add_shortcut(planner.memory.short, 3, 9, 0)
-    assert (planner.memory.short.key >= 0).any()
+    paths.add_shortcut(planner.memory.shortcuts, 3, 9, 0)
+    assert (planner.memory.shortcuts.key >= 0).any()
     planner.attach(BALLS) if takes else planner.detach()
     planner.set_goals([0.5 * OVER])  # no step in between: the usual order of a pick
-    assert not (planner.memory.short.key >= 0).any()
+    assert not (planner.memory.shortcuts.key >= 0).any()

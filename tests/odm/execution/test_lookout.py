@@ -119,7 +119,7 @@ def test_the_way_out_keeps_more_distance_than_staying(small_map):
         now = odm.sample_capsules(np.array([[*p, *p, 0.05]]), 0.03)
         coming = [(t, now - t * side) for t in (0.1, 0.2, 0.3, 0.4)]
         planner.step(now, q=q)
-        way = planner.way_out(q, coming, 0.5)
+        way = planner.evasion(q, coming, 0.5)
         if way is None:
             continue
         found += 1
@@ -140,7 +140,7 @@ def test_the_way_out_keeps_more_distance_than_staying(small_map):
 def test_a_way_out_at_no_such_speed_is_refused(small_map, speed_scale):
     planner = odm.ReactivePlanner(small_map)
     with pytest.raises(odm.planner.planner.BadInput, match="share in"):
-        planner.way_out(WAITS, [], speed_scale)
+        planner.evasion(WAITS, [], speed_scale)
 
 
 def gap_to(planner, q, points):

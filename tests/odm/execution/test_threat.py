@@ -50,7 +50,7 @@ def test_points_that_cannot_come_in_time_are_left_out_and_no_others(rng):
     points = rng.uniform(-4, 4, (500, 3))
     points[7, 1] = np.nan
     arm = np.array([[1.0, 0, 0, 1.0, 0, 0.5, 0.05]])
-    settings = ThreatSettings(ahead=0.25)
+    settings = ThreatSettings(horizon_s=0.25)
     watcher = Watcher(settings, robot_speed=1.0)
     threat = watcher.look(arm, points, CENTERS, 0.0, age=0.05, margin=0.2)
     far = (settings.speed + 1.0) * 0.3 + 0.2

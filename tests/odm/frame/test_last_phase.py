@@ -65,7 +65,7 @@ def cell_map(tmp_path_factory):
 
 @pytest.fixture
 def planner(cell_map):
-    return odm.ReactivePlanner(cell_map, settings=odm.PlannerSettings(pads=PADS))
+    return odm.ReactivePlanner(cell_map, settings=odm.PlannerSettings(finger_pads=PADS))
 
 
 def look_at(planner, shapes, classes, q=Q):
@@ -123,7 +123,7 @@ def test_only_object_points_may_touch_the_pads_and_only_in_a_receive(planner):
 @pytest.mark.parametrize(("phase", "kind"), [("give", 1), ("receive", 2)])
 def test_all_others_keep_their_distance_by_exact_geometry(cell_map, rng, phase, kind):
     """Free motions: arm m, gripper 1 cm, and only what may touch does."""
-    settings = odm.PlannerSettings(pads=PADS, extra_clearance=0.01)
+    settings = odm.PlannerSettings(finger_pads=PADS, extra_clearance=0.01)
     planner = odm.ReactivePlanner(cell_map, settings=settings)
     robot = cell_map.robot
     if phase == "give":
@@ -167,7 +167,7 @@ def test_the_arm_heeds_every_point_in_every_phase(planner):
 
 def test_the_gripper_keeps_a_centimetre_whatever_the_clearance(cell_map):
     """1 cm from the palm's front is free, 0.5 cm is not; both with a large extra."""
-    settings = odm.PlannerSettings(pads=PADS, extra_clearance=0.05)
+    settings = odm.PlannerSettings(finger_pads=PADS, extra_clearance=0.05)
     planner = odm.ReactivePlanner(cell_map, settings=settings)
     palm = np.array([0.74, 0.0, 0.0])  # its middle at Q
     for gap, want in ((0.05, True), (0.005, False)):
@@ -198,7 +198,7 @@ def test_an_approach_ends_at_the_hand_only_in_a_give(cell_map, fine):
 
     planner = odm.ReactivePlanner(cell_map)
     planner.attach(HELD)
-    approacher = Approacher(planner.frame, ApproachSettings(fine=fine))
+    approacher = Approacher(planner.frame, ApproachSettings(use_fine_cover=fine))
     bend = np.array([-0.6, 1.2, 0.0])
     end = np.array([-0.55, 1.1, 0.0])
     T = tool_pose(cell_map.robot, end)
@@ -237,7 +237,7 @@ def test_a_phase_that_cannot_be_is_refused(cell_map, planner):
     bare = odm.ReactivePlanner(cell_map)
     with pytest.raises(BadInput, match=r"left, palm, right; name them in Planner"):
         bare.approach(np.eye(4), q=Q, phase="receive")
-    wrong = odm.PlannerSettings(pads=("thumb",))
+    wrong = odm.PlannerSettings(finger_pads=("thumb",))
     with pytest.raises(BadInput, match="thumb"):
         odm.ReactivePlanner(cell_map, settings=wrong).is_free(Q, Q, phase="receive")
 

@@ -142,7 +142,7 @@ def test_moving_and_standing_links_make_the_whole(mixed):
     standing = RobotSurface(mixed, parts="standing")
     before = standing.at(np.zeros(3)).copy()
     assert np.array_equal(before, standing.at(np.array([1.0, 0.2, 0.5])))
-    assert not standing.sway.any()
+    assert not standing.motion_bounds.any()
 
 
 def test_standing_shapes_stand_at_the_base(mixed):
@@ -159,7 +159,7 @@ def test_no_point_moves_farther_than_its_sway(mixed, arm3, rng):
             q, other = draw(robot, rng), draw(robot, rng)
             one = surface.at(q).copy()
             moved = np.linalg.norm(surface.at(other) - one, axis=1)
-            assert (moved <= surface.sway @ np.abs(other - q) + 1e-9).all()
+            assert (moved <= surface.motion_bounds @ np.abs(other - q) + 1e-9).all()
 
 
 def test_a_frame_allocates_no_points(arm3):

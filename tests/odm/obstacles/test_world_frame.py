@@ -134,7 +134,7 @@ def test_looking_ahead_leaves_the_frames_points_where_they_are(small_map, rng):
     for planner, frame in ((here, np.eye(4)), (there, T)):
         planner.set_goals([AWAY])
         planner.step(in_world(frame, points), q=HOME)
-        planner.way_out(HOME, [(0.2, in_world(frame, coming))], 0.5)
+        planner.evasion(HOME, [(0.2, in_world(frame, coming))], 0.5)
         box = odm.Box([0.1, 0.1, 0.1], frame @ _at([1.0, 0.9, 0.5]))
         planner.set_static(box)
         assert planner.points == pytest.approx(points, abs=1e-9)

@@ -83,8 +83,8 @@ def test_a_better_goal_beside_a_hand_is_taken_though_it_is_never_calm(planner):
         if planner.stands_clear(BETTER):
             break
     # the planner knows the ball there, and grown it does not let it pass
-    calm = planner.settings.calm
-    assert calm > 0 and planner.settings.memory_s > 0
+    calm = planner.settings.history_clearance
+    assert calm > 0 and planner.settings.history_s > 0
     shifts = calm * np.vstack([np.eye(3), -np.eye(3)])
     planner.step(np.vstack([beside + shift for shift in shifts]), q=HOME)
     assert not planner.stands_clear(BETTER)
@@ -101,13 +101,13 @@ def test_a_goal_that_is_kept_keeps_its_straight_motions(planner):
     planner.set_goals([AWAY])
     for _ in range(5):  # it stays: the start is attached in full
         planner.step(NOBODY, q=HOME)
-    assert planner.attacher.is_fresh(HOME)
+    assert planner.attacher.is_attached(HOME)
     swept = []
     sweep = planner.attacher.sweep
     planner.attacher.sweep = lambda q, dq: (swept.append(len(q)), sweep(q, dq))[1]
-    ref = int(planner.memory.goals.fresh_ref[0])
+    ref = int(planner.memory.goals.attached_ref[0])
     planner.set_goals([BETTER, AWAY])
-    assert int(planner.memory.goals.fresh_ref[1]) == ref
+    assert int(planner.memory.goals.attached_ref[1]) == ref
     assert swept[-1] == 1  # the straight motion to the new one only
 
 
@@ -137,7 +137,8 @@ def test_a_start_that_no_motion_leaves_still_goes_straight_to_another_goal(plann
         planner.step(NOBODY, q=HOME)
     planner.reset()
     planner.attacher.attach_start(HOME)
-    planner.memory.fresh.count[0] = 0  # as where every motion is blocked for good
+    # as where every motion is blocked for good
+    planner.memory.start_connections.count[0] = 0
     answer = planner.step(ball, q=HOME)
     assert not planner.is_free(HOME, BETTER) and planner.is_free(HOME, near)
     assert answer.goal == 1

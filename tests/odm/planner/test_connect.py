@@ -206,7 +206,7 @@ def test_an_obstacle_on_a_found_path_ends_it_and_its_leaving_brings_it_back(
     small_map, hard
 ):
     blocked = 0
-    settings = PlannerSettings(patience=0, memory_s=0.0)
+    settings = PlannerSettings(persistence_frames=0, history_s=0.0)
     for scene in hard:
         planner = odm.ReactivePlanner(small_map, settings=settings)
         answer = solved(planner, scene)
@@ -233,7 +233,7 @@ def test_an_obstacle_on_a_found_path_ends_it_and_its_leaving_brings_it_back(
 def test_while_balls_move_every_answer_is_free_in_its_own_frame(small_map, hard):
     rng = np.random.default_rng(1)
     answers = set()
-    settings = PlannerSettings(patience=0, memory_s=0.0, search=200)
+    settings = PlannerSettings(persistence_frames=0, history_s=0.0, search=200)
     for scene in hard[:6]:
         planner = odm.ReactivePlanner(small_map, settings=settings)
         planner.set_goals([scene.ends[1]])
@@ -306,7 +306,7 @@ def test_a_search_goes_on_alike_from_a_saved_memory(small_map, hard):
 
 def test_a_found_path_is_joined_from_beside_its_start(small_map, hard):
     planner = odm.ReactivePlanner(
-        small_map, settings=PlannerSettings(patience=0, memory_s=0.0)
+        small_map, settings=PlannerSettings(persistence_frames=0, history_s=0.0)
     )
     joined = 0
     for scene in hard:

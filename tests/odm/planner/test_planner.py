@@ -78,7 +78,7 @@ def test_a_free_path_is_given_up_for_one_shorter_by_the_margin(small_map, more, 
     detour = length(answer_around(small_map, post).path)
     gain = 1.0 - length(np.array([HOME, AWAY])) / detour
     assert 0.1 < gain < 0.9
-    settings = odm.PlannerSettings(margin=gain + more)
+    settings = odm.PlannerSettings(hysteresis=gain + more)
     planner = odm.ReactivePlanner(small_map, settings=settings)
     planner.set_goals([AWAY])
     before = planner.step(post, q=HOME)

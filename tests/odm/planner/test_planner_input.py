@@ -132,7 +132,7 @@ def test_points_outside_the_grid_are_counted(planner):
 
 
 def test_more_points_than_ever_are_taken(small_map):
-    settings = odm.PlannerSettings(max_points=100)
+    settings = odm.PlannerSettings(point_capacity=100)
     planner = odm.ReactivePlanner(small_map, settings=settings)
     planner.set_goals([AWAY])
     rng = np.random.default_rng(0)

@@ -132,7 +132,7 @@ DOORS = {
     "clear": lambda p: p.direct.clear(),
     "approach": lambda p: p.approach(np.eye(4)),
     "blocked_leg": lambda p: p.blocked_leg(HOME[None]),
-    "way_out": lambda p: p.way_out(HOME, [(0.1, BALL)], 0.5),
+    "evasion": lambda p: p.evasion(HOME, [(0.1, BALL)], 0.5),
     "cover": lambda p: p.cover(),
     "reason": lambda p: p.last.reason,
     "retreat": lambda p: p.last.retreat,
@@ -173,7 +173,7 @@ def test_a_reason_once_told_is_read_by_any_thread(held):
 
 def test_questions_of_a_thread_do_not_crash_while_frames_make_room(small_map):
     """Ended in a segmentation fault: the table pointed at arrays that were gone."""
-    settings = odm.PlannerSettings(max_points=1)
+    settings = odm.PlannerSettings(point_capacity=1)
     planner = odm.ReactivePlanner(small_map, settings=settings)
     planner.set_goals([AWAY])
     said, stop = [], threading.Event()
@@ -219,13 +219,13 @@ def test_nothing_public_makes_room_or_exchanges_the_arrays(held):
 def test_room_never_shrinks_and_what_was_marked_stays(held):
     before, edges = held.separation(HOME), held.invalid_edges()
     room = len(held.memory.cloud.where)
-    held.frame.make_room(1)
+    held.frame.grow_clouds(1)
     assert len(held.memory.cloud.where) == room
     assert held.separation(HOME) == before and not held.is_free(HOME, HOME)
     assert np.array_equal(held.invalid_edges(), edges)
 
 
-@pytest.mark.parametrize("name", ["cloud", "own", "table", "owner", "anything"])
+@pytest.mark.parametrize("name", ["cloud", "robot_state", "table", "owner", "anything"])
 def test_an_array_of_the_memory_cannot_be_replaced(held, name):
     with pytest.raises(BadInput, match=f"{name} of a planner's memory cannot be"):
         setattr(held.memory, name, held.cell_map.grid.new_cloud(1))

@@ -85,7 +85,7 @@ def test_the_same_frames_give_the_same_bytes(small_map):
 def test_a_planner_whose_room_must_grow_says_the_same(small_map):
     said = []
     for room in (1, 32768):
-        settings = odm.PlannerSettings(max_points=room)
+        settings = odm.PlannerSettings(point_capacity=room)
         planner = odm.ReactivePlanner(small_map, settings=settings)
         planner.set_goals([AWAY])
         planner.step(np.zeros((1, 3)), q=HOME)

@@ -14,7 +14,7 @@ QUESTIONS = {
     "stands_clear": lambda p, q: p.stands_clear(q),
     "separation": lambda p, q: p.separation(q),
     "approach": lambda p, q: p.approach(np.eye(4), q),
-    "way_out": lambda p, q: p.way_out(q, [(0.1, BALL)], 0.5),
+    "evasion": lambda p, q: p.evasion(q, [(0.1, BALL)], 0.5),
     "is_prepared": lambda p, q: p.is_prepared(q),
     "improve": lambda p, q: p.improve(4, q),
 }

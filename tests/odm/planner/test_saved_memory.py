@@ -64,8 +64,8 @@ class Life:
 
 SETTINGS = [
     odm.PlannerSettings(),
-    odm.PlannerSettings(memory_s=0.0),
-    odm.PlannerSettings(kept_goals=3, patience=4),
+    odm.PlannerSettings(history_s=0.0),
+    odm.PlannerSettings(cached_goals=3, persistence_frames=4),
 ]
 
 
@@ -160,7 +160,9 @@ def test_a_memory_that_does_not_belong_here_is_refused_and_nothing_changes(
     farther.set_extra_clearance(0.02)
     others = {
         "map": odm.ReactivePlanner(carrying_map),
-        "settings": odm.ReactivePlanner(arm3, settings=odm.PlannerSettings(calm=0.0)),
+        "settings": odm.ReactivePlanner(
+            arm3, settings=odm.PlannerSettings(history_clearance=0.0)
+        ),
         "place": placed,
         "base": moved,
         "clearance": farther,

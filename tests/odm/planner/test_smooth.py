@@ -110,7 +110,7 @@ def test_new_legs_keep_comfortable_or_save_much(small_map, monkeypatch):
         _, points, first = on_its_way(small_map, seed)
         found = []
         for kept in (comfort, 0.0):
-            settings = odm.PlannerSettings(comfort=kept)
+            settings = odm.PlannerSettings(smoothing_clearance=kept)
             planner = odm.ReactivePlanner(small_map, settings=settings)
             planner.set_goals([first.path[-1]])
             planner.step(points, q=HOME)

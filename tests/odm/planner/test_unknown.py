@@ -26,7 +26,7 @@ def is_closed(planner: odm.ReactivePlanner) -> bool:
         planner.separation(HOME) == -INF,
         planner.blocked_leg(HOME[None]) == 0,
         planner.blocked_leg(HOME[None], points=NOBODY) is None,  # these are known
-        planner.way_out(HOME, coming, 0.5) is None,
+        planner.evasion(HOME, coming, 0.5) is None,
         len(planner.invalid_nodes()) == planner.cell_map.roadmap.n_nodes,
         len(planner.invalid_edges()) == planner.cell_map.roadmap.n_edges,
     )
@@ -73,7 +73,7 @@ def test_points_of_the_wrong_kind_are_refused_by_every_question(planner, points)
     with pytest.raises(BadInput, match="points"):
         planner.blocked_leg(HOME[None], 0.0, points)
     with pytest.raises(BadInput, match="points"):
-        planner.way_out(HOME, [(0.1, points)], 0.5)
+        planner.evasion(HOME, [(0.1, points)], 0.5)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_points_that_are_no_numbers_block(planner):
     assert planner.blocked_leg(HOME[None], 0.0, bad) == 0
     near = ball_at([0.3, 0.0, 0.35])
     planner.step(near, q=HOME)
-    assert planner.way_out(HOME, [(0.1, np.full((1, 3), NAN))], 0.5) is None
+    assert planner.evasion(HOME, [(0.1, np.full((1, 3), NAN))], 0.5) is None
 
 
 def test_configurations_that_are_no_numbers_are_refused_by_questions(planner):
@@ -103,13 +103,13 @@ def test_configurations_that_are_no_numbers_are_refused_by_questions(planner):
         planner.separation,
         planner.stands_clear,
         lambda q: planner.is_free(q, HOME),
-        lambda q: planner.way_out(q, [], 0.5),
+        lambda q: planner.evasion(q, [], 0.5),
         lambda q: planner.approach(np.eye(4), q),
     ):
         with pytest.raises(BadInput, match="NaN or infinity"):
             ask(q)
     with pytest.raises(BadInput, match="time that is not finite"):
-        planner.way_out(HOME, [(NAN, POINTS)], 0.5)
+        planner.evasion(HOME, [(NAN, POINTS)], 0.5)
     with pytest.raises(BadInput, match="real numbers"):
         planner.separation(np.array([None, 1.0, 2.0]))
 

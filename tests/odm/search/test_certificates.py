@@ -7,7 +7,7 @@ from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 import odm
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
-from odm.search._beside import off_motion
+from odm.search._off_path import motion_deviation
 from odm.search._paths import is_on
 from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics.forward import sphere_centers
@@ -91,18 +91,18 @@ def test_a_steady_error_is_measured_from_what_was_certified(small_map):
     planner.set_goals([AWAY])
     points = odm.sample_capsules(POST, 0.03)
     first = planner.step(points, q=HOME)
-    way = planner.memory.way
+    way = planner.memory.path
     k = int(way.count[0]) - 1
-    assert np.array_equal(planner.memory.proof.begin[0], first.path[0])
-    proof = planner.memory.proof
+    assert np.array_equal(planner.memory.certificates.begin[0], first.path[0])
+    proof = planner.memory.certificates
     ends = proof.begin[:k].copy(), proof.end[:k].copy()
     error = np.array([1e-4, 5e-4, -5e-4])
     for share in np.linspace(0.0, 0.5, 20):
         a, b = first.path[:2]
         answer = planner.step(points, q=a + share * (b - a) + error)
         assert answer.status == "following"
-        assert np.array_equal(planner.memory.proof.begin[:k], ends[0])
-        assert np.array_equal(planner.memory.proof.end[:k], ends[1])
+        assert np.array_equal(planner.memory.certificates.begin[:k], ends[0])
+        assert np.array_equal(planner.memory.certificates.end[:k], ends[1])
 
 
 def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
@@ -136,28 +136,28 @@ def test_a_robot_that_creeps_is_measured_from_what_was_certified(small_map, alwa
     for _ in range(40):
         q = q + np.array([0.0, -1.5e-8, 0.0])
         assert planner.step(points, q=q).status == "following"
-        beside.append(int(planner.memory.numbers.beside[0]))
-        proof = planner.memory.proof
+        beside.append(int(planner.memory.numbers.off_path[0]))
+        proof = planner.memory.certificates
         if not beside[-1]:
             assert is_on(proof, int(planner.memory.numbers.where[0]), q)
     assert any(beside) or always  # a planner that replans may certify it anew
     k = int(planner.memory.numbers.where[0])
     a, b = proof.begin[k], proof.end[k]
     share = nearest_share(a, b, q)
-    off = off_motion(a, b, share, q, proof.motion)
+    off = motion_deviation(a, b, share, q, proof.motion_bound)
     assert off <= 1e-7 or beside[-1]
 
 
 def test_a_joint_that_moves_no_centre_of_a_sphere_is_off_its_motion_too(small_map):
     """The small arm's last joint turns its tool about an axis through all centres."""
     planner = odm.ReactivePlanner(small_map)
-    assert planner.memory.own.sway[2] < 1e-6
-    assert planner.memory.proof.motion[2] > 0.01
+    assert planner.memory.robot_state.motion_bound[2] < 1e-6
+    assert planner.memory.certificates.motion_bound[2] > 0.01
     planner.set_goals([AWAY])
     points = odm.sample_capsules(POST, 0.03)
     planner.step(points, q=HOME)
     planner.step(points, q=HOME + [0.0, 0.0, 0.5])
-    assert planner.memory.numbers.beside[0] == 1
+    assert planner.memory.numbers.off_path[0] == 1
 
 
 def test_no_leg_turns_a_continuous_joint_by_more_than_half_a_turn(small_map):

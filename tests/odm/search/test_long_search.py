@@ -9,11 +9,11 @@ from small import small_recipe
 
 import odm
 from odm.planner.planner import PlannerSettings
-from odm.search._astar import LOOK_BACK, MANY_TESTS
+from odm.search._astar import BOUND_BY_LAST_AFTER, MANY_TESTS
 from roadmap.kinematics.forward import tool_pose
 
-NO_WAY = -4
-SETTINGS = PlannerSettings(start_attachments=1, close_tests=0)
+NO_MOTION = -4
+SETTINGS = PlannerSettings(start_connections=1, close_test_connections=0)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def standing_at_nodes(wide_map, a, b):
     planner = odm.ReactivePlanner(wide_map, True, SETTINGS)
     planner.set_goals([wide_map.roadmap.nodes[b]])
     planner.attacher.attach_start(wide_map.roadmap.nodes[a])
-    planner.memory.goals.fresh_ref[:] = NO_WAY
+    planner.memory.goals.attached_ref[:] = NO_MOTION
     return planner
 
 
@@ -73,8 +73,8 @@ def test_long_searches_find_what_dijkstra_finds_and_forget_nothing(wide_map, rng
             assert np.isclose(found, want, atol=1e-9)
             closed = max(closed, popped)
             settled += counted
-            bounded += int(popped > LOOK_BACK and k > 0)
-    assert closed > 5 * LOOK_BACK
+            bounded += int(popped > BOUND_BY_LAST_AFTER and k > 0)
+    assert closed > 5 * BOUND_BY_LAST_AFTER
     assert bounded > 20
     assert settled > 0
 

@@ -37,7 +37,7 @@ def test_what_an_edges_points_call_free_is_free_of_all_points(small_map, planner
         assert not free or clear_of(planner, begin, rest, points)
         whole = judge.close_free(table, points, begin, rest)
         assert free or not whole  # fewer points are in the way of nothing more
-        said.append((free, planner.memory.pick.counts[1] > 0))
+        said.append((free, planner.memory.picked.counts[1] > 0))
     said = np.array(said)
     assert (said[:, 0] & said[:, 1]).sum() > 5  # free though cells were hit
     assert (~said[:, 0]).sum() > 5
@@ -53,7 +53,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         planner.step(points, q=q)
         planner.attacher.attach_start(q)
         planner.step(points, q=q)
-        ref = int(planner.memory.goals.fresh_ref[0])
+        ref = int(planner.memory.goals.attached_ref[0])
         if ref < 0:
             continue
         dq = planner.frame.difference(q, goal)

@@ -18,11 +18,11 @@ def free_length(planner, points, a, b):
 
 def blocked_straight(planner, q_a, q_b):
     """Let no straight motion hide the search."""
-    planner.memory.goals.fresh_ref[:] = -4  # NO_WAY
+    planner.memory.goals.attached_ref[:] = -4  # NO_MOTION
 
 
 def test_the_cost_from_node_to_node_is_that_of_dijkstra(small_map, rng):
-    settings = PlannerSettings(start_attachments=1, close_tests=0, search=0)
+    settings = PlannerSettings(start_connections=1, close_test_connections=0, search=0)
     planner = odm.ReactivePlanner(small_map, True, settings)
     found = 0
     for _ in range(60):
@@ -65,11 +65,14 @@ def test_a_free_goal_costs_the_best_way_over_its_attachments(small_map, planner,
         occupied = occupied_cells(small_map, points)
         graph = small_map.roadmap.to_sparse(edges)
         best = np.inf
-        for k in range(m.fresh.count[0]):
-            v = m.fresh.node[k]
-            if not nodes[v] or pool_cells(planner, m.fresh.ref[k]) & occupied:
+        for k in range(m.start_connections.count[0]):
+            v = m.start_connections.node[k]
+            if (
+                not nodes[v]
+                or pool_cells(planner, m.start_connections.ref[k]) & occupied
+            ):
                 continue
-            reach = m.fresh.length[k] + dijkstra(graph, indices=v)
+            reach = m.start_connections.length[k] + dijkstra(graph, indices=v)
             for a in range(m.goals.number[0]):
                 w = m.goals.node[0, a]
                 free = not pool_cells(planner, m.goals.ref[0, a]) & occupied

@@ -58,7 +58,7 @@ def test_each_row_is_written_where_it_is_declared(memory, name):
     if name == "graph":
         changed.add("direct.bits")  # the same array
     if name == "direct":
-        changed.add("graph.taken")
+        changed.add("graph.hit_bits")
     for key, array in memory.arrays(LIFE, GOAL, FRAME).items():
         if key not in changed:
             assert np.array_equal(array, before[key], equal_nan=array.dtype.kind == "f")
@@ -95,8 +95,10 @@ def test_an_array_of_another_kind_is_refused(memory, field, change, text):
 
 
 def test_another_order_is_refused(memory):
-    with pytest.raises(BadInput, match="fresh is a Way, but the table holds a Starts"):
-        exchange(memory, {"fresh": memory.way})
+    with pytest.raises(
+        BadInput, match="start_connections is a Path, but the table holds a Starts"
+    ):
+        exchange(memory, {"start_connections": memory.path})
     goals = memory.goals
     swapped = goals._replace(q=goals.h, h=goals.q)
     with pytest.raises(BadInput, match="is declared"):

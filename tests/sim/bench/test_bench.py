@@ -69,8 +69,8 @@ def test_start_and_goal_are_as_free_as_the_condition_says(saved, condition):
     exact = frames.ExactRobot(saved.robot)
     keep = saved.safety.rho + saved.safety.m
     for pair in drawn:
-        heeded = pair.capsules[:1] if condition == "first" else pair.capsules
-        for rods in heeded:
+        counted_capsules = pair.capsules[:1] if condition == "first" else pair.capsules
+        for rods in counted_capsules:
             planner.step(frames.sample_capsules(rods, frames.SPACING), q=pair.q_start)
             for q in (pair.q_start, pair.q_goal):
                 # what the cover calls clear is clear for the exact solids

@@ -93,7 +93,7 @@ def test_a_robot_about_to_be_touched_stands_still_even_if_it_could_back_off(
     retreating, crane, statue
 ):
     start = np.array([[0.3, 0.0], [-0.9, 0.3]])
-    settings = LoopSettings(duration_s=1.0, stand_below=0.15)
+    settings = LoopSettings(duration_s=1.0, min_retreat_separation=0.15)
     result = run_loop(retreating, crane, start, statue, settings)
     held = result.status == STATUS.index("holding")
     assert held.any() and not any(hold.retreating for hold in result.holds)

@@ -157,7 +157,7 @@ def test_within_the_tracking_share_it_goes_on_and_beyond_it_stops(pushable):
 
 def test_what_the_encoders_may_be_wrong_by_comes_off_the_share(small_map):
     share = small_map.safety.tracking
-    told = Pushable(small_map, ExecutionSettings(encoder=0.5 * share))
+    told = Pushable(small_map, ExecutionSettings(encoder_error=0.5 * share))
     told.run(30, told.beside(0.4 * share))
     assert told.executor.off == 0.0
     told.run(1, told.beside(0.6 * share))

@@ -67,7 +67,7 @@ def test_braking_is_what_keeps_them_apart(small_map):
     swift = TwoSettings(duration_s=3.0, speed_scale=1.0)
     heeded = run_two((small_map, small_map), near, swift)
     assert heeded.contacts == 0 and heeded.separation.min() > 0.0
-    blind = run_two((small_map, small_map), near, replace(swift, heed=False))
+    blind = run_two((small_map, small_map), near, replace(swift, braking=False))
     assert blind.contacts > 0
 
 

@@ -12,7 +12,7 @@ from odm import PlannerSettings
 from odm.search import _recent as kernels
 
 RATE = 100
-NOWHERE_CALM = PlannerSettings(memory_s=0.0)
+NO_HISTORY = PlannerSettings(history_s=0.0)
 
 
 def trembling(k, place):
@@ -46,7 +46,7 @@ def restless(small_map):
     for _ in range(400):
         place = rng.uniform([0.65, 0.0, 0.2], [0.85, 0.15, 0.35])
         shake = partial(trembling, place=place)
-        answers = played(small_map, NOWHERE_CALM, 120, shake)
+        answers = played(small_map, NO_HISTORY, 120, shake)
         if changes(answers) >= 3:
             places.append(place)
         if len(places) == 3:
@@ -68,7 +68,7 @@ def blocks_the_way(small_map):
     for _ in range(60):
         place = rng.uniform([-0.8, -0.8, 0.0], [0.8, 0.8, 1.6])
         points = np.vstack([*wall, ball_at(place, 0.1)])
-        planner = odm.ReactivePlanner(small_map, settings=NOWHERE_CALM)
+        planner = odm.ReactivePlanner(small_map, settings=NO_HISTORY)
         planner.set_goals([AWAY])
         if planner.step(points, q=HOME).status == "holding":
             return points
@@ -98,7 +98,7 @@ def test_a_way_that_is_only_just_free_is_not_tried_again_at_once(small_map):
             starts.append(planner.step(shut, q=HOME, now=k / RATE).status)
         return starts.count("replanned")
 
-    patient, hasty = PlannerSettings(), PlannerSettings(patience=0)
+    patient, hasty = PlannerSettings(), PlannerSettings(persistence_frames=0)
     assert taken(hasty) > 10
     assert taken(patient) < 0.3 * taken(hasty)
 
@@ -124,7 +124,7 @@ def seen(planner, points, now):
     planner.step(np.atleast_2d(points), q=HOME, now=now, stamp=now)
     kernels.lay_out_recent(planner.memory.table)
     recent = planner.memory.recent
-    return cells_of(planner, recent.lately), cells_of(planner, recent.wary)
+    return cells_of(planner, recent.samples), cells_of(planner, recent.avoided)
 
 
 def test_cells_are_remembered_for_the_memory_and_hardly_longer(small_map):
@@ -132,7 +132,7 @@ def test_cells_are_remembered_for_the_memory_and_hardly_longer(small_map):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])
     spots = np.array([[0.6 - 0.012 * k, 0.31, 0.5] for k in range(90)])
-    memory = planner.settings.memory_s
+    memory = planner.settings.history_s
     for k, spot in enumerate(spots):
         lately, wary = seen(planner, spot, k / RATE)
         must = {cell_at(planner, p) for p in spots[max(0, k - 24) : k + 1]}
@@ -145,7 +145,7 @@ def test_what_is_to_be_wary_of_is_grown_by_calm(small_map):
     """As many rings of cells as calm is long: every shift of a point by it is in."""
     rng = np.random.default_rng(3)
     for calm, rings in ((0.0, 0), (0.03, 1), (0.05, 1), (0.12, 3)):
-        settings = PlannerSettings(calm=calm)
+        settings = PlannerSettings(history_clearance=calm)
         planner = odm.ReactivePlanner(small_map, settings=settings)
         planner.set_goals([AWAY])
         p = rng.uniform([0.3, -0.3, 0.3], [0.6, 0.3, 0.7])

@@ -1,4 +1,4 @@
-"""Goals that were attached before: to set one of them again costs next to nothing.
+"""Cache of attached goals: to set one of them again costs next to nothing.
 
 To attach a goal takes milliseconds: certified motions to near nodes, their cells, and
 the cost to go from every node. None of that depends on the frame, so it can be done in
@@ -12,8 +12,8 @@ from odm.search import _state as kinds
 _KEPT = ("h", "node", "length", "ref", "number", "vertex")
 
 
-class KeptGoals:
-    """What is known of the goals attached last; the one not used longest makes room.
+class CachedGoals:
+    """What is known of the goals attached last; the least recently used one goes.
 
     Args:
         goals: The planner's table of goals.
@@ -60,7 +60,7 @@ class KeptGoals:
         self._row_of[key] = row
         for name, rows in self._rows.items():
             getattr(goals, name)[g] = rows[row]
-        goals.stuck[g] = -1.0
+        goals.blocked_at[g] = -1.0
         goals.at[g] = -1
         number = int(goals.number[g])
         goals.at[g, goals.node[g, :number]] = np.arange(number)

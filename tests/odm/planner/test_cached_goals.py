@@ -10,7 +10,7 @@ from odm import PlannerSettings
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import tool_pose
 
-KEPT = PlannerSettings(kept_goals=4)
+KEPT = PlannerSettings(cached_goals=4)
 BETTER = np.array([1.2, -0.9, 0.4])
 
 
@@ -109,7 +109,8 @@ def test_what_is_kept_survives_when_old_motions_are_thrown_away(planner):
     for _ in range(40):
         planner.attacher.attach_start(draw_valid(planner, rng))
     used = planner.memory.pool.used.copy()
-    planner.memory.short.count[0] = len(planner.memory.short.key)  # as if it were full
+    # as if it were full
+    planner.memory.shortcuts.count[0] = len(planner.memory.shortcuts.key)
     planner.attacher.tidy()
     assert planner.memory.pool.used[0] < used[0]
     planner.set_goals([BETTER])

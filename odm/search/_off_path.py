@@ -1,7 +1,7 @@
-"""A robot that rounds a corner is beside its way: told exactly, where sums fail.
+"""Locates a robot that is off its path, since it rounds a corner or was pushed.
 
-The joints' ways times the most that each can move any sphere say too much of a robot
-on a blend, several times over. Here the spheres themselves are asked.
+On a blend the sum of joint displacements times motion bounds overestimates the
+deviation several times. Here the displacement of the spheres themselves is bounded.
 """
 
 import math
@@ -12,33 +12,33 @@ from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
-NEARBY = 12.0  # times the share: a robot farther off by the sum is not looked at
-_STRAIGHT = 1e-9  # of two legs along one line, no corner can be told
+NEARBY = 12.0  # times path_tolerance: farther off by the sum is not on the path
+_STRAIGHT = 1e-9  # sine squared below which two legs are one line: no corner
 
 
 @njit(cache=True, nogil=True)
-def locate_beside(state, way, first, q, out):
-    """Find q beside a way, from segment `first` on, within tracking and blending.
+def locate_off_path(state, path, first, q, out):
+    """Find the segment of a path, from `first` on, that q is off by the least.
 
     The motions from q to both ends of the segment, which answers may begin with, stay
-    within that share of it. Writes the share of the segment to out[0]; returns the
-    segment, or -1.
+    within tracking and blending of it. Writes the share of the segment to out[0];
+    returns the segment, or -1.
     """
     best = -1
-    best_off = view(state, "terms").beside[0]
-    last = way.count[0] - 2
+    best_off = view(state, "terms").path_tolerance[0]
+    last = path.count[0] - 2
     for k in range(first, last + 1):
         for corner in range(-1, 2):
             # the nearest place, or that from which the corner k or k + 1 is rounded
             if corner < 0:
-                share = nearest_share(way.q[k], way.q[k + 1], q)
+                share = nearest_share(path.q[k], path.q[k + 1], q)
             elif 1 <= k + corner <= last:
-                share = rounded_share(way, k, k + corner, q)
+                share = rounded_share(path, k, k + corner, q)
             else:
                 continue
             if not 0.0 <= share <= 1.0:
                 continue
-            off = stray_at(state, way, k, share, q, NEARBY * best_off)
+            off = deviation_at(state, path, k, share, q, NEARBY * best_off)
             if off <= best_off:
                 best, best_off = k, off
                 out[0] = share
@@ -46,29 +46,29 @@ def locate_beside(state, way, first, q, out):
 
 
 @njit(cache=True, nogil=True)
-def off_motion(a, b, share, q, sway):
+def motion_deviation(a, b, share, q, motion_bound):
     """Bound how far any sphere at q is from where the motion from a to b has it [m].
 
-    That is at `share` of the motion; the bound is sum_j |dq_j| sway_j.
+    That is at `share` of the motion; the bound is sum_j |dq_j| motion_bound_j.
     """
     off = 0.0
     for j in range(q.shape[0]):
-        off += abs(a[j] + share * (b[j] - a[j]) - q[j]) * sway[j]
+        off += abs(a[j] + share * (b[j] - a[j]) - q[j]) * motion_bound[j]
     return off
 
 
 @njit(cache=True, nogil=True)
-def rounded_share(way, k, corner, q):
+def rounded_share(path, k, corner, q):
     """Return the share of segment k that a blend of `corner` through q rounds; or -1.
 
-    On a blend between unit directions u and w, q is off the way by e (w - u): before
+    On a blend between unit directions u and w, q is off the path by e (w - u): before
     the corner by r, q - corner = -r u + e (w - u); behind it, r w + e (w - u).
     """
     uu = ww = uw = pu = pw = 0.0
     for j in range(q.shape[0]):
-        u = way.q[corner, j] - way.q[corner - 1, j]
-        w = way.q[corner + 1, j] - way.q[corner, j]
-        p = q[j] - way.q[corner, j]
+        u = path.q[corner, j] - path.q[corner - 1, j]
+        w = path.q[corner + 1, j] - path.q[corner, j]
+        p = q[j] - path.q[corner, j]
         uu, ww, uw = uu + u * u, ww + w * w, uw + u * w
         pu, pw = pu + p * u, pw + p * w
     if uu == 0.0 or ww == 0.0:
@@ -86,18 +86,22 @@ def rounded_share(way, k, corner, q):
 
 
 @njit(cache=True, nogil=True)
-def stray_at(state, way, k, share, q, nearby):
-    """Return how far the motions from q to both ends of a segment stray from it [m].
+def deviation_at(state, path, k, share, q, nearby):
+    """Bound how far the motions from q to both ends of a segment are off it [m].
 
-    Infinite where the joints' ways times their reach sum up to more than `nearby`.
+    Infinite where joint displacements times motion bounds sum up to more than `nearby`.
     """
-    own, arm, work = view(state, "own"), view(state, "arm"), view(state, "work")
+    robot, arm, work = (
+        view(state, "robot_state"),
+        view(state, "arm"),
+        view(state, "work"),
+    )
     total = 0.0
     for j in range(q.shape[0]):
-        own.spot[j] = way.q[k + 1, j] - way.q[k, j]
-        work.point[j] = way.q[k, j] + share * own.spot[j]
-        own.dq[j] = q[j] - work.point[j]
-        total += abs(own.dq[j]) * own.sway[j]
+        robot.scratch_q[j] = path.q[k + 1, j] - path.q[k, j]
+        work.point[j] = path.q[k, j] + share * robot.scratch_q[j]
+        robot.dq[j] = q[j] - work.point[j]
+        total += abs(robot.dq[j]) * robot.motion_bound[j]
     if total > nearby:
         return math.inf
     cover = CoverModel(arm.tree_i, arm.tree_f, arm.spheres, arm.body, arm.reach)
@@ -109,4 +113,4 @@ def stray_at(state, way, k, share, q, nearby):
         work.body_speed,
         work.speed,
     )
-    return legs_deviation(cover, work.point, own.spot, share, own.dq, scratch)
+    return legs_deviation(cover, work.point, robot.scratch_q, share, robot.dq, scratch)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from small import HOME, on_its_way
 
-from odm.search import _beside as beside
-from odm.search import _paths as ways
+from odm.search import _off_path as off_path
+from odm.search import _paths as paths
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
 
 
 def sum_off(planner, path, q):
     """How far q is off a path by the sum over joints [m]."""
-    sway, best = planner.memory.own.sway, np.inf
+    sway, best = planner.memory.robot_state.motion_bound, np.inf
     for a, b in zip(path, path[1:], strict=False):
         t = np.clip((q - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
         best = min(best, np.abs(a + t * (b - a) - q) @ sway)
@@ -45,7 +45,7 @@ def test_the_sum_over_joints_alone_would_not_know_it(small_map):
     beyond = 0
     for seed in range(4):
         planner, _, answer = on_its_way(small_map, seed)
-        most = planner.memory.terms.beside[0]
+        most = planner.memory.terms.path_tolerance[0]
         places = on_blends(planner, answer.path)
         beyond += sum(sum_off(planner, answer.path, q) > most for q in places)
     assert beyond > 3
@@ -55,20 +55,22 @@ def test_the_sum_over_joints_alone_would_not_know_it(small_map):
 def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
     planner, _, _ = on_its_way(small_map, seed)
     robot, m = small_map.robot, planner.memory
-    rng, most = np.random.default_rng(seed), planner.memory.terms.beside[0]
+    rng, most = np.random.default_rng(seed), planner.memory.terms.path_tolerance[0]
     located = told = 0
     for _ in range(300):
-        k = rng.integers(m.way.count[0] - 1)
-        on = m.way.q[k] + rng.random() * (m.way.q[k + 1] - m.way.q[k])
+        k = rng.integers(m.path.count[0] - 1)
+        on = m.path.q[k] + rng.random() * (m.path.q[k + 1] - m.path.q[k])
         off = rng.normal(size=robot.dof)
         q = on + rng.uniform(0.0, 0.05) * off / np.linalg.norm(off)
-        told += ways.locate_on_way(m.table, m.way, 0, q, m.own.out) >= 0
-        at = int(beside.locate_beside(m.table, m.way, 0, q, m.own.out))
+        told += paths.locate_on_path(m.table, m.path, 0, q, m.robot_state.fraction) >= 0
+        at = int(
+            off_path.locate_off_path(m.table, m.path, 0, q, m.robot_state.fraction)
+        )
         if at < 0:
             continue
         located += 1
-        a, b = m.way.q[at], m.way.q[at + 1]
-        foot = a + m.own.out[0] * (b - a)
+        a, b = m.path.q[at], m.path.q[at + 1]
+        foot = a + m.robot_state.fraction[0] * (b - a)
         for end in (a, b):
             for t in np.linspace(0.0, 1.0, 15):
                 here = sphere_centers(robot, q + t * (end - q))
@@ -82,7 +84,7 @@ def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
 def test_a_robot_farther_off_is_not_on_its_way(small_map, seed):
     planner, _, answer = on_its_way(small_map, seed)
     robot, m = small_map.robot, planner.memory
-    rng, most = np.random.default_rng(seed), planner.memory.terms.beside[0]
+    rng, most = np.random.default_rng(seed), planner.memory.terms.path_tolerance[0]
     legs = zip(answer.path, answer.path[1:], strict=False)
     on = np.vstack([np.linspace(a, b, 200) for a, b in legs])
     centers = np.array([sphere_centers(robot, q) for q in on])
@@ -92,18 +94,22 @@ def test_a_robot_farther_off_is_not_on_its_way(small_map, seed):
         q = on[rng.integers(len(on))] + 0.05 * off / np.linalg.norm(off)
         moved = np.linalg.norm(centers - sphere_centers(robot, q), axis=2).max(axis=1)
         if moved.min() > most:
-            assert ways.locate_on_way(m.table, m.way, 0, q, m.own.out) < 0
+            assert (
+                paths.locate_on_path(m.table, m.path, 0, q, m.robot_state.fraction) < 0
+            )
             refused += 1
     assert refused > 20
 
 
 def test_a_way_that_turns_back_or_stands_is_no_trouble(small_map):
     planner, points, answer = on_its_way(small_map, 0)
-    way, m = planner.memory.way, planner.memory
+    way, m = planner.memory.path, planner.memory
     n = int(way.count[0])
     way.q[n], way.q[n + 1] = way.q[n - 2], way.q[n - 2]  # back, and on the spot
     way.count[0] = n + 2
     q = way.q[n - 1] + [0.0, 0.0, 0.002]
     for first in range(n + 1):
-        at = int(beside.locate_beside(m.table, way, first, q, m.own.out))
-        assert -1 <= at <= n and np.isfinite(m.own.out[0])
+        at = int(
+            off_path.locate_off_path(m.table, way, first, q, m.robot_state.fraction)
+        )
+        assert -1 <= at <= n and np.isfinite(m.robot_state.fraction[0])
