@@ -24,6 +24,7 @@ class HandArrays(NamedTuple):
     scale: np.ndarray  # (n, 2) factor and offset of the joint's value
     solids: exact.Convexes  # owner: the link
     local: np.ndarray  # (m, 12) poses of the solids in their links
+    bounds: np.ndarray  # (m, 6) box around a solid in its own frame: low, high [m]
     lever: np.ndarray  # (k,) no point moves farther per unit of a driver [m]
     moves: np.ndarray  # (k, m) bool: drivers that move a solid
 
@@ -93,37 +94,48 @@ def place(hand, state):
         compose(state.links[hand.solids.owner[i]], hand.local[i], state.frames[i])
 
 
+@njit(**BARE)
+def box_gap(box, frame, ball):
+    """Return a lower bound on the distance of a placed box (6,) from a ball (4,)."""
+    x, y, z = ball[0] - frame[9], ball[1] - frame[10], ball[2] - frame[11]
+    total = 0.0
+    for k in range(3):
+        at = frame[k] * x + frame[3 + k] * y + frame[6 + k] * z
+        out = max(box[k] - at, at - box[3 + k], 0.0)
+        total += out * out
+    return math.sqrt(total) - ball[3]
+
+
 @njit(**FULL)
 def clearance(hand, state, use, mesh, cap, found):
     """Return the distance of the solids chosen by `use` (m,) from the mesh's surface.
 
-    A lower bound, exact to 1e-10; at most `cap` [m]. `found` (2,) gets solid and
-    triangle, -1 where nothing is nearer than `cap`.
+    A lower bound, exact to 1e-10; at most `cap` [m]. `found` (2,) holds solid and
+    triangle that were the nearest before, or -1; it gets those that are now, -1 where
+    nothing is nearer than `cap`.
     """
     best = cap
-    found[0], found[1] = -1, -1
     still = np.zeros(12)
     still[0], still[4], still[8] = 1.0, 1.0, 1.0
     a, b = hand.solids, mesh.faces
+    i, j = found[0], found[1]
+    found[0], found[1] = -1, -1
+    if i >= 0 and use[i]:
+        low, _ = exact.core_distance(a, i, state.frames[i], b, j, still, np.inf)
+        if low - a.margin[i] < best:
+            best = low - a.margin[i]
+            found[0], found[1] = i, j
     for i in range(use.shape[0]):
         if not use[i]:
             continue
-        f = state.frames[i]
-        ball = a.ball[i]
-        x = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        y = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        z = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        f, box = state.frames[i], hand.bounds[i]
         for c in range(mesh.ball.shape[0]):
-            m = mesh.ball[c]
-            far = math.sqrt((x - m[0]) ** 2 + (y - m[1]) ** 2 + (z - m[2]) ** 2)
-            if far - ball[3] - m[3] >= best:
+            if box_gap(box, f, mesh.ball[c]) >= best:
                 continue
             for j in range(mesh.first[c], mesh.first[c + 1]):
-                if exact.ball_gap(a, i, f, b, j, still) >= best:
+                if box_gap(box, f, b.ball[j]) >= best:
                     continue
-                low, _ = exact.core_distance(
-                    a, i, f, b, j, still, best + a.margin[i]
-                )
+                low, _ = exact.core_distance(a, i, f, b, j, still, best + a.margin[i])
                 if low - a.margin[i] < best:
                     best = low - a.margin[i]
                     found[0], found[1] = i, j
@@ -137,7 +149,7 @@ def close_joint(hand, state, d, end, mesh, tolerance):
     Conservative advancement: no point moves farther than the distance that is free, so
     nothing is jumped over and nothing overlaps. Returns whether it touched.
     """
-    found = np.empty(2, np.int64)
+    found = np.full(2, -1)
     state.touched[d] = -1
     for _ in range(_STEPS):
         place(hand, state)
@@ -172,7 +184,7 @@ def touching(hand, state, points, within, link, gap):
         link[k], gap[k] = -1, within
         for i in range(a.kind.shape[0]):
             f = state.frames[i]
-            if exact.ball_gap(a, i, f, points, k, still) >= gap[k]:
+            if box_gap(hand.bounds[i], f, points.ball[k]) >= gap[k]:
                 continue
             low, _ = exact.core_distance(
                 a, i, f, points, k, still, gap[k] + a.margin[i]

@@ -57,7 +57,7 @@ class GraspSettings:
         tolerance: Fingers stop at most this far from the surface [m].
         pad: How far pads give way: all of the surface that is nearer touches [m].
         least: Smallest quality that counts as held. The hull's own rounding is 1e-9; a
-            hundredth of the grip's force shall be left in the worst direction.
+            hold of long things is weak where it resists turning, whatever the hand.
         seed: Same seed, same bytes.
     """
 
@@ -69,7 +69,7 @@ class GraspSettings:
     edges: int = 5
     tolerance: float = 2e-4
     pad: float = 1e-3
-    least: float = 0.01
+    least: float = 0.002
     seed: int = 1
 
     def __post_init__(self) -> None:

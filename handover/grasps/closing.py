@@ -11,6 +11,7 @@ from odm.audit._exact import winding
 from odm.audit.exact import gather
 
 _CHUNK = 16  # triangles with one ball around them
+_LONGEST = 0.05  # [m] edge of a triangle
 _CENTRED = 4  # tries to put an object between the jaws of a gripper
 
 
@@ -31,9 +32,9 @@ class Target:
 def target_of(thing: GraspObject) -> Target:
     """Return an object's triangles in chunks of neighbours."""
     parts = thing.triangles()
-    corners = np.concatenate(parts)
-    order = np.concatenate(_chunks(corners.mean(axis=1), np.arange(len(corners))))
+    corners = _cut(np.concatenate(parts))
     rows = _chunks(corners.mean(axis=1), np.arange(len(corners)))
+    order = np.concatenate(rows)
     balls = []
     for row in rows:
         points = corners[row].reshape(-1, 3)
@@ -48,6 +49,23 @@ def target_of(thing: GraspObject) -> Target:
     return Target(mesh, tuple(np.ascontiguousarray(p) for p in parts))
 
 
+def _cut(corners: np.ndarray) -> np.ndarray:
+    """Return the triangles halved until they are short: a long one has a large ball."""
+    done = []
+    while len(corners):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        long = edges.max(axis=1) > _LONGEST
+        done.append(corners[~long])
+        corners, first = corners[long], edges[long].argmax(axis=1)
+        rows = np.arange(len(corners))
+        p, q, r = (corners[rows, (first + k) % 3] for k in range(3))
+        middle = 0.5 * (p + q)
+        corners = np.concatenate(
+            [np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)]
+        )
+    return np.concatenate(done)
+
+
 def _chunks(centers: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
     """Halve rows across their longest side until all are small."""
     if len(rows) <= _CHUNK:
@@ -58,9 +76,11 @@ def _chunks(centers: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
     return _chunks(centers, rows[:half]) + _chunks(centers, rows[half:])
 
 
-def is_outside(hand: Hand, state: kernels.HandState, target: Target, gap: float) -> bool:
+def is_outside(
+    hand: Hand, state: kernels.HandState, target: Target, gap: float
+) -> bool:
     """Return whether the whole hand is outside of the object by `gap` [m]."""
-    arrays, found = hand.arrays, np.empty(2, np.int64)
+    arrays, found = hand.arrays, np.full(2, -1)
     use = np.ones(len(arrays.local), bool)
     if kernels.clearance(arrays, state, use, target.mesh, gap, found) < gap:
         return False
@@ -109,7 +129,9 @@ def close(
     if (state.touched < 0).all():
         return None
     found = np.empty(2, np.int64)
-    return None if kernels.meets_itself(hand.arrays, state, hand.pairs, found) else state
+    return (
+        None if kernels.meets_itself(hand.arrays, state, hand.pairs, found) else state
+    )
 
 
 def _close_finger(
@@ -137,17 +159,15 @@ def _shift(
 
     None: there is nothing to do, the joint slides no two links or both touch.
     """
-    arrays, found = hand.arrays, np.empty(2, np.int64)
+    arrays = hand.arrays
     for d in np.flatnonzero(state.touched >= 0):
         jaws = np.flatnonzero((arrays.driver == d) & (arrays.kind == kernels.SLIDES))
         if len(jaws) != 2:
             continue
-        gaps = [
-            kernels.clearance(
-                arrays, state, arrays.solids.owner == j, target.mesh, 0.2, found
-            )
-            for j in jaws
-        ]
+        gaps = []
+        for jaw in jaws:
+            use, found = arrays.solids.owner == jaw, np.full(2, -1)
+            gaps.append(kernels.clearance(arrays, state, use, target.mesh, 0.2, found))
         near = int(np.argmin(gaps))
         if abs(gaps[0] - gaps[1]) <= tolerance:
             return None

@@ -73,7 +73,9 @@ def _hand(
 ) -> HandSpec:
     """Return a hand whose fingers have two joints each, flexion and bend."""
     fingers = _fingers(side, n)
-    closed = {joint: end for pair in fingers for joint, end in zip(pair, ends, strict=True)}
+    closed = {
+        joint: end for pair in fingers for joint, end in zip(pair, ends, strict=True)
+    }
     return HandSpec(
         name, f"{robot}_{side}", f"{side}_hand", f"{side}_palm", fingers, closed, shapes
     )

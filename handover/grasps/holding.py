@@ -52,7 +52,8 @@ class Contacts:
 def skin_of(thing: GraspObject, spacing: float, rng: np.random.Generator) -> Skin:
     """Return points of a surface, one to `spacing` squared [m] on average."""
     area = sum(
-        0.5 * np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1).sum()
+        0.5
+        * np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1).sum()
         for t in thing.triangles()
     )
     points, normals = surface_points(thing, int(np.ceil(area / spacing**2)), rng)

@@ -19,7 +19,7 @@ from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
 LARGEST, SMALLEST = 1.0, 0.005  # [m] longest edge of the box of what hands pass on
-_SIDES = 48  # facets of a round part
+_SIDES = 24  # facets of a round part
 
 
 @dataclass(frozen=True, eq=False)
