@@ -2,6 +2,12 @@
 
 from handover.chain import Chain, chain_of
 from handover.grasps.agents import Agent, AgentArm, Posture, agent_names, load_agent
+from handover.grasps.arm_choice import (
+    ArmChoice,
+    ArmReach,
+    build_arm_reach,
+    choose_arm,
+)
 from handover.grasps.build import GraspSettings, build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import Hand, load_hand
@@ -37,6 +43,8 @@ __all__ = [
     "Agent",
     "AgentArm",
     "Arm",
+    "ArmChoice",
+    "ArmReach",
     "ArmSolutions",
     "ArmState",
     "Chain",
@@ -70,9 +78,11 @@ __all__ = [
     "Target",
     "Upright",
     "agent_names",
+    "build_arm_reach",
     "build_grasps",
     "build_reach_map",
     "chain_of",
+    "choose_arm",
     "find_handover",
     "hand_names",
     "human_from_joints",
