@@ -116,7 +116,7 @@ def test_a_finger_stops_within_the_tolerance_and_does_not_overlap():
     target, T = target_of(jar), np.eye(4)
     T[:3, 2], T[:3, 0] = [-1, 0, 0], [0, 1, 0]
     T[:3, 1] = np.cross(T[:3, 2], T[:3, 0])
-    T[:3, 3] = [0.043 + 0.035, 0, 0.06]
+    T[:3, 3] = [0.043 + 0.06, 0, 0.06]
     state = close(hand, target, T, 0, 2e-4)
     assert (state.touched >= 0).sum() >= 3
     use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
