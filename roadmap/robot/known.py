@@ -61,11 +61,12 @@ _PANDA = dict(
     )
 )
 
-# Crichton's other arm hangs, its forearm to the front; DRC-Hubo's hangs a little bent.
+# Crichton's other arm hangs, its forearm to the front; DRC-Hubo's is bent, so that it
+# is off the floor where it kneels.
 # Hands stand open; a grasp locks them elsewhere.
 _CRICHTON_ARM = {"arm_1_joint": 1.5708, "arm_2_joint": 1.35, "arm_3_joint": -1.5708}
 _CRICHTON_ARM |= {"arm_4_joint": 1.4}
-_HUBO_ARM = {"SP": 0.1, "EP": -0.5}
+_HUBO_ARM = {"SP": 0.1, "EP": -1.0}
 
 
 def _other_arm(side: str, values: Mapping[str, float]) -> dict[str, float]:
