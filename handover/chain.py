@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handover import _chain as kernels
-from handover._chain import ChainArrays
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import self_collision
-from roadmap.robot.robot import PRISMATIC, REVOLUTE, Robot
-from roadmap.transforms import flat_pose
+from roadmap.kinematics import _chain as kernels
+from roadmap.kinematics._chain import ChainArrays
+from roadmap.kinematics.joint_tree import PRISMATIC
+from roadmap.kinematics.tool_chain import tool_chain
+from roadmap.robot.robot import Robot
 
 _ARRAYS = ("fixed", "kind", "scale", "limits", "endless", "length")
 
@@ -140,36 +141,13 @@ def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
     Raises:
         BadInput: No joint moves the tool.
     """
-    bodies, body = [], robot.tip_body
-    while body > 0:
-        bodies.append(body)
-        body = robot.tree_i[body, 0]
-    fixed, kind, scale, rows = [], [], [], []
-    T = np.eye(4)
-    for body in bodies[::-1]:
-        f = robot.tree_f[body]
-        T = T @ _pose(f[:9], f[9:12])
-        if robot.tree_i[body, 2] not in (REVOLUTE, PRISMATIC):
-            continue
-        turn = np.eye(4)
-        turn[:3, :3] = _z_to(f[12:15])
-        fixed.append(flat_pose(T @ turn))
-        joint = int(robot.tree_i[body, 1])
-        rows += [] if joint in rows else [joint]
-        kind.append((robot.tree_i[body, 2], joint))
-        scale.append(f[15:17])
-        T = turn.T
-    if not kind:
-        raise BadInput(f"no joint of {robot.name} moves its tool {robot.tip_name!r}")
-    fixed.append(flat_pose(T @ robot.T_body_tip))
-    rows.sort()
-    kind = [(k, rows.index(j)) for k, j in kind]
+    chain, rows = tool_chain(robot)
     return Chain(
         name=robot.name,
         joint_names=tuple(robot.joint_names[j] for j in rows),
-        fixed=np.array(fixed),
-        kind=np.array(kind),
-        scale=np.array(scale),
+        fixed=chain.fixed,
+        kind=chain.kind,
+        scale=chain.scale,
         limits=np.stack([robot.lower, robot.upper], axis=1)[rows],
         endless=robot.continuous[rows],
         robot=robot if self_collisions else None,
@@ -184,17 +162,3 @@ def _collision_hash(robot: Robot) -> str:
     for array in self_collision(robot).model:
         digest.update(np.round(array, 9).tobytes())
     return digest.hexdigest()
-
-
-def _z_to(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation whose z axis is `axis`."""
-    z = np.asarray(axis, float)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
-
-
-def _pose(rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = np.reshape(rotation, (3, 3)), origin
-    return T

@@ -7,6 +7,7 @@ from odm.cell_map.cell_map import CellMap, load_map
 from odm.cell_map.payload import CarriedObject, carried_object
 from odm.cell_map.recipe import Recipe, load_recipe
 from odm.checks import AVOID, CONTACT, OBJECT
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.robot_surface import RobotSurface, robot_surface
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
@@ -16,6 +17,7 @@ __all__ = [
     "AVOID",
     "CONTACT",
     "OBJECT",
+    "Obstacles",
     "Answer",
     "Blockers",
     "Box",

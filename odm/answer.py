@@ -7,6 +7,8 @@ import numpy as np
 
 FOLLOWING, REPLANNED, HOLDING = "following", "replanned", "holding"
 WHOLE, VISIBLE = "whole surface", "visible surface"
+# what found a path
+IN_USE, STRAIGHT, ROADMAP, SEARCH = "path in use", "straight", "roadmap", "search"
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Answer:
         certified: "whole surface" where the caller said that the points cover closed
             shapes; else "visible surface": what was not sampled is not heeded.
         frame: Number of the frame, from 1 on; `step` counts every one that it takes.
+        stage: What found the path: "path in use" (it is still free), "straight",
+            "roadmap", or "search" beyond the roadmap; None when holding.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """
@@ -65,6 +69,7 @@ class Answer:
         "frame",
         "goal",
         "path",
+        "stage",
         "status",
     )
 
@@ -89,6 +94,7 @@ class Answer:
         self.goal = goal
         self.certified = certified
         self.frame = frame
+        self.stage: str | None = None  # who answers says it
         self._times = times
         self._counted = counted
         self._explain = explain
@@ -109,7 +115,7 @@ class Answer:
     def work(self) -> "Work":
         """Counted work of the frame."""
         counts, stats = (np.frombuffer(c, np.int64).tolist() for c in self._counted)
-        blocks, inside, outside, bad, _ = counts
+        blocks, inside, outside, bad = counts[:4]
         popped, tests, flooded, close, runs = stats[:5]
         n_points = inside + outside + bad
         return Work(n_points, outside, blocks, tests, popped, flooded, close, runs)

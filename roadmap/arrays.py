@@ -1,4 +1,4 @@
-"""Read-only arrays: what frozen data is made of."""
+"""Read-only arrays, for dataclasses that never change."""
 
 import numpy as np
 

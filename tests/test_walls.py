@@ -151,7 +151,7 @@ def test_compiled_loops_import_numpy_numba_and_compiled_loops_only():
                 for name in names
                 if name.partition(".")[0] not in FENCE
                 and not name.rpartition(".")[2].startswith("_")
-                and name != "handover.jit_options"
+                and name != "roadmap.jit_options"
             ]
     assert not wrong
 

@@ -25,7 +25,7 @@ from handover.human._human_arm import (
     SIN_UPPER,
     UPPER,
 )
-from handover.jit_options import BARE
+from roadmap.jit_options import BARE
 
 CIRCLE, SPANS, ARCS, WORK_ROWS = 0, 14, 46, 78
 MAX_SPANS = ARCS - SPANS

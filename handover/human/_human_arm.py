@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from handover.jit_options import BARE
+from roadmap.jit_options import BARE
 
 LENGTHS, LOWER, UPPER = 0, 3, 10
 SIN_LOWER, COS_LOWER, SIN_UPPER, COS_UPPER = 17, 24, 31, 38

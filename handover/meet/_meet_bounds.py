@@ -20,7 +20,6 @@ import numpy as np
 from numba import njit
 
 from handover.human._human_arm import LOWER, UPPER, arm_axes
-from handover.jit_options import BARE, WITHIN
 from handover.meet._meet import dexterity_at, grip_of, position_of, wrist_of
 from handover.meet._meet_pose import (
     ROUNDING,
@@ -46,6 +45,7 @@ from handover.meet._quality import (
     spatial_cost,
     visibility_cost,
 )
+from roadmap.jit_options import BARE, WITHIN
 
 NO_VALUE = -1.0
 SLACK = 1e-6  # [rad] what arc functions of rounded numbers may be off

@@ -23,7 +23,6 @@ from handover.human._human_arm import (
     SIN_UPPER,
     arm_axes,
 )
-from handover.jit_options import WITHIN
 from handover.meet._quality import (
     BETA,
     CONCERN,
@@ -44,6 +43,7 @@ from handover.meet._quality import (
     square_to_axis,
     visibility_cost,
 )
+from roadmap.jit_options import WITHIN
 
 UNREACHED, BELOW = -1.0, -0.5
 ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE, FULL
 from handover.meet._meet import Candidate, Room, Scene, hand_value
 from handover.meet._meet_bounds import (
     LOOSE_BYTE,
@@ -22,6 +21,7 @@ from handover.meet._meet_bounds import (
     position_bounds,
 )
 from handover.meet._meet_pose import UNREACHED
+from roadmap.jit_options import BARE, FULL
 
 # what is counted: positions opened, bytes compared, grips bounded, hand poses solved
 POSITIONS, BYTES, GRIPS, SOLVED = range(4)

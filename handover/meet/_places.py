@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._chain import ChainArrays, dexterity, forward, jacobian
 from handover.human._arm_solve import solve_arm
-from handover.jit_options import FULL
 from handover.meet._quality import EFFORT, quality_of
 from handover.reach._reach_build import Work
+from roadmap.jit_options import FULL
+from roadmap.kinematics._chain import ChainArrays, dexterity, forward, jacobian
 
 # columns: the five parts of quality.py, then these
 DEXTERITY, COMBINED, ONLINE, TOTAL, COLUMNS = 5, 6, 7, 8, 9

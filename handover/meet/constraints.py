@@ -12,6 +12,7 @@ import numpy as np
 from handover.meet.held_object import HeldObject
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import check_number
 
 
 class Constraint(Protocol):
@@ -66,8 +67,7 @@ class Above:
 
     def __post_init__(self) -> None:
         """Check the height."""
-        if not np.isfinite(self.height_m):
-            raise BadInput(f"a height of {self.height_m} m is none; give a number")
+        check_number("the height of Above in m", self.height_m, -100.0, 100.0)
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
         """Return which poses keep every capsule above the level."""

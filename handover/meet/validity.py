@@ -1,4 +1,4 @@
-"""Whether a robot may stand at a configuration: one form for all who can tell."""
+"""Validity test of a configuration: one interface for planner, function or robot."""
 
 from collections.abc import Callable
 

@@ -121,7 +121,7 @@ class InteractionWorkspace:
         return int(((self.build() >= 0) & ~self._removed).sum())
 
     def update(self, human: Human) -> None:
-        """Let the person move, turn, look elsewhere or hold the arms differently."""
+        """Take another pose of the person: place, gaze, arms."""
         s = self.settings
         state = state_of(human, s, self.human, self._state)
         arm, T = human.arm(s.side), human.T_world_shoulder(s.side)
@@ -178,7 +178,7 @@ class InteractionWorkspace:
         return self._targets(self._warm, self._top.grasp[:n])
 
     def rated(self, keys: Sequence[int]) -> list[Target | None]:
-        """Return what the targets of some cells are worth now, in the order of `keys`.
+        """Return the targets of some cells with their quality now, in order of `keys`.
 
         None: removed, no cell of this workspace, or nobody can take the object there.
         """
@@ -209,7 +209,7 @@ class InteractionWorkspace:
         self._removed[:] = False
 
     def forget(self) -> None:
-        """Forget the last best, which the next `best` would begin with."""
+        """Forget the last best targets, with which the next `best` would begin."""
         self._warm = self._warm[:0]
 
     @property

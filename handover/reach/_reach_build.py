@@ -12,7 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._chain import (
+from handover.reach._reach_touch import Touch, touches_itself
+from handover.reach._rotations import rotation_cell
+from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap.kinematics._chain import (
     ChainArrays,
     dexterity,
     draw_code,
@@ -23,9 +26,6 @@ from handover._chain import (
     pose_error,
     to_lattice,
 )
-from handover.jit_options import BARE, FULL, WITHIN
-from handover.reach._reach_touch import Touch, touches_itself
-from handover.reach._rotations import rotation_cell
 
 ROOT = 255  # way of a cell whose witness is stored
 MAX_DEPTH = 30  # propagations between a witness and its root

@@ -5,53 +5,13 @@ import math
 import numpy as np
 from numba import njit
 
-from handover._chain import (
-    draw_code,
-    forward,
-    from_lattice,
-    jacobian,
-    limited_step,
-    pose_error,
-)
-from handover.jit_options import BARE, FULL, WITHIN
 from handover.reach._reach_touch import touches_itself
+from roadmap.jit_options import BARE, FULL
+from roadmap.kinematics._chain import draw_code, forward, from_lattice
+from roadmap.kinematics._inverse import descend
 
-_STEPS = 60
-_PRECISE = 1e-5  # of the scaled error: about 1e-6 m and 1e-6 rad
-
-
-@njit(**BARE)
-def descend(chain, target, scale, work, trial):
-    """Move work.q to the pose `target`, Levenberg-Marquardt; True if it arrives."""
-    q, tool = work.q, work.frames[-1]
-    forward(chain, q, work.frames)
-    cost = pose_error(tool, target, scale, work.error)
-    damping = 1.0
-    for _ in range(_STEPS):
-        if cost < _PRECISE * _PRECISE:
-            return True
-        if damping > 1e8:
-            return False
-        jacobian(chain, work.frames, work.jac)
-        _copy(q, trial)
-        limited_step(chain, q, scale, damping, work)
-        forward(chain, q, work.frames)
-        new = pose_error(tool, target, scale, work.error)
-        if new < cost:
-            cost = new
-            damping = max(0.2 * damping, 1e-9)
-        else:
-            _copy(trial, q)
-            forward(chain, q, work.frames)
-            pose_error(tool, target, scale, work.error)
-            damping *= 5.0
-    return cost < _PRECISE * _PRECISE
-
-
-@njit(**WITHIN)
-def _copy(one, other):
-    for j in range(one.shape[0]):
-        other[j] = one[j]
+# length of the scaled error, about 1e-6 m and 1e-6 rad; most steps
+_GOAL = 1e-5, 60.0
 
 
 @njit(**FULL)
@@ -69,7 +29,7 @@ def starts_taken(chain, poses, scale, touch, work, starts, used):
         for k in range(attempts):
             draw_code(seed, i * attempts + k, work.code)
             from_lattice(chain, work.code, work.q)
-            if not descend(chain, poses[i], scale, work, trial):
+            if not descend(chain, poses[i], scale, _GOAL, work, trial):
                 continue
             if touches_itself(touch, work.q, work.frames):
                 continue

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE
 from handover.reach._reach_build import ROOT, cell_of, origin_cell
+from roadmap.jit_options import BARE
 
 
 class Packed(NamedTuple):

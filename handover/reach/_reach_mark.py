@@ -5,8 +5,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._chain import dexterity, draw_code, jacobian
-from handover.jit_options import BARE, WITHIN
 from handover.reach._reach_build import (
     MAX_DEPTH,
     ROOT,
@@ -16,6 +14,8 @@ from handover.reach._reach_build import (
 )
 from handover.reach._reach_lookup import ones
 from handover.reach._reach_touch import touches_itself
+from roadmap.jit_options import BARE, WITHIN
+from roadmap.kinematics._chain import dexterity, draw_code, jacobian
 
 _SURE = 3  # marked neighbours before a cell that no sample hit is tried
 _TRIES = 5  # propagations to such a cell before it is given up
@@ -23,7 +23,7 @@ _QUEUE = 24  # entries per cell of a position
 
 
 class Queue(NamedTuple):
-    """The cells of one position that wait, by the best quality they may get.
+    """Priority queue of one position's unfilled cells, by the quality they may get.
 
     Attributes:
         head: (256,) first entry of each quality, -1 for none.

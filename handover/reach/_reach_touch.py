@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE, FULL, WITHIN
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
+from roadmap.jit_options import BARE, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
 
 TABLE = 64  # cells along a joint
@@ -23,7 +23,7 @@ LANES = 8  # points of a shell are looked at so many at a time
 
 
 class Touch(NamedTuple):
-    """What self-collision is tested with; no pairs: not at all.
+    """Tables of the self-collision test; without pairs nothing is tested.
 
     Attributes:
         pair: (n_pairs, 5) int32 two shells, table or -1, the one or two joints of the

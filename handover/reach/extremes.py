@@ -2,10 +2,16 @@
 
 import numpy as np
 
-from handover._chain import dexterity, draw_code, forward, from_lattice, jacobian
 from handover.chain import Chain
 from handover.reach._reach_build import Work
 from handover.reach._reach_ik import stretch
+from roadmap.kinematics._chain import (
+    dexterity,
+    draw_code,
+    forward,
+    from_lattice,
+    jacobian,
+)
 
 _STARTS = 12  # for each side of the box
 _YARDSTICK = 20_000  # configurations drawn for the best dexterity

@@ -173,7 +173,7 @@ class _Crew:
         return self.pool.map(one, items)
 
     def is_late(self, part: float = 1.0) -> bool:
-        """Say if this part of the time is over."""
+        """Return True if this share of the time limit has passed."""
         return bool(time.perf_counter() - self.begun > part * self.seconds)
 
 
@@ -232,7 +232,7 @@ def _draw(
 def _sweep(
     crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
 ) -> tuple[np.ndarray, list[int]]:
-    """Mark the cells of all positions until a pass adds next to nothing."""
+    """Propagate witnesses through all positions until a pass adds next to nothing."""
     n = crew.grid.rotations.n_cells
     marked = crew.cells.quality.reshape(-1, n)
     rules = np.array([reference, settings.seed, settings.keep])

@@ -89,7 +89,7 @@ class ReachGrid:
         return self.origin + (index + 0.5) * self.cell
 
     def colours(self, changed: np.ndarray) -> list[np.ndarray]:
-        """Group positions that something changed at or beside; no neighbours together.
+        """Group the positions to visit again so that no group holds two neighbours.
 
         Args:
             changed: (n_positions,) bool.

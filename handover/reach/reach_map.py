@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from handover._chain import from_lattice
 from handover.chain import Chain, chain_of
 from handover.reach import _reach_build as kernels
 from handover.reach import _reach_lookup as lookup
@@ -15,6 +14,7 @@ from handover.reach.reach_grid import ReachGrid
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadMap
+from roadmap.kinematics._chain import from_lattice
 from roadmap.robot.robot import Robot
 from roadmap.store import made_of, read_folder, write_folder
 from roadmap.transforms import check_pose

@@ -1,4 +1,4 @@
-"""What share of all tool poses that can be reached a reach map knows."""
+"""Recall of a reach map: the share of all reachable tool poses that it knows."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

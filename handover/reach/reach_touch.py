@@ -1,15 +1,15 @@
-"""What the self-collision of a chain's configurations is tested with, made once."""
+"""Tables for testing many configurations of a chain for self-collision, made once."""
 
 from functools import lru_cache
 
 import numpy as np
 
-from handover._chain import forward
 from handover.chain import Chain
 from handover.reach._reach_touch import LANES, MARGIN, TABLE, Touch, fill_tables
 from roadmap.arrays import frozen
 from roadmap.geometry._self_collision import SelfModel, pair_clearance
 from roadmap.geometry.self_collision import self_collision
+from roadmap.kinematics._chain import forward
 from roadmap.kinematics._forward import body_frames
 
 _LOOKS = 12  # configurations at which a link must stand alike to follow a row
@@ -17,7 +17,7 @@ _ALIKE = 1e-9  # [m, or of a rotation's entries]
 
 
 def touch_of(chain: Chain) -> Touch:
-    """Return what self-collision is tested with, for one thread."""
+    """Return the tables of the self-collision test with scratch for one thread."""
     tables = _tables(chain)
     own = ("axes", "direction", "places", "simplex", "whole", "frames")
     return tables._replace(**{name: getattr(tables, name).copy() for name in own})

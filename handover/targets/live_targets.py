@@ -1,4 +1,4 @@
-"""LiveTargets: every frame the planner goes to the best target that it can reach.
+"""LiveTargets: in every frame, pursue the best target that the planner can reach.
 
 A* replans toward the top-ranked target of the interaction workspace, while the person
 moves.
@@ -27,7 +27,7 @@ _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 @dataclass(frozen=True)
 class Pursuit:
-    """Where the robot stands with its targets in one frame.
+    """State of the pursuit in one frame.
 
     Attributes:
         state: "there", "on the way", "blocked" (there are targets, none can be reached
@@ -167,7 +167,7 @@ class LiveTargets:
         return offers.goals(decision.keys)
 
     def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
-        """Set the planner's goals; leave out those that no longer can be."""
+        """Set the planner's goals; leave out those that have become invalid."""
         try:
             self.planner.set_goals([g.q for g in goals] or [self.rest])
         except BadConfiguration:  # something else is in the hand, or stands about
@@ -214,14 +214,14 @@ class LiveTargets:
     # --- inside ----------------------------------------------------------------
 
     def _depth(self) -> int:
-        """Return how many targets to look at: the longer it is blocked, the more."""
+        """Return how many targets to consider: more, the longer it is blocked."""
         ranked, choice = self.settings.ranked, self.settings.choice
         self._blocked = 0 if self._pursued is not None else self._blocked + 1
         more = self._blocked // (choice.patience * choice.goals)
         return ranked * min(1 + more, self.settings.deepest)
 
     def _known(self) -> list[Target]:
-        """Return the targets on offer as they are now; those that are none left out."""
+        """Return the targets on offer with their quality now; those gone left out."""
         keys = self.choice.keys
         away = [key for key in keys if key not in self._targets]
         rated = self.meet.rated(away) if away else []

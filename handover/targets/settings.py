@@ -1,4 +1,4 @@
-"""What tunes the pursuit of targets, as frozen settings."""
+"""Settings of the pursuit of targets."""
 
 from dataclasses import dataclass, field
 

@@ -163,7 +163,7 @@ class TargetChoice:
 def _holds(
     keys: list[int], worth: Mapping[int, float], pursued: int | None, margin: float
 ) -> bool:
-    """Whether nothing is wrong with an order by more than the margin.
+    """Whether no two keys are in the wrong order by more than the margin.
 
     No worse target stands before the pursued one, none behind it is better by the
     margin, and no other two are swapped by more than it.

@@ -84,7 +84,7 @@ class TargetGoals:
         return goal if goal is not None and self._is_taken(target, goal) else None
 
     def knows_node(self, key: int) -> bool:
-        """Whether the nodes near a target have been looked up: that is slow once."""
+        """Whether the nodes near a target were looked up, which is slow once."""
         return key in self._near
 
     def found(self, key: int) -> list[Goal]:
@@ -179,7 +179,7 @@ class TargetGoals:
         return None
 
     def _is_taken(self, target: Target, goal: Goal) -> bool:
-        """Whether the person's hand gets to the object as the goal holds it."""
+        """Whether the person can take the object as it is held at a goal."""
         meet = self.meet
         T_world_tool = meet.settings.T_world_base @ self.index.T_base_tool[goal.node]
         T_hand = T_world_tool @ meet.obj.T_tool_object @ meet.grasps[target.grasp]

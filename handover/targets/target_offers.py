@@ -1,4 +1,4 @@
-"""Which configurations of a target the planner is offered, for one job a frame.
+"""Configurations of targets that the planner is offered; one costly job a frame.
 
 A target may have several configurations. One that keeps clear of the person now is
 looked for among those known; what it takes to offer it, a start of the inverse
@@ -65,7 +65,7 @@ class TargetOffers:
         self._tests, self._lookups = self.settings.tests, self.settings.lookups
 
     def offer(self, key: int) -> Offer:
-        """Offer a target if that is cheap now; else see to it that it will be."""
+        """Offer a target if that is cheap now; else reserve a job to make it so."""
         goal = self.ready(key)
         if goal is not None:
             self._goals[key] = [goal]
@@ -84,7 +84,7 @@ class TargetOffers:
         return node if node is not None and self._stands(node) else None
 
     def renew(self, keys: tuple[int, ...]) -> None:
-        """Where all goals of a target on offer are blocked, look for another one."""
+        """Look for another configuration of a target whose goals are all blocked."""
         for key in keys:
             before = self._goals.get(key, [])
             if any(self._stands(goal) for goal in before):
@@ -97,7 +97,7 @@ class TargetOffers:
                 self._order(key)
 
     def work(self, pursued: int | None) -> None:
-        """Do this frame's job; a target pursued by way of a node gets its pose, too."""
+        """Do this frame's job, perhaps for the exact pose of the pursued target."""
         before = self._goals.get(pursued, [])
         if pursued is not None and not any(goal.kind == EXACT for goal in before):
             goal = self._clear_of(pursued)
@@ -145,7 +145,7 @@ class TargetOffers:
     # --- inside ----------------------------------------------------------------
 
     def _order(self, key: int) -> Offer:
-        """Let this frame's job, if it is still free, be one for a target."""
+        """Reserve this frame's costly job for a target, unless it is taken."""
         goal = self._clear_of(key)
         if goal is not None:
             since = self._frame - self._attached_at

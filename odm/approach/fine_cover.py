@@ -19,8 +19,9 @@ from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
 from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
+from roadmap.kinematics.joint_tree import PARENT
 from roadmap.loading.held_link import with_payload
-from roadmap.robot.robot import PARENT, Robot
+from roadmap.robot.robot import Robot
 
 EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
 
@@ -132,10 +133,10 @@ class FineTest:
     def cover(self) -> Cover:
         """Return the spheres for `LastPhase`."""
         links = [self.robot.link_names[k] for k in self.link]
-        return Cover(self.arm, self.radii, links, self.work)
+        return Cover(self.arm, self.radii, links, self.work, self.balls)
 
     @property
     def close_test(self) -> CloseTest:
         """The close test of motions with the fine cover."""
         tolerance = self.frame.cell_map.motion_tolerance
-        return CloseTest(self.arm, self.radii, tolerance, self.work)
+        return CloseTest(self.arm, self.radii, tolerance, self.work, self.balls)

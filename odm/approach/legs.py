@@ -44,7 +44,7 @@ class LegTest:
         # smaller blocks than the map's: dense points of a bin are told apart sooner
         halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
         self._sorted = SortedCloud(halved)
-        self.cloud = self._sorted.of(frame.points)
+        self.cloud = self._sorted.of(frame.points[: frame.heeded])
         self._fine: FineTest | None = None
         self._last_phase = LastPhase(frame, halved)
         self.phase: str | None = None
@@ -66,15 +66,19 @@ class LegTest:
         With a phase, what may touch what is as `odm.frame.last_phase` says.
         """
         frame, self.phase = self.frame, phase
-        self.cloud = self._sorted.of(frame.points)
+        points = frame.points[: frame.heeded]
+        self.cloud = self._sorted.of(points)
         if phase is not None:
-            self._last_phase.look(phase, frame.points, frame.classes)
+            self._last_phase.look(
+                phase, points, frame.classes, frame.solids, frame.solid_classes
+            )
         if self.use_fine:
             self.fine.follow()
 
     def gap(self, q: np.ndarray, most: float) -> float:
-        """Return how far the map's cover is from the points, at most `most` [m]."""
-        return self.frame.separation(q, self.cloud, most)
+        """Return how far the map's cover is from all obstacles, at most `most` [m]."""
+        frame = self.frame
+        return frame.close_test.separation(q, self.cloud, most, frame.solids)
 
     def test(self, q: np.ndarray, dq: np.ndarray, fine_first: bool = False) -> Tested:
         """Test a motion: by the map's cover, and where that says no by the fine one.
@@ -104,10 +108,10 @@ class LegTest:
         if self.phase is not None:
             return self._by_phase(frame.cover(), q, dq)
         test = frame.close_test
-        if test.clear(q, dq, self.cloud):
+        if test.clear(q, dq, self.cloud, solids=frame.solids):
             return Tested()
         sphere, point = test.blocked_by
-        return _too_near(frame.static.link_of(sphere), point, test.missing)
+        return self._too_near(frame.static.link_of(sphere), point, test.missing)
 
     def by_fine(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the finer cover."""
@@ -118,17 +122,23 @@ class LegTest:
             tested = self._by_phase(fine.cover(), q, dq)
             return tested if tested.failed else Tested(fine=True)
         test = fine.close_test
-        if test.clear(q, dq, self.cloud):
+        if test.clear(q, dq, self.cloud, solids=self.frame.solids):
             return Tested(fine=True)
         sphere, point = test.blocked_by
-        return _too_near(fine.robot.link_names[fine.link[sphere]], point, test.missing)
+        link = fine.robot.link_names[fine.link[sphere]]
+        return self._too_near(link, point, test.missing)
 
     def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
         hit = self._last_phase.hit(cover, q, dq)
         if hit is None:
             return Tested()
         sphere, point, missing = hit
-        return _too_near(cover.links[sphere], point, missing)
+        return self._too_near(cover.links[sphere], point, missing)
+
+    def _too_near(self, link: str, point: int, missing: float) -> Tested:
+        what = self.frame.name_of(point)
+        text = f"{link} would come {1e3 * missing:.1f} mm too near to {what}"
+        return Tested("frame", text, link, max(point, -1), missing)
 
 
 def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
@@ -136,8 +146,3 @@ def _scenery(static: StaticTest, q: np.ndarray, dq: np.ndarray) -> Tested:
     itself = static.touches_itself(q, dq) is not None
     link = text.split(" would touch ")[0]
     return Tested("self-collision" if itself else "scenery", text, link)
-
-
-def _too_near(link: str, point: int, missing: float) -> Tested:
-    text = f"{link} would come {1e3 * missing:.1f} mm too near to point {point}"
-    return Tested("frame", text, link, point, missing)

@@ -14,17 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.kinematics import _forward as kernels
-from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.forward import difference
-from roadmap.kinematics.inverse import tool_of
-from roadmap.robot.robot import JOINT, KIND, PARENT, REVOLUTE, Robot
+from roadmap.kinematics.joint_tree import JOINT, KIND, PARENT, REVOLUTE
+from roadmap.kinematics.tool_chain import ToolDescent
+from roadmap.robot.robot import Robot
 
 SAMPLES = 4  # parts of a leg between which the deviation is bounded
 _PARTS = np.linspace(0.0, 1.0, SAMPLES + 1)[:, None]
 _STEPS = 60  # of one descent
-_GOAL = np.array([2e-7, 2e-7])  # [m, rad] what a descent aims at
-_NEAR = np.array([1e-5, 1e-5])  # [m, rad] what counts as reached
+_GOAL = 2e-7  # [m or rad] what a descent aims at
+_NEAR = 1e-5  # [m or rad] what counts as reached
 _LENGTH = 0.3  # [m] that one radian counts as where poses are compared
 
 
@@ -78,7 +78,7 @@ class ToolKinematics:
     def __init__(self, robot: Robot) -> None:
         """Bound what each joint can do to the tool."""
         self.robot = robot
-        self.tool = tool_of(robot)
+        self._descent = ToolDescent(robot, _GOAL, _GOAL, _STEPS)
         limits = np.stack([robot.lower, robot.upper], axis=1)
         limits[robot.continuous] = -np.inf, np.inf
         self.limits = limits
@@ -146,8 +146,8 @@ class ToolKinematics:
         """Bring `q` in place to a pose (12,); return (reached, [m], [rad])."""
         self.descents += 1
         np.clip(q, self.limits[:, 0], self.limits[:, 1], out=q)
-        errors = descend(self.tool, pose, self.limits, q, _STEPS, _GOAL)
-        return errors[0] <= _NEAR[0] and errors[1] <= _NEAR[1], *errors
+        errors = self._descent.run(pose, q)
+        return max(errors) <= _NEAR, *errors
 
     def at_limits(self, q: np.ndarray) -> list[str]:
         """Return the joints that stand at a limit."""

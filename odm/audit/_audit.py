@@ -11,6 +11,7 @@ from odm.close_test._arm import Arm, Clearance, Work
 from odm.close_test._close import motion_clear
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
+from odm.obstacles._solids import Solids as Shapes
 from roadmap.kinematics._forward import body_frames
 
 FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
@@ -61,6 +62,7 @@ class Audited(NamedTuple):
     arm: Arm
     cloud: Cloud
     work: Work
+    shapes: Shapes  # none: the map is asked about points
 
 
 class Coming(NamedTuple):
@@ -156,7 +158,7 @@ def turn(a, b, spin, frame):
 @njit(cache=True, nogil=True)
 def asked_free(audited, motion, points):
     """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
-    asked, arm, cloud, work = audited
+    asked, arm, cloud, work, shapes = audited
     clear(cloud)
     mark_points(points, cloud)
     n_nodes = asked.nodes.shape[0]
@@ -166,8 +168,8 @@ def asked_free(audited, motion, points):
             q, dq = asked.nodes[-1 - motion], np.zeros(asked.nodes.shape[1])
         else:
             q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
-        clearance = Clearance(arm, asked.radii, asked.tolerance, work)
-        return motion_clear(clearance, q, dq, cloud, False)
+        clearance = Clearance(arm, asked.radii, asked.radii, asked.tolerance, work)
+        return motion_clear(clearance, q, dq, cloud, shapes, False)
     words = cloud.words
     ptr, block, mask = asked.ptr, asked.block, asked.mask
     if motion < 0:
@@ -306,7 +308,7 @@ def free_at(s, audited, motion, coming):
 @njit(cache=True, nogil=True)
 def audit_pairs(audited, solids, library, pairs, cap, found):
     """Ask and measure all pairs; results go to `found`."""
-    asked, arm, cloud, _ = audited
+    asked, arm, cloud = audited.asked, audited.arm, audited.cloud
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
     q = np.empty(asked.nodes.shape[1])

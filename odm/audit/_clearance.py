@@ -113,7 +113,7 @@ def node_overheads(audited, solids, spheres, library, pairs, keep, out):
     Solids; spheres against solids; spheres against samples within rho; cells. NaN
     where one of them was in the way at FAR already, or never. `keep` are m and rho.
     """
-    asked, arm, cloud, _ = audited
+    asked, arm, cloud = audited.asked, audited.arm, audited.cloud
     m, rho = keep
     bodies = np.empty((arm.tree_i.shape[0], 12))
     placed = Placed(solids, np.empty((solids.body.shape[0], 12)))
@@ -138,7 +138,7 @@ def node_overheads(audited, solids, spheres, library, pairs, keep, out):
 @njit(cache=True, nogil=True)
 def distance_along(s, audited, motion, solids, samples, library, coming):
     """Return the smallest exact distance over a whole edge with the obstacle at s."""
-    asked, arm, _, _ = audited
+    asked, arm = audited.asked, audited.arm
     bodies = np.empty((arm.tree_i.shape[0], 12))
     placed = Placed(solids, np.empty((solids.body.shape[0], 12)))
     best = 2.0 * FAR
@@ -158,7 +158,8 @@ def edge_overheads(audited, close, solids, library, pairs, still, out):
     The close test, which `close` asks; cells of `still` configurations; the cells of
     the map.
     """
-    asked, arm, cloud, work = audited
+    asked, arm, cloud, work, shapes = audited
+    other = Audited(close, arm, cloud, work, shapes)
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
     where = np.empty(3)
@@ -167,7 +168,7 @@ def edge_overheads(audited, close, solids, library, pairs, still, out):
         q = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, frames)
         coming = approach(solids, frames, library, pairs, k, np.empty(12))
-        where[0] = scan(Audited(close, arm, cloud, work), motion, coming)
+        where[0] = scan(other, motion, coming)
         where[1] = scan_words(still.words[k], coming, cloud)
         where[2] = scan(audited, motion, coming)
         for test in range(3):

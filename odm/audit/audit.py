@@ -20,6 +20,7 @@ from odm.audit.audit_targets import audit_solids
 from odm.audit.exact import Obstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
+from odm.close_test.close_test import NO_SOLIDS
 from roadmap.kinematics.forward import difference
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
@@ -122,7 +123,7 @@ class Auditor:
         )  # fmt: skip
         cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
         work = make_work(len(cell_map.arm.spheres), n_bodies, dof)
-        audited = kernels.Audited(self.asked, cell_map.arm, cloud, work)
+        audited = kernels.Audited(self.asked, cell_map.arm, cloud, work, NO_SOLIDS)
         kernels.audit_pairs(audited, self.solids, self.library, pairs, CAP, found)
         return found
 

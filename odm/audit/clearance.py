@@ -13,6 +13,7 @@ from odm.cell_map._sweep import Lists, sweep_nodes
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.sweep import swept_by
 from odm.close_test._arm import make_work
+from odm.close_test.close_test import NO_SOLIDS
 from roadmap.robot.robot import Robot
 
 _STILL = 65  # configurations that stand for an edge without motion bound
@@ -76,7 +77,7 @@ def clearance_tax(
     robot = cell_map.robot
     work = make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
     rng = np.random.default_rng([seed, 2])
-    audited = Audited(cells.asked, cell_map.arm, cloud, work)
+    audited = Audited(cells.asked, cell_map.arm, cloud, work, NO_SOLIDS)
     pairs = cells.draw(0, n)._replace(
         motion=-1 - rng.integers(0, cell_map.roadmap.n_nodes, n)
     )

@@ -13,6 +13,7 @@ import numpy as np
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Box, Capsule, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
@@ -27,6 +28,7 @@ FAR = 0.3  # [m] distances beyond are not resolved
 EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start so far outside its limits is tolerated
 PLACES = 513  # of a leg that are looked at where the whole is refused
+SHAPES = ("shapes", "both")  # modes of `World` with shapes
 GROUND = 20.0  # [m] side of the box that stands for a half-space
 
 
@@ -40,21 +42,47 @@ class World:
         T_world_base: (4, 4) pose of the base [m].
         extra: Extra clearance [m].
         held: (n, 4) spheres in the hand, tool frame [m]; None for nothing.
+        others: Further obstacles of the frame, shapes of all kinds, base frame; they
+            are told in the modes of shapes alone.
         mode: "rho": samples within the map's rho; "round": the same, and told that all
-            is round; "dense": a smaller covering radius is declared.
+            is round; "dense": a smaller covering radius is declared; "shapes": shapes
+            without samples; "both": the capsules as samples, the others as shapes.
         repeat: Samples are repeated until they are so many, once.
     """
 
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     boxes: list[Box] = field(default_factory=list)
+    others: list[Shape] = field(default_factory=list)
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
     extra: float = 0.0
     held: np.ndarray | None = None
     mode: str = "rho"
     repeat: int = 0
 
+    def shapes(self) -> list[Shape]:
+        """Return what of the obstacles is told as shapes, base frame."""
+        if self.mode not in SHAPES:
+            return []
+        rods = self.capsules if self.mode == "shapes" else self.capsules[:0]
+        return [*_capsules(rods), *self.others]
+
+    def solids(self) -> list[Shape]:
+        """Return all obstacles of the frame as solids, base frame."""
+        others = self.others if self.mode in SHAPES else []
+        return [*_capsules(self.capsules), *others]
+
+    def given(self) -> np.ndarray | Obstacles:
+        """Return what `step` is given: samples, shapes, or both, world frame."""
+        points = self.points()
+        if self.mode not in SHAPES:
+            return points
+        if self.mode == "shapes":
+            points = points[:0]
+        T = self.T_world_base
+        return Obstacles.of([shape.moved(T) for shape in self.shapes()], points)
+
     def points(self) -> np.ndarray:
-        """Return samples (n, 3) of the frame's obstacles, world frame [m]."""
+        """Return samples (n, 3) of the frame's capsules, world frame [m]."""
         spacing = DENSE if self.mode == "dense" else SPACING
         points = sample_capsules(self.capsules, spacing)
         if self.repeat and len(points):
@@ -122,7 +150,7 @@ class Judge:
     def judge(
         self,
         world: World,
-        points: np.ndarray,
+        given: np.ndarray | Obstacles,
         q: np.ndarray,
         path: np.ndarray,
         exact: bool,
@@ -131,7 +159,7 @@ class Judge:
 
         Args:
             world: What stands around the robot.
-            points: (n, 3) samples that the planner was given [m].
+            given: What the planner was given.
             q: (dof,) where the path must begin [rad or m].
             path: (k, dof) the answer.
             exact: Ask exact geometry in any case, not only where it is near.
@@ -142,7 +170,7 @@ class Judge:
         if not np.array_equal(path[0], q):
             verdict.wrong.append(f"the path begins at {path[0]}, not at {q}")
         # its answers do not depend on q: it stays, and nothing is attached anew
-        self.fresh.step(points, q=self._q, **world.told())
+        self.fresh.step(given, q=self._q, **world.told())
         path = path.copy()
         over = np.clip(path[0], robot.lower, robot.upper) - path[0]
         tolerated = ~robot.continuous & (np.abs(over) <= LIMIT_TOLERANCE)
@@ -193,9 +221,7 @@ class Judge:
         """Measure each leg with exact solids."""
         T = np.linalg.inv(world.T_world_base)
         m = self.cell_map.safety.m
-        moving: list[Shape] = [
-            Capsule.between(row[:3], row[3:6], row[6]) for row in world.capsules
-        ]
+        moving = world.solids()
         self._side.stand_around([*moving, *(box.moved(T) for box in world.boxes)])
         verdict.exact = True
         for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
@@ -208,6 +234,10 @@ class Judge:
                     f"leg {k}: exactly {1e3 * found.distance:.2f} mm from {found.what}"
                     + (", in contact" if found.touches else "")
                 )
+
+
+def _capsules(rods: np.ndarray) -> list[Shape]:
+    return [Capsule.between(row[:3], row[3:6], row[6]) for row in rods]
 
 
 @dataclass

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm.answer import HOLDING, Answer
-from odm.audit.sequence_judge import SPACING, Judge, Verdict, World
+from odm.audit.sequence_judge import SHAPES, SPACING, Judge, Verdict, World
 from odm.cell_map.cell_map import CellMap
-from odm.obstacles.shapes import Box
-from odm.obstacles.surfaces import sample_capsules
+from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere
+from odm.obstacles.surfaces import sample_capsules, surface_of
 from odm.planner.planner import ReactivePlanner
 from odm.planner.settings import PlannerSettings
 from odm.search._paths import locate_on_way
@@ -124,6 +125,25 @@ class Sequence:
         turned = (q + np.pi) % (2.0 * np.pi) - np.pi
         clipped = np.clip(q, robot.lower, robot.upper)
         return np.where(robot.continuous, turned, clipped)
+
+    def draw_shape(self, near: np.ndarray) -> Shape:
+        """Return a sphere, cylinder, box or convex mesh beside `near` [m]."""
+        rng = self.rng
+        p = near + rng.normal(size=3) * 0.15
+        T = pose_of(p, rng.uniform(-3.0, 3.0, 3))
+        size = rng.uniform(0.02, 0.25, 3)
+        kind = int(rng.integers(4))
+        if kind == 0:
+            return Sphere(float(0.4 * size[0]), T)
+        if kind == 1:
+            return Cylinder(float(0.3 * size[0]), float(size[1]), T)
+        if kind == 2:
+            return Box(size, T)
+        top = np.append(0.4 * size[:2] * rng.normal(size=2), size[2])
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        base = 0.5 * size * corners
+        faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+        return Mesh(np.vstack([base, top]), np.array(faces), T)
 
     def draw_arm(self, near: np.ndarray | None = None) -> np.ndarray:
         """Return two capsules (2, 7) in the base frame, one through `near` [m]."""
@@ -253,6 +273,7 @@ class Sequence:
         if len(self.world.capsules):
             self.world.capsules[:, :3] += self.velocity[0]
             self.world.capsules[:, 3:6] += self.velocity[1]
+            self._carry_others(self.velocity[0])
 
     def approach_robot(self) -> None:
         """Let the obstacles come as near to what lies ahead as they just may."""
@@ -263,7 +284,9 @@ class Sequence:
     def come(self) -> None:
         """Let obstacles appear, mostly beside what lies ahead."""
         self.velocity = self.rng.normal(0.0, 0.002, (2, 3))
-        self.world.mode = str(self.rng.choice(["rho", "rho", "round", "dense"]))
+        modes = ["rho", "rho", "round", "dense", "shapes", "shapes", "both"]
+        self.world.mode = str(self.rng.choice(modes))
+        self.world.others = []
         if self.rng.random() < 0.2:
             self.world.capsules = self.draw_arm()
             return
@@ -273,6 +296,9 @@ class Sequence:
         beside *= 0.3 / max(float(np.linalg.norm(beside)), 1e-9)
         near = centers[self.rng.integers(len(centers))] + beside
         self.world.capsules = self.draw_arm(near)
+        if self.world.mode in SHAPES:
+            number = int(self.rng.integers(0, 4))
+            self.world.others = [self.draw_shape(near) for _ in range(number)]
         self._shift(q, self.planner.keep + self.rng.uniform(0.0, 0.12))
 
     def _ahead(self) -> np.ndarray:
@@ -289,6 +315,9 @@ class Sequence:
         centers = sphere_centers(robot, q)[robot.moving]
         radii = robot.spheres[robot.moving, 3]
         points = sample_capsules(capsules, SPACING)
+        if self.world.mode in SHAPES:
+            parts = [surface_of(s, SPACING).points for s in self.world.others]
+            points = np.concatenate([points, *parts])
         away = points[:, None] - centers
         length = np.linalg.norm(away, axis=2)
         i, k = np.unravel_index(np.argmin(length - radii), length.shape)
@@ -296,10 +325,17 @@ class Sequence:
         step = (gap - now) / max(float(length[i, k]), 1e-9) * away[i, k]
         capsules[:, :3] += step
         capsules[:, 3:6] += step
+        self._carry_others(step)
+
+    def _carry_others(self, step: np.ndarray) -> None:
+        """Move the other obstacles straight [m]."""
+        T = pose_of(step)
+        self.world.others = [shape.moved(T) for shape in self.world.others]
 
     def clear(self) -> None:
         """Let the obstacles leave."""
         self.world.capsules = np.zeros((0, 7))
+        self.world.others = []
 
     def reset(self) -> None:
         """Forget the path in use."""
@@ -372,14 +408,14 @@ class Sequence:
     def frame(self, exact: bool = False) -> Step:
         """Ask the planner for one frame and judge what it says."""
         self.now += 0.01
-        world, points = self.world, self.world.points()
-        stamp, given = self.now, points
+        world, given = self.world, self.world.given()
+        seen, stamp = given, self.now
         late = self.stale * float(self.rng.choice([0.05, 0.5]))
         stamp -= late  # a little: to be refused if it is older than the frame before
-        if self.broken and len(points):
-            given = points.copy()
-            given[self.rng.integers(len(points)), self.rng.integers(3)] = np.nan
-        refused = late > 0.1 or (self.broken and len(points) > 0)
+        there = len(given) > 0  # of obstacles the number of shapes, of points theirs
+        if self.broken and there:
+            given = self._broken(given)
+        refused = late > 0.1 or (self.broken and there)
         self.stale = self.broken = False
         if self.tamper is not None:
             self.tamper(self.planner, self.q)
@@ -388,7 +424,7 @@ class Sequence:
         )
         verdict = None
         if answer.status != HOLDING:
-            verdict = self.judge.judge(world, points, self.q, answer.path, exact)
+            verdict = self.judge.judge(world, seen, self.q, answer.path, exact)
             if refused:
                 verdict.wrong.append("a frame that cannot be used was answered")
         self.answer = answer
@@ -403,6 +439,15 @@ class Sequence:
                 self._aim()
             self.q = self.inside(self.q + self.pushed)
         return Step(answer, verdict)
+
+    def _broken(self, given: np.ndarray | Obstacles) -> np.ndarray | Obstacles:
+        """Return what is given with one value that is no number."""
+        if isinstance(given, Obstacles):
+            given.data[self.rng.integers(len(given.data))] = np.nan
+            return given
+        given = given.copy()
+        given[self.rng.integers(len(given)), self.rng.integers(3)] = np.nan
+        return given
 
     def run(self, steps: int, exact_every: int) -> Iterator[Step]:
         """Run so many frames with random events between them, one at a time."""

@@ -30,6 +30,8 @@ class Work(NamedTuple):
     rates: np.ndarray = array("f8", "2 bodies", FRAME)
     body_speed: np.ndarray = array("f8", "bodies", FRAME)
     body_radius: np.ndarray = array("f8", "bodies", FRAME)
+    body_bare: np.ndarray = array("f8", "bodies", FRAME)
+    body_bend: np.ndarray = array("f8", "bodies", FRAME)
     # level at which the chord test decides, and from which it may free a body
     bottom: np.ndarray = array("i8", "bodies", FRAME)
     early: np.ndarray = array("i8", "bodies", FRAME)
@@ -47,6 +49,7 @@ class Clearance(NamedTuple):
 
     arm: Arm
     radii: np.ndarray  # (n,) sphere radius + covering radius + clearance [m]
+    bare: np.ndarray  # (n,) sphere radius + clearance: kept from solids [m]
     tolerance: float  # no piece of a motion is inflated by more [m]
     work: Work
 

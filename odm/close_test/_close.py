@@ -1,22 +1,25 @@
-"""The close test: a motion's spheres against points, continuous, without cells.
+"""The close test: a motion's spheres against points and solids, continuous, no cells.
 
 A motion q + t dq is split by dichotomy. An interval is free when at its middle every
 sphere is farther from every point than its radius plus the way it can make in half
 the interval. Where that fails, the sphere's chord, thickened by the bound on the sag
 (|p''| dt^2 / 8), may free it as soon as the sag is small, and decides at the bottom
-level.
+level. From solids, whose distance is exact, a sphere keeps its bare radius, from points
+the covering radius of their samples, too.
 """
 
 import math
 
 from numba import njit
 
-from odm.obstacles._cloud import N_OCCUPIED
+from odm.obstacles._cloud import N_LISTED
+from odm.obstacles._solids import chord_keeps, solid_distance
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
 ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
+FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
 
 
 @njit(cache=True, nogil=True)
@@ -48,7 +51,7 @@ def prepare_motion(clearance, dq):
 
     Returns False where a radius is not finite: nothing can be proved then.
     """
-    arm, radii, tolerance, work = clearance
+    arm, radii, bare, tolerance, work = clearance
     motion_bounds(
         arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
     )
@@ -57,12 +60,14 @@ def prepare_motion(clearance, dq):
         bend = 0.0
         widest = 0.0
         thinnest = math.inf
+        barest = 0.0
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             fastest = max(fastest, work.speed[i])
             bend = max(bend, work.bend[i])
             widest = max(widest, radii[i])
             thinnest = min(thinnest, radii[i])
-            if not abs(radii[i]) < math.inf:
+            barest = max(barest, bare[i])
+            if not (abs(radii[i]) < math.inf and abs(bare[i]) < math.inf):
                 return False
         bottom = 0
         if widest > 0.0:
@@ -77,6 +82,8 @@ def prepare_motion(clearance, dq):
         work.early[b] = early
         work.body_speed[b] = fastest
         work.body_radius[b] = widest
+        work.body_bare[b] = barest
+        work.body_bend[b] = bend
         work.bottom[b] = bottom
     return True
 
@@ -111,7 +118,7 @@ def threshold(radius, i, px, py, pz, escape, anchor):
 @njit(cache=True, nogil=True)
 def body_at(clearance, b, frame, half, cloud, escape):
     """Test body b at one configuration; 0 free, 1 open, 2 in the way of a point."""
-    arm, radii, _, work = clearance
+    arm, radii, work = clearance.arm, clearance.radii, clearance.work
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
     bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
@@ -120,7 +127,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
     wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
     wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
     result = 0
-    for k in range(cloud.counts[N_OCCUPIED]):
+    for k in range(cloud.counts[N_LISTED]):
         if box_distance2(wx, wy, wz, cloud.box[k]) >= reach * reach:
             continue
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
@@ -154,7 +161,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
 @njit(cache=True, nogil=True)
 def body_chord(clearance, b, f, g, dt, cloud, escape):
     """Test body b along the chords between frames f and g; False: in the way."""
-    arm, radii, _, work = clearance
+    arm, radii, work = clearance.arm, clearance.radii, clearance.work
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
         ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
@@ -167,7 +174,7 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
         mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         half = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) * 0.5
         far = radii[i] + sag + half
-        for k in range(cloud.counts[N_OCCUPIED]):
+        for k in range(cloud.counts[N_LISTED]):
             if box_distance2(mx, my, mz, cloud.box[k]) >= far * far:
                 continue
             for p in range(cloud.start[k], cloud.start[k + 1]):
@@ -182,6 +189,92 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
                     work.found[1] = cloud.order[p]
                     work.value[1] = math.sqrt(d2)
                     return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def solid_threshold(solids, k, radius, i, escape, anchor):
+    """Return the distance that sphere i must keep from solid k."""
+    if not escape:
+        return radius
+    x, y, z = anchor[i, 0], anchor[i, 1], anchor[i, 2]
+    return min(radius, solid_distance(solids, k, x, y, z, math.inf) - ESCAPE_SLACK)
+
+
+@njit(cache=True, nogil=True)
+def body_at_solids(clearance, b, frame, half, solids, escape):
+    """Test body b at one configuration; 0 free, 1 open, 2 in the way of a solid."""
+    arm, bare, work = clearance.arm, clearance.bare, clearance.work
+    near = arm.bound[b, 3] + work.body_bare[b]
+    reach = near + work.body_speed[b] * half
+    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
+    f = frame
+    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
+    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
+    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
+    result = 0
+    for k in range(solids.count[0]):
+        if solid_distance(solids, k, wx, wy, wz, reach) >= reach:
+            continue
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            s = arm.spheres[i]
+            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            # once the interval is open, only a solid in the way is news
+            way = work.speed[i] * half if result == 0 else 0.0
+            far = bare[i] + way
+            d = solid_distance(solids, k, cx, cy, cz, far)
+            if d >= far:
+                continue
+            r = solid_threshold(solids, k, bare[i], i, escape, work.anchor)
+            if d < r:
+                work.found[0] = i
+                work.found[1] = FIRST_SOLID - k
+                work.value[1] = d
+                return 2
+            if result == 0 and d < r + way:
+                result = 1
+                reach = near
+    return result
+
+
+@njit(cache=True, nogil=True)
+def body_chord_solids(clearance, b, frames, dt, solids, escape):
+    """Test body b along chords between two frames of work; False: in the way."""
+    arm, bare, work = clearance.arm, clearance.bare, clearance.work
+    f, g, h = frames[1, b], frames[2, b], frames[0, b]  # two ends, and between them
+    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
+    wx = h[0] * bx + h[1] * by + h[2] * bz + h[9]
+    wy = h[3] * bx + h[4] * by + h[5] * bz + h[10]
+    wz = h[6] * bx + h[7] * by + h[8] * bz + h[11]
+    reach = arm.bound[b, 3] + work.body_bare[b] + work.body_speed[b] * 0.5 * dt
+    reach += work.body_bend[b] * dt * dt / 8.0
+    for k in range(solids.count[0]):
+        if solid_distance(solids, k, wx, wy, wz, reach) >= reach:
+            continue
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            s = arm.spheres[i]
+            ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+            ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+            az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            cx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
+            cy = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
+            cz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
+            sag = work.bend[i] * dt * dt / 8.0
+            r = bare[i] + sag
+            mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
+            half = math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2) * 0.5
+            d = solid_distance(solids, k, mx, my, mz, r + half)
+            if d >= r + half:
+                continue
+            if escape:
+                r = solid_threshold(solids, k, bare[i], i, True, work.anchor) + sag
+            if not chord_keeps(solids, k, (ax, ay, az), (cx, cy, cz), r):
+                work.found[0] = i
+                work.found[1] = FIRST_SOLID - k
+                work.value[1] = min(d, bare[i])
+                return False
     return True
 
 
@@ -216,18 +309,19 @@ def split_interval(work, top):
 
 
 @njit(cache=True, nogil=True)
-def motion_clear(clearance, q, dq, cloud, escape):
+def motion_clear(clearance, q, dq, cloud, solids, escape):
     """Return True if the whole motion q + t dq, t in [0, 1], keeps its distance.
 
-    On False, work.found has the sphere and the point's index and work.value t and the
-    distance. What is not finite is not clear, whatever stands about: the point is -1
-    then. With `escape`, points nearer than that need only not come nearer than
-    work.anchor has them. The points must have been sorted.
+    On False, work.found has the sphere and the point's index, FIRST_SOLID - k for solid
+    k, and work.value t and the distance. What is not finite is not clear, whatever
+    stands about: the point is -1 then. With `escape`, what is nearer than that need
+    only not come nearer than work.anchor has it. The points must have been sorted.
     """
     arm, work = clearance.arm, clearance.work
     work.found[2] += 1
     known = is_finite(q, dq)
-    if known and cloud.counts[N_OCCUPIED] == 0:
+    points, shapes = cloud.counts[N_LISTED] > 0, solids.count[0] > 0
+    if known and not points and not shapes:
         return True
     if not (known and prepare_motion(clearance, dq)):
         work.found[0] = 0
@@ -251,7 +345,13 @@ def motion_clear(clearance, q, dq, cloud, escape):
             if not mask[b]:
                 continue
             frame = work.frames[0, b]
-            state = body_at(clearance, b, frame, 0.5 * dt, cloud, escape)
+            half = 0.5 * dt
+            state = 0
+            if points:
+                state = body_at(clearance, b, frame, half, cloud, escape)
+            if shapes and state != 2:
+                other = body_at_solids(clearance, b, frame, half, solids, escape)
+                state = max(state, other)
             if state == 2:
                 work.value[0] = t
                 return False
@@ -262,7 +362,7 @@ def motion_clear(clearance, q, dq, cloud, escape):
                 else:
                     open_ = True
         if chords:
-            verdict = chords_clear(clearance, q, dq, top, cloud, escape)
+            verdict = chords_clear(clearance, q, dq, top, cloud, solids, escape)
             if verdict == 2:
                 work.value[0] = t
                 return False
@@ -276,11 +376,11 @@ def motion_clear(clearance, q, dq, cloud, escape):
 
 
 @njit(cache=True, nogil=True)
-def chords_clear(clearance, q, dq, top, cloud, escape):
+def chords_clear(clearance, q, dq, top, cloud, solids, escape):
     """Test the bodies of the interval at `top` that are still open, by their chords.
 
     Those that are free leave its mask. Returns 0 where all are; 1: some are open;
-    2: one is in the way of a point, at the bottom level.
+    2: one is in the way, at the bottom level.
     """
     arm, work = clearance.arm, clearance.work
     level, index = work.stack[top, 0], work.stack[top, 1]
@@ -294,7 +394,9 @@ def chords_clear(clearance, q, dq, top, cloud, escape):
     for b in range(1, mask.shape[0]):
         if mask[b] and level >= work.early[b]:
             f, g = work.frames[1, b], work.frames[2, b]
-            if body_chord(clearance, b, f, g, dt, cloud, escape):
+            if body_chord(clearance, b, f, g, dt, cloud, escape) and body_chord_solids(
+                clearance, b, work.frames, dt, solids, escape
+            ):
                 mask[b] = False
             elif level < work.bottom[b]:
                 result = 1
@@ -304,7 +406,7 @@ def chords_clear(clearance, q, dq, top, cloud, escape):
 
 
 @njit(cache=True, nogil=True)
-def first_blocked(clearance, path, cloud, leg):
+def first_blocked(clearance, path, cloud, solids, leg):
     """Return the first leg of a path (k, dof) that comes too near, -1 for none.
 
     `leg` (dof,) is scratch. A single corner is a robot at rest.
@@ -312,7 +414,7 @@ def first_blocked(clearance, path, cloud, leg):
     for k in range(max(1, path.shape[0] - 1)):
         for j in range(path.shape[1]):
             leg[j] = path[min(k + 1, path.shape[0] - 1), j] - path[k, j]
-        if not motion_clear(clearance, path[k], leg, cloud, False):
+        if not motion_clear(clearance, path[k], leg, cloud, solids, False):
             return k
     return -1
 
@@ -325,10 +427,11 @@ def place_anchor(arm, q, work):
 
 
 @njit(cache=True, nogil=True)
-def separation(arm, q, cloud, limit, work):
-    """Return the smallest distance of the cover from the points, at most `limit`.
+def separation(arm, q, cloud, solids, limit, work):
+    """Return the least distance of the cover from points and solids, at most `limit`.
 
-    work.found gets the sphere and the point's index (-1: none within `limit`).
+    work.found gets the sphere and the point's index (-1: none within `limit`), or
+    FIRST_SOLID - k for solid k.
     """
     body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
     best = limit
@@ -341,7 +444,7 @@ def separation(arm, q, cloud, limit, work):
             cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
             cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
             cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            for k in range(cloud.counts[N_OCCUPIED]):
+            for k in range(cloud.counts[N_LISTED]):
                 far = best + s[3]
                 if far <= 0.0:
                     break
@@ -356,6 +459,12 @@ def separation(arm, q, cloud, limit, work):
                         best = d
                         work.found[0] = i
                         work.found[1] = cloud.order[p]
+            for k in range(solids.count[0]):
+                d = solid_distance(solids, k, cx, cy, cz, best + s[3]) - s[3]
+                if d < best:
+                    best = d
+                    work.found[0] = i
+                    work.found[1] = FIRST_SOLID - k
     return best
 
 

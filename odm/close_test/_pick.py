@@ -7,7 +7,7 @@ sphere along it, so points in other cells cannot be in its way.
 import numpy as np
 from numba import njit
 
-from odm.obstacles._cloud import IS_SORTED, N_INSIDE, N_OCCUPIED
+from odm.obstacles._cloud import IS_SORTED, N_HEEDED, N_INSIDE, N_LISTED, N_OCCUPIED
 
 
 @njit(cache=True, nogil=True)
@@ -41,16 +41,18 @@ def pick_cells(pick, words, block, mask, begin, end):
 @njit(cache=True, nogil=True)
 def pick_points(pick, cloud, points):
     """Collect the points of the picked cells, by block; return their number."""
-    n_picked = pick.counts[N_OCCUPIED]
+    n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_HEEDED]
     pick.counts[N_INSIDE] = 0
     pick.counts[IS_SORTED] = 1
-    if n_picked == 0:
+    pick.counts[N_LISTED] = 0
+    if n_picked == 0 or n_points == 0:
         return 0
+    pick.counts[N_LISTED] = n_picked
     start, slot, box = pick.start, pick.slot, pick.box
     for k in range(n_picked + 1):
         start[k] = 0
     found = 0
-    for i in range(points.shape[0]):
+    for i in range(n_points):
         at = cloud.where[i]
         if at < 0:
             continue

@@ -2,7 +2,14 @@
 
 from numba import njit
 
-from odm.obstacles._cloud import IS_SORTED, N_BAD, N_INSIDE, N_OCCUPIED
+from odm.obstacles._cloud import (
+    IS_SORTED,
+    N_BAD,
+    N_HEEDED,
+    N_INSIDE,
+    N_LISTED,
+    N_OCCUPIED,
+)
 from odm.obstacles._occupancy import clear, sort_points
 
 
@@ -41,7 +48,8 @@ def lay_out(points, cloud):
             n_occupied += 1
             words[b] = 1
         where[i] = b << 6
-    cloud.counts[N_OCCUPIED] = n_occupied
+    cloud.counts[N_OCCUPIED] = cloud.counts[N_LISTED] = n_occupied
+    cloud.counts[N_HEEDED] = points.shape[0]
     cloud.counts[N_INSIDE] = points.shape[0] - bad
     cloud.counts[N_BAD] = bad
     sort_points(points, cloud)

@@ -17,6 +17,7 @@ from odm.close_test._close import (
     split_interval,
 )
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import Solids as Shapes
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
@@ -43,6 +44,7 @@ class Still(NamedTuple):
     cloud: Cloud  # points of the recipe's scenery
     place: Clearance
     place_cloud: Cloud  # points of the scenery of this place
+    shapes: Shapes  # none: what stands still is points and rows of `solids`
 
 
 @njit(cache=True, nogil=True)
@@ -146,22 +148,25 @@ def motion_clear_of_solids(arm, q, dq, solids, work):
 
 
 @njit(cache=True, nogil=True)
-def motions_free(still, q, dq, scratch, result):
-    """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`.
+def motion_free(still, q, dq, scratch):
+    """Return whether the motion q + t dq is free of `still`.
 
     `scratch` is that of the self-collision.
     """
     arm, work = still.scenery.arm, still.scenery.work
-    apart, fine = still.margin, still.tolerance
+    if not motion_clear_of_solids(arm, q, dq, still.solids, work):
+        return False
+    pair, _ = keeps_apart(still.itself, q, dq, still.margin, still.tolerance, scratch)
+    if pair >= 0:
+        return False
+    shapes = still.shapes
+    if not motion_clear(still.scenery, q, dq, still.cloud, shapes, False):
+        return False
+    return motion_clear(still.place, q, dq, still.place_cloud, shapes, False)
+
+
+@njit(cache=True, nogil=True)
+def motions_free(still, q, dq, scratch, result):
+    """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`."""
     for k in range(q.shape[0]):
-        result[k] = False
-        if not motion_clear_of_solids(arm, q[k], dq[k], still.solids, work):
-            continue
-        pair, _ = keeps_apart(still.itself, q[k], dq[k], apart, fine, scratch)
-        if pair >= 0:
-            continue
-        if not motion_clear(still.scenery, q[k], dq[k], still.cloud, False):
-            continue
-        if not motion_clear(still.place, q[k], dq[k], still.place_cloud, False):
-            continue
-        result[k] = True
+        result[k] = motion_free(still, q[k], dq[k], scratch)

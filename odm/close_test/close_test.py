@@ -1,10 +1,14 @@
-"""The close test: whether motions keep their distance from points, without cells."""
+"""The close test: whether motions keep their distance from obstacles, without cells."""
 
 import numpy as np
 
+from odm._groups import new
 from odm.close_test import _close as close
 from odm.close_test._arm import Arm, Clearance, Work
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import Solids
+
+NO_SOLIDS = new(Solids, {"shapes": 0, "faces": 0})
 
 
 class CloseTest:
@@ -12,45 +16,69 @@ class CloseTest:
 
     Args:
         arm: The robot.
-        radii: (n,) sphere radius + covering radius + clearance [m].
+        radii: (n,) sphere radius + covering radius + clearance, from points [m].
         tolerance: No piece of a motion is inflated by more [m].
         work: Scratch; two tests may share it, but not two threads.
+        bare: (n,) sphere radius + clearance, kept from solids [m]; None: `radii`.
     """
 
     def __init__(
-        self, arm: Arm, radii: np.ndarray, tolerance: float, work: Work
+        self,
+        arm: Arm,
+        radii: np.ndarray,
+        tolerance: float,
+        work: Work,
+        bare: np.ndarray | None = None,
     ) -> None:
         """Keep what compiled loops take."""
-        self.group = Clearance(arm, radii, tolerance, work)
+        bare = radii if bare is None else bare
+        self.group = Clearance(arm, radii, bare, tolerance, work)
 
     def grown(self, extra: float) -> "CloseTest":
         """Return the same test with so much more distance [m]."""
-        arm, radii, tolerance, work = self.group
-        return CloseTest(arm, radii + extra, tolerance, work)
+        arm, radii, bare, tolerance, work = self.group
+        return CloseTest(arm, radii + extra, tolerance, work, bare + extra)
 
     def clear(
-        self, q: np.ndarray, dq: np.ndarray, cloud: Cloud, escape: bool = False
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        cloud: Cloud,
+        escape: bool = False,
+        solids: Solids = NO_SOLIDS,
     ) -> bool:
-        """Return whether q + t dq, t in [0, 1], keeps its distance from sorted points.
+        """Return whether q + t dq, t in [0, 1], keeps its distance.
 
-        With `escape` points that are nearer already only must not come nearer; see
-        `_close.place_anchor`.
+        From sorted points and from solids. With `escape` what is nearer already only
+        must not come nearer; see `_close.place_anchor`.
         """
-        return close.motion_clear(self.group, q, dq, cloud, escape)
+        return close.motion_clear(self.group, q, dq, cloud, solids, escape)
 
-    def first_blocked(self, path: np.ndarray, cloud: Cloud) -> int | None:
+    def first_blocked(
+        self, path: np.ndarray, cloud: Cloud, solids: Solids = NO_SOLIDS
+    ) -> int | None:
         """Return the first leg of a path (k, dof) that is not clear, or None."""
         leg = np.empty(path.shape[1])
-        k = close.first_blocked(self.group, path, cloud, leg)
+        k = close.first_blocked(self.group, path, cloud, solids, leg)
         return None if k < 0 else k
 
-    def separation(self, q: np.ndarray, cloud: Cloud, limit: float = np.inf) -> float:
-        """Return the least distance of the spheres from points, at most `limit` [m]."""
-        return close.separation(self.group.arm, q, cloud, limit, self.group.work)
+    def separation(
+        self,
+        q: np.ndarray,
+        cloud: Cloud,
+        limit: float = np.inf,
+        solids: Solids = NO_SOLIDS,
+    ) -> float:
+        """Return the least distance of the spheres from all, at most `limit` [m]."""
+        arm, work = self.group.arm, self.group.work
+        return close.separation(arm, q, cloud, solids, limit, work)
 
     @property
     def blocked_by(self) -> tuple[int, int]:
-        """The sphere and the point of the last answer; -1 where there was none."""
+        """The sphere and the point of the last answer; -1 where there was none.
+
+        Solid k is told as FIRST_SOLID - k instead of a point.
+        """
         sphere, point = self.group.work.found[:2].tolist()
         return sphere, point
 
@@ -62,5 +90,6 @@ class CloseTest:
     @property
     def missing(self) -> float:
         """How much too near the last motion came [m]."""
-        radius = self.group.radii[self.group.work.found[0]]
-        return float(radius - self.group.work.value[1])
+        sphere, point = self.blocked_by
+        kept = self.group.bare if point <= close.FIRST_SOLID else self.group.radii
+        return float(kept[sphere] - self.group.work.value[1])

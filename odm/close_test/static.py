@@ -10,7 +10,7 @@ import numpy as np
 from odm.close_test import _static as kernels
 from odm.close_test._arm import Clearance, Work, make_work
 from odm.close_test.arm import arm_of
-from odm.close_test.close_test import CloseTest
+from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import _world_frame as layers
@@ -96,7 +96,7 @@ class StaticTest:
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            still, scratch = self._still(more), self.itself.scratch()
+            still, scratch = self.still(more), self.itself.scratch()
             kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
@@ -151,7 +151,7 @@ class StaticTest:
         order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
 
-    def _still(self, more: float) -> kernels.Still:
+    def still(self, more: float = 0.0) -> kernels.Still:
         """Return all that stands still, with scratch for one thread."""
         radii, place_radii = self.radii, self.place_radii
         if more:
@@ -162,10 +162,11 @@ class StaticTest:
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
             solids=kernels.Solids(self.scenery.solids, self.skip, self.safety.m + more),
-            scenery=Clearance(self.arm, radii, self.tolerance, work),
+            scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
             cloud=self.cloud,
-            place=Clearance(self.arm, place_radii, self.tolerance, work),
+            place=Clearance(self.arm, place_radii, place_radii, self.tolerance, work),
             place_cloud=self.place_cloud,
+            shapes=NO_SOLIDS,
         )
 
     def new_work(self) -> Work:

@@ -5,14 +5,17 @@ import math
 import numpy as np
 
 from odm.checks import check_classes, check_path, check_points
+from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Frame
 from odm.frame.last_phase import LastPhase
+from odm.obstacles._solids import Solids
+from odm.obstacles.obstacles import Obstacles, SolidRoom
 from roadmap.errors import BadInput
 
 
 class PathTest:
-    """Tests whole paths, corner to corner, against points that come nearer.
+    """Tests whole paths, corner to corner, against obstacles that come nearer.
 
     Args:
         frame: Its hand, clearance and points count.
@@ -23,12 +26,13 @@ class PathTest:
         """Lay out room for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
+        self._shapes = SolidRoom(frame.rho)
 
     def blocked_leg(
         self,
         path: np.ndarray,
         extra: float,
-        points: np.ndarray | None,
+        points: np.ndarray | Obstacles | None,
         phase: str | None,
         classes: np.ndarray | None,
     ) -> int | None:
@@ -43,19 +47,26 @@ class PathTest:
             )
         unknown = not math.isfinite(extra)
         if points is None:
-            points, classes = frame.points, frame.classes
+            points, classes = frame.points[: frame.heeded], frame.classes
+            solids, kinds = frame.solids, frame.solid_classes
             unknown = unknown or frame.trouble is not None
         else:
+            solids, kinds = NO_SOLIDS, None
+            if isinstance(points, Obstacles):
+                solids = self._shapes.of(points, frame.base_world)
+                unknown = unknown or solids is None
+                kinds, classes = points.shape_classes, points.classes
+                points = points.points
             points = check_points(points, None, None, frame.rho)
             classes = check_classes(classes, len(points))
             points = frame.world_ahead.points(points)
         if unknown:
             return 0
         if phase is None:
-            return self._blocked(path, extra, points)
+            return self._blocked(path, extra, points, solids)
         if not np.isfinite(points).all():
             return 0
-        self.last_phase.look(phase, points, classes)
+        self.last_phase.look(phase, points, classes, solids, kinds)
         cover = frame.cover()
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
         for k, dq in enumerate(legs):
@@ -64,9 +75,9 @@ class PathTest:
         return None
 
     def _blocked(
-        self, path: np.ndarray, extra: float, points: np.ndarray
+        self, path: np.ndarray, extra: float, points: np.ndarray, solids: Solids
     ) -> int | None:
         cloud, bad = self._ahead.of_all(points)
         if bad:
             return 0
-        return self.frame.close_test.grown(extra).first_blocked(path, cloud)
+        return self.frame.close_test.grown(extra).first_blocked(path, cloud, solids)

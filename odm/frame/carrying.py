@@ -65,8 +65,8 @@ class Carrier:
         frame.thing, self.robot = thing, robot
         m, arm = frame.memory, frame.static.arm
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
-        radii, sway = np.zeros(len(arm.spheres)), joint_sway(arm, robot.dof)
-        own = m.own._replace(radii=radii, sway=sway)
+        n, sway = len(arm.spheres), joint_sway(arm, robot.dof)
+        own = m.own._replace(radii=np.zeros(n), bare=np.zeros(n), sway=sway)
         exchange(m, {"arm": arm, "work": work, "own": own, **self._groups})
         frame.hand_changed()
 

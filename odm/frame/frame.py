@@ -4,26 +4,33 @@ Helpers take a frame instead of the planner: robot, map and compiled state, the 
 that were seen last, what stands in the hand and around, and the distances that count.
 """
 
+import math
 from threading import get_ident
 from time import perf_counter_ns
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from odm._groups import new
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import CarriedObject
 from odm.checks import FLOAT, check_classes, check_configuration, check_points
 from odm.close_test._arm import Arm, Work
-from odm.close_test.close_test import CloseTest
+from odm.close_test._close import FIRST_SOLID
+from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import IS_SORTED
+from odm.obstacles._cloud import IS_SORTED, N_BAD, N_INSIDE, N_OUTSIDE
+from odm.obstacles._solid_samples import Patterns, move_solids
+from odm.obstacles._solids import MESH, Solids
+from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
 from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.search import _frame as kernels
 from odm.search.state import DirectMap, exchange, lay_out
+from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
 
@@ -35,6 +42,28 @@ class Cover(NamedTuple):
     radii: np.ndarray  # (n,) radius, covering radius and clearance [m]
     links: list[str]  # of each sphere
     work: Work
+    bare: np.ndarray  # (n,) the same from solids: without the covering radius [m]
+
+
+class Near(NamedTuple):
+    """What of the frame is nearest to a configuration, by what must be kept.
+
+    Attributes:
+        gap: Its distance [m]; inf where there is nothing.
+        keep: The distance that it must have [m].
+        link: The link that it is near to.
+        what: What it is called; None for nothing.
+        point: Its index where it is a point, else -1.
+    """
+
+    gap: float
+    keep: float
+    link: str | None
+    what: str | None
+    point: int
+
+
+MOST_SAMPLES = 2_000_000  # of all shapes of a frame
 
 
 class Frame:
@@ -54,10 +83,13 @@ class Frame:
         thing: What is in the hand; None for nothing.
         rho, extra: The map's covering radius, and what is kept beyond its m [m].
         sampled: (covering radius, rounding) that the points were declared with.
-        keep: A point nearer than this to a sphere is too near [m].
         world, world_ahead: Where the base stands; each has room for points of its own.
+        base_world: (4, 4) the world's pose in the base frame, for compiled loops.
         q: (dof,) where the robot is.
-        points: (n, 3) of the last frame, base frame [m]; copied.
+        points: (n, 3) of the last frame, base frame [m]; copied. The samples of its
+            shapes follow the points that were given.
+        heeded: How many points were given; samples only mark cells.
+        obstacles: The shapes of the last frame; None where it had points alone.
         classes: (n,) of these points, or None.
         trouble: Why the last frame could not be used; None where it could.
     """
@@ -81,7 +113,17 @@ class Frame:
         self.direct = DirectMap(self.memory, n, m)
         self.q = self.memory.own.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
+        self._heeded_keep = self._bare_keep = 0.0
         self.set_sampling(None, None)
+        self.base_world = np.eye(4)
+        grid = cell_map.grid
+        half = 0.5 * (grid.upper - grid.origin)
+        self._half = float(np.linalg.norm(half)) + 0.1  # ball around the grid
+        self._near = np.append(grid.origin + half, self._half)
+        self._nothing = grid.new_cloud(0)
+        self.obstacles: Obstacles | None = None
+        self.heeded = 0
+        self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
         # two rooms: the watch may still need the points of an earlier frame
         self._rooms = [np.empty((max_points, 3)) for _ in range(2)]
@@ -124,6 +166,15 @@ class Frame:
         """
         if get_ident() != self.memory.owner.thread:
             self.memory.owner.check()
+        obstacles = None
+        if type(points) is Obstacles:
+            obstacles, points = points, points.points
+            if classes is not None:
+                raise BadInput(
+                    "classes were given beside Obstacles; give them to Obstacles "
+                    "by kind"
+                )
+            classes = obstacles.classes
         # mostly both are what the compiled frame takes, which is seen at once here
         if (
             type(points) is not np.ndarray
@@ -144,6 +195,7 @@ class Frame:
         ):
             q = check_configuration(self.robot, q, dq)
         self.classes = None if classes is None else check_classes(classes, len(points))
+        self.obstacles = obstacles
         return points, q
 
     def take(
@@ -165,6 +217,9 @@ class Frame:
             points = self.world.points(points)
         if (covering_radius, rounding) != self.sampled:
             self.set_sampling(covering_radius, rounding)
+        if self.obstacles is not None:
+            return self._take_shapes(points, stamp, now)
+        self.heeded = len(points)
         if len(points) > len(self.memory.cloud.where):
             self.make_room(2 * len(points))
         room = self.points
@@ -178,8 +233,74 @@ class Frame:
             self.trouble = self.watch.unfit(room, self.memory.cloud, stamp, now)
         return marked
 
-    def replace(self, points: np.ndarray) -> None:
-        """Let (n, 3) points be the frame's, which no new frame has brought."""
+    def _take_shapes(
+        self, points: np.ndarray, stamp: float | None, now: float | None
+    ) -> int:
+        """Take a frame's points and the shapes of `obstacles`; see `take`."""
+        obstacles, memory = self.obstacles, self.memory
+        if obstacles is not self._known:
+            self._know(obstacles)
+            memory = self.memory
+        if self.watch.points_inside is self.points:
+            self._room = 1 - self._room
+        self.heeded = len(points)
+        shapes = obstacles.data, obstacles.counts
+        while True:
+            room = self._rooms[self._room]
+            n = kernels.begin_shapes(
+                memory.table, points, shapes, self.base_world, room, self._near
+            )
+            if n == kernels.MORE_PATTERNS:
+                self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
+                continue
+            if n != kernels.MORE_POINTS:
+                break
+            n = memory.patterns.wrong.item(0)
+            if n - len(points) > MOST_SAMPLES:
+                break
+            self.make_room(2 * n)
+            self._rooms[self._room] = np.empty((2 * n, 3))
+        trouble = None
+        if n > len(room):  # too many samples: nothing was begun
+            kernels.begin_step(memory.table, points, self._room_for(len(points)))
+            trouble = (
+                f"the shapes of the frame take {n} samples, more than {MOST_SAMPLES}; "
+                "give metres, or leave out what is far"
+            )
+        elif n < 0:
+            kind, k = memory.patterns.wrong.tolist()
+            trouble = obstacles.trouble(kernels.WRONG - n, kind, k)
+            n = len(points)
+        self._view_of(min(n, len(room)))
+        marked = perf_counter_ns()
+        counts = memory.cloud.counts
+        odd = counts.item(N_BAD) or counts.item(N_OUTSIDE) > counts.item(N_INSIDE)
+        if trouble is None and (odd or stamp is not None or now is not None):
+            trouble = self.watch.unfit(self.points, memory.cloud, stamp, now)
+        self.trouble = trouble
+        return marked
+
+    def _know(self, obstacles: Obstacles) -> None:
+        """Lay out what never changes about obstacles: room, and their meshes."""
+        self._fit_shapes(obstacles)
+        write_meshes(obstacles, self.memory.solids, self.memory.patterns)
+        self._known = obstacles
+
+    def _fit_shapes(self, obstacles: Obstacles, patterns: int = 0) -> None:
+        """Make room for shapes and their patterns, where there is too little."""
+        memory = self.memory
+        larger = room_for(obstacles, memory.solids, memory.patterns, patterns)
+        if larger is not None:
+            memory.owner.check()
+            exchange(memory, dict(zip(("solids", "patterns"), larger, strict=True)))
+            write_meshes(obstacles, *larger)
+
+    def replace(self, points: np.ndarray, heeded: int | None = None) -> None:
+        """Let (n, 3) points be the frame's, which no new frame has brought.
+
+        Of these the close test heeds the first `heeded`; None: as many as before.
+        """
+        self.heeded = self.heeded if heeded is None else heeded
         self._room_for(len(points))[...] = points
         self.mark()
 
@@ -190,8 +311,12 @@ class Frame:
         self.look_at(self.points)
 
     def look_at(self, points: np.ndarray) -> None:
-        """Mark other points than the frame's; `mark` goes back to these."""
-        kernels.take_points(self.memory.table, points)
+        """Mark other points than the frame's; the frame's own go back to these.
+
+        The close test goes on to heed the frame's shapes.
+        """
+        heeded = self.heeded if points is self.points else len(points)
+        kernels.take_points(self.memory.table, points, heeded)
 
     def make_room(self, room: int) -> None:
         """Let clouds hold that many points or more; the frame's stay marked."""
@@ -205,11 +330,15 @@ class Frame:
         """Let `points` be an array (n, 3) of our own, and return it to be filled."""
         if self.watch.points_inside is self.points:
             self._room = 1 - self._room
-        view = self._views[self._room]
-        if len(view) != n:
-            if n > len(self._rooms[self._room]):
-                self._rooms[self._room] = np.empty((2 * n, 3))
-            view = self._views[self._room] = self._rooms[self._room][:n]
+        return self._view_of(n)
+
+    def _view_of(self, n: int) -> np.ndarray:
+        """Let `points` be the first n of our own array in use."""
+        view, room = self._views[self._room], self._rooms[self._room]
+        if len(view) != n or view.base is not room:
+            if n > len(room):
+                room = self._rooms[self._room] = np.empty((2 * n, 3))
+            view = self._views[self._room] = room[:n]
         self.points = view
         return view
 
@@ -225,6 +354,8 @@ class Frame:
         sampled = [np.nan if value is None else value for value in self.sampled]
         return {
             "points": self.points.copy(),
+            "heeded": np.array(self.heeded),
+            **self._save_solids(),
             "classes": np.zeros(0) if self.classes is None else self.classes.copy(),
             "trouble": np.array(self.trouble or ""),
             "sampled": np.array(sampled, float),
@@ -238,14 +369,42 @@ class Frame:
         self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
         self.q[:] = saved["q"]
         classes = saved["classes"]
-        self.classes = classes.copy() if len(classes) == len(saved["points"]) else None
+        heeded = int(saved["heeded"])
+        self.classes = classes.copy() if len(classes) == heeded else None
         self.trouble = str(saved["trouble"]) or None
         told = [None if np.isnan(value) else value for value in saved["sampled"]]
         self.set_sampling(*told)
         self.memory.numbers.frame[0] -= 1  # which marking adds
-        self.replace(saved["points"])
+        self._load_solids(saved)
+        self.replace(saved["points"], heeded)
         self.direct.clear()
         self.memory.direct.frame[:] = saved["counted_in"]
+
+    def _save_solids(self) -> dict[str, np.ndarray]:
+        solids, n = self.memory.solids, self.memory.solids.count.item()
+        last = int(solids.rows[:n][solids.kind[:n] == MESH, 13].max(initial=0))
+        return {
+            "solids": solids.rows[:n].copy(),
+            "solid_kinds": solids.kind[:n].copy(),
+            "solid_faces": solids.faces[:last].copy(),
+        }
+
+    def _load_solids(self, saved: dict[str, np.ndarray]) -> None:
+        rows, faces = saved["solids"], saved["solid_faces"]
+        memory = self.memory
+        solids, patterns = memory.solids, memory.patterns
+        self.obstacles = self._known = None
+        if len(rows) > len(solids.kind) or len(faces) > len(solids.faces):
+            larger = new(Solids, {"shapes": len(rows), "faces": len(faces)})
+            sizes = {"shapes": len(rows), "patterns": 0, "samples": 0}
+            patterns = new(
+                Patterns, sizes, rho=patterns.rho, ball_least=patterns.ball_least
+            )
+            exchange(memory, {"solids": larger, "patterns": patterns})
+        memory.solids.rows[: len(rows)] = rows
+        memory.solids.kind[: len(rows)] = saved["solid_kinds"]
+        memory.solids.faces[: len(faces)] = faces
+        memory.solids.count[0] = len(rows)
 
     # --- distances -------------------------------------------------------------
 
@@ -265,7 +424,39 @@ class Frame:
         balls = self.memory.arm.spheres[:, 3] + m
         needed = [self.covering(ball) for ball in balls]
         self.radii[:] = balls + needed
-        self.keep = m + float(np.max(needed))
+        self.bare[:] = balls
+        self._bare_keep, self._heeded_keep = m, m + float(np.max(needed))
+        # what cells of a payload were made for may have smaller balls than all these
+        patterns, layer = self.memory.patterns, self.cell_map.payload
+        patterns.rho[0] = self.rho
+        least = self.memory.arm.spheres[:, 3].min() if layer is None else 0.0
+        patterns.ball_least[0] = least + self.cell_map.safety.m
+
+    @property
+    def bare(self) -> np.ndarray:
+        """(n,) what the spheres keep from shapes [m]: their radii and clearance."""
+        return self.memory.own.bare
+
+    @property
+    def keep(self) -> float:
+        """What is nearer than this to a sphere is too near [m].
+
+        Where there are shapes alone, which need no covering radius, it is less.
+        """
+        bare = self.heeded == 0 and self.memory.solids.count.item() > 0
+        return self._bare_keep if bare else self._heeded_keep
+
+    @property
+    def solid_classes(self) -> np.ndarray:
+        """(k,) classes of the frame's shapes, all odm.AVOID where none were told."""
+        n = self.memory.solids.count.item()
+        told = self.obstacles
+        return np.zeros(n, np.int8) if told is None else told.shape_classes[:n]
+
+    @property
+    def solids(self) -> Solids:
+        """The frame's shapes."""
+        return self.memory.solids
 
     def covering(self, ball: float) -> float:
         """Return how far a surface may be from its samples, for a ball's radius [m]."""
@@ -277,6 +468,7 @@ class Frame:
         """Keep that much more distance than the map's clearance [m]."""
         self.extra = float(extra)
         self.memory.terms.extra[0] = self.extra
+        self._near[3] = self._half + self.extra
         self.set_sampling(*self.sampled)
 
     def hand_changed(self) -> None:
@@ -289,6 +481,8 @@ class Frame:
         before = self.world.T_world_base
         self.world = WorldFrame(T_world_base)
         self.world_ahead = WorldFrame(T_world_base)
+        self.base_world = self.world.T_base_world.copy()
+        move_solids(self.solids, self.base_world @ before)
         p_world = self.points @ before[:3, :3].T + before[:3, 3]
         self.replace(self.world.points(p_world))
 
@@ -302,7 +496,8 @@ class Frame:
     def close_test(self) -> CloseTest:
         """The close test of motions, with what the hand carries."""
         m = self.memory
-        return CloseTest(m.arm, m.own.radii, self.cell_map.motion_tolerance, m.work)
+        tolerance = self.cell_map.motion_tolerance
+        return CloseTest(m.arm, m.own.radii, tolerance, m.work, m.own.bare)
 
     def motion_clear(
         self,
@@ -312,28 +507,29 @@ class Frame:
         more: float = 0.0,
         escape: bool = False,
     ) -> bool:
-        """Run the close test of q + t dq, t in [0, 1], against points.
+        """Run the close test of q + t dq, t in [0, 1], against points and all shapes.
 
         Args:
             q: (dof,) start [rad or m].
             dq: (dof,) displacement.
             cloud: The points, laid out; None: the frame's.
             more: More distance than must be kept [m].
-            escape: Only points that are too near now may be near; see `_close.py`.
+            escape: Only what is too near now may be near; see `_close.py`.
         """
         test = self.close_test
         if more:
             test = test.grown(more)
-        return test.clear(q, dq, self._laid_out(cloud), escape)
+        return test.clear(q, dq, self._laid_out(cloud), escape, self.solids)
 
     def separation(
         self, q: np.ndarray, cloud: object = None, most: float = np.inf
     ) -> float:
         """Return the least distance of the cover at q from points, at most `most` [m].
 
-        None for `cloud`: the frame's points.
+        None for `cloud`: from the frame's points and shapes.
         """
-        return self.close_test.separation(q, self._laid_out(cloud), most)
+        solids = self.solids if cloud is None else NO_SOLIDS
+        return self.close_test.separation(q, self._laid_out(cloud), most, solids)
 
     def _laid_out(self, cloud: object) -> object:
         if cloud is not None:
@@ -341,16 +537,35 @@ class Frame:
         self.sort()
         return self.memory.cloud
 
-    def nearest(self, q: np.ndarray) -> tuple[float, str | None, int]:
-        """Return (distance [m], link, point) of the frame's nearest point at q."""
-        gap = self.separation(np.ascontiguousarray(q))
-        sphere, point = self.close_test.blocked_by
-        if sphere < 0:
-            return float("inf"), None, -1
-        return gap, self.static.link_of(sphere), point
+    def nearest(self, q: np.ndarray) -> Near:
+        """Return what of the frame is nearest at q, by how much it must keep."""
+        q, test = np.ascontiguousarray(q), self.close_test
+        found = Near(math.inf, self.keep, None, None, -1)
+        for cloud, solids, keep in (
+            (self._laid_out(None), NO_SOLIDS, self._heeded_keep),
+            (self._nothing, self.solids, self._bare_keep),
+        ):
+            gap = test.separation(q, cloud, solids=solids)
+            sphere, point = test.blocked_by
+            if sphere >= 0 and gap - keep < found.gap - found.keep:
+                link, what = self.static.link_of(sphere), self.name_of(point)
+                found = Near(gap, keep, link, what, max(point, -1))
+        return found
+
+    def kept_from(self, point: int) -> float:
+        """Return what is kept from a point that a close test found, or a shape [m]."""
+        return self._bare_keep if point <= FIRST_SOLID else self._heeded_keep
+
+    def name_of(self, point: int) -> str:
+        """Return what a point is called that a close test found, or a shape."""
+        if point > FIRST_SOLID:
+            return f"point {point}"
+        if self.obstacles is None:  # a memory that was loaded knows no names
+            return f"shape {FIRST_SOLID - point}"
+        return self.obstacles.name(FIRST_SOLID - point)
 
     def cover(self) -> Cover:
         """Return the spheres of the map's cover, payload included."""
         m = self.memory
         links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
-        return Cover(m.arm, self.radii, links, m.work)
+        return Cover(m.arm, self.radii, links, m.work, self.bare)

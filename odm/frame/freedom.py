@@ -63,19 +63,22 @@ def is_free(
         text = f"the last frame could not be used: {frame.trouble}"
         return Freedom(False, "frame", text)
     if phase is not None:
-        last_phase.look(phase, frame.points, frame.classes)
+        points = frame.points[: frame.heeded]
+        last_phase.look(phase, points, frame.classes, frame.solids, frame.solid_classes)
         hit = last_phase.hit(frame.cover(), ends[0], dq)
         if hit is None:
             return Freedom(True)
-        text = f"{frame.static.link_of(hit[0])} would come too near to point {hit[1]}"
-        return Freedom(False, "frame", f"{text} by {in_cm(hit[2])}")
+        link, what = frame.static.link_of(hit[0]), frame.name_of(hit[1])
+        text = f"{link} would come too near to {what} by {in_cm(hit[2])}"
+        return Freedom(False, "frame", text)
     if frame.motion_clear(ends[0], dq):
         return Freedom(True)
     test = frame.close_test
     sphere, point = test.blocked_by
     text = (
-        f"{frame.static.link_of(sphere)} would come within {in_cm(frame.keep)} "
-        f"of point {point} at {test.blocked_at:.0%} of the motion"
+        f"{frame.static.link_of(sphere)} would come within "
+        f"{in_cm(frame.kept_from(point))} of {frame.name_of(point)} at "
+        f"{test.blocked_at:.0%} of the motion"
     )
     return Freedom(False, "frame", text)
 

@@ -14,10 +14,13 @@ import numpy as np
 
 from odm.checks import CONTACT, OBJECT
 from odm.close_test._arm import Arm
-from odm.close_test.close_test import CloseTest
+from odm.close_test._close import FIRST_SOLID
+from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Cover, Frame
+from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid
+from odm.obstacles.obstacles import some_of
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import PAYLOAD, hanging_on
@@ -41,8 +44,15 @@ class LastPhase:
         grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)
 
-    def look(self, phase: str, points: np.ndarray, classes: np.ndarray | None) -> None:
-        """Take points (n, 3) in the base frame, and their classes.
+    def look(
+        self,
+        phase: str,
+        points: np.ndarray,
+        classes: np.ndarray | None,
+        solids: Solids = NO_SOLIDS,
+        kinds: np.ndarray | None = None,
+    ) -> None:
+        """Take points (n, 3) and solids in the base frame, and the classes of each.
 
         Raises:
             BadInput: No such phase; nothing to give; no pads to receive with.
@@ -56,11 +66,18 @@ class LastPhase:
             self._others.of(np.ascontiguousarray(points[~chosen])),
             self._touched.of(np.ascontiguousarray(points[chosen])),
         )
+        n = solids.count.item()
+        kinds = np.zeros(n, np.int8) if kinds is None else kinds
+        may = kinds == _TOUCHED[phase]
+        self._solids = some_of(solids, ~may), some_of(solids, may)
+        self._number = np.flatnonzero(~may), np.flatnonzero(may)
 
     def hit(
         self, cover: Cover, q: np.ndarray, dq: np.ndarray, extra: float = 0.0
     ) -> tuple[int, int, float] | None:
         """Test q + t dq; return (sphere, point, metres too near), None where free.
+
+        Instead of a point FIRST_SOLID - k is told for solid k.
 
         Args:
             cover: Spheres of the arm, the gripper and the payload.
@@ -68,22 +85,26 @@ class LastPhase:
             dq: (dof,) displacement.
             extra: More distance, for braking [m].
         """
-        kept, arm, radii = self._heeding(cover)
+        kept, arm, radii, bare = self._heeding(cover)
         tests = (
-            (cover.arm, cover.radii + extra, None, 0),
-            (arm, radii + extra, kept, 1),
+            (cover.arm, cover.radii, cover.bare, None, 0),
+            (arm, radii, bare, kept, 1),
         )
         tolerance = self.frame.cell_map.motion_tolerance
-        for spheres, grown, of, k in tests:
-            test = CloseTest(spheres, grown, tolerance, cover.work)
-            if not test.clear(q, dq, self._clouds[k]):
+        for spheres, far, near, of, k in tests:
+            test = CloseTest(spheres, far + extra, tolerance, cover.work, near + extra)
+            if not test.clear(q, dq, self._clouds[k], solids=self._solids[k]):
                 found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
-                return sphere, int(self._index[k][point]), test.missing
+                if point <= FIRST_SOLID:
+                    point = FIRST_SOLID - int(self._number[k][FIRST_SOLID - point])
+                elif point >= 0:
+                    point = int(self._index[k][point])
+                return sphere, point, test.missing
         return None
 
-    def _heeding(self, cover: Cover) -> tuple[np.ndarray, Arm, np.ndarray]:
-        """Return the spheres that may not touch: their numbers, arm and radii."""
+    def _heeding(self, cover: Cover) -> tuple[np.ndarray, Arm, np.ndarray, np.ndarray]:
+        """Return the spheres that may not touch: numbers, arm, radii and bare radii."""
         frame, arm = self.frame, cover.arm
         own = gripper_links(frame.robot)
         kept = np.array([n not in self._may for n in cover.links], bool)
@@ -91,6 +112,7 @@ class LastPhase:
         balls = arm.spheres[:, 3] + GRIPPER_KEEPS
         near = np.array([ball + frame.covering(ball) for ball in balls])
         radii = np.where(gripper, near, cover.radii)[kept]
+        bare = np.where(gripper, balls, cover.bare)[kept]
         ends = np.arange(len(arm.tree_i) + 1)
         few = arm._replace(
             spheres=frozen(arm.spheres[kept], float),
@@ -98,7 +120,7 @@ class LastPhase:
             reach=frozen(arm.reach[kept], float),
             body_ptr=frozen(np.searchsorted(arm.body[kept], ends), np.int64),
         )
-        return np.flatnonzero(kept), few, np.ascontiguousarray(radii)
+        return np.flatnonzero(kept), few, radii, bare
 
     def _links_that_may(self, phase: str) -> set[str]:
         frame = self.frame

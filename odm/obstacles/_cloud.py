@@ -24,8 +24,10 @@ class Cloud(NamedTuple):
     order: np.ndarray = array("i4", "points", FRAME)  # index each had in the input
     # block << 6 | bit of each input point, -1 outside
     where: np.ndarray = array("i4", "points", FRAME)
-    # occupied blocks, points inside, outside, bad, sorted?
-    counts: np.ndarray = array("i8", "5", FRAME)
+    # occupied blocks, points inside, outside, bad, sorted?, and of the close test: the
+    # first points, and the first occupied blocks, which hold them
+    counts: np.ndarray = array("i8", "7", FRAME)
 
 
 N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, IS_SORTED = 0, 1, 2, 3, 4
+N_HEEDED, N_LISTED = 5, 6

@@ -5,7 +5,15 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.obstacles._cloud import IS_SORTED, N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
+from odm.obstacles._cloud import (
+    IS_SORTED,
+    N_BAD,
+    N_HEEDED,
+    N_INSIDE,
+    N_LISTED,
+    N_OCCUPIED,
+    N_OUTSIDE,
+)
 
 
 @njit(cache=True, nogil=True)
@@ -19,15 +27,25 @@ def clear(cloud):
 @njit(cache=True, nogil=True)
 def mark_points(points, cloud):
     """Mark the cells of `points` (n, 3); count those outside and those not finite."""
+    for k in range(cloud.counts.shape[0]):
+        cloud.counts[k] = 0
+    mark_more(points, 0, points.shape[0], cloud)
+    cloud.counts[N_HEEDED] = points.shape[0]
+    cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
+
+
+@njit(cache=True, nogil=True)
+def mark_more(points, begin, end, cloud):
+    """Mark the cells of points[begin:end], too; the close test does not heed them."""
     ox, oy, oz = cloud.origin[0], cloud.origin[1], cloud.origin[2]
     inv = 1.0 / cloud.h
     nbx, nby, nbz = cloud.shape[0], cloud.shape[1], cloud.shape[2]
     top_x, top_y, top_z = 4.0 * nbx, 4.0 * nby, 4.0 * nbz
     words, occupied, where = cloud.words, cloud.occupied, cloud.where
-    n_occupied = 0
+    n_occupied = cloud.counts[N_OCCUPIED]
     outside = 0
     bad = 0
-    for i in range(points.shape[0]):
+    for i in range(begin, end):
         x = (points[i, 0] - ox) * inv
         y = (points[i, 1] - oy) * inv
         z = (points[i, 2] - oz) * inv
@@ -50,9 +68,9 @@ def mark_points(points, cloud):
             else:
                 bad += 1
     cloud.counts[N_OCCUPIED] = n_occupied
-    cloud.counts[N_INSIDE] = points.shape[0] - outside - bad
-    cloud.counts[N_OUTSIDE] = outside
-    cloud.counts[N_BAD] = bad
+    cloud.counts[N_INSIDE] += end - begin - outside - bad
+    cloud.counts[N_OUTSIDE] += outside
+    cloud.counts[N_BAD] += bad
     cloud.counts[IS_SORTED] = 0
 
 
@@ -82,11 +100,11 @@ def deepest(points, cloud):
 @njit(cache=True, nogil=True)
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
-    n_occupied = cloud.counts[N_OCCUPIED]
+    n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_HEEDED]
     start, slot, box = cloud.start, cloud.slot, cloud.box
     for k in range(n_occupied + 1):
         start[k] = 0
-    for i in range(points.shape[0]):
+    for i in range(n_points):
         if cloud.where[i] >= 0:
             start[slot[cloud.where[i] >> 6] + 1] += 1
     for k in range(n_occupied):
@@ -94,7 +112,7 @@ def sort_points(points, cloud):
         for a in range(3):
             box[k, a] = math.inf
             box[k, a + 3] = -math.inf
-    for i in range(points.shape[0]):
+    for i in range(n_points):
         if cloud.where[i] < 0:
             continue
         k = slot[cloud.where[i] >> 6]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
+from odm.obstacles._cloud import N_BAD, N_INSIDE, N_LISTED, N_OCCUPIED, N_OUTSIDE
 
 
 @njit(cache=True, nogil=True)
@@ -68,6 +68,8 @@ def dilate_points(points, extra, cloud):
                 row = ((ix & 3) << 4) | ((iy & 3) << 2)
                 for iz in range(z0, z1 + 1):
                     add_cell(column + (iz >> 2), row | (iz & 3), cloud)
+    # a point from outside is in a block that was added last
+    cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
     return cloud.counts[N_BAD]
 
 

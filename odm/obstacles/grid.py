@@ -7,7 +7,8 @@ import numpy as np
 from odm._groups import new
 from odm.obstacles._cloud import Cloud
 from roadmap.arrays import frozen
-from roadmap.robot.robot import PRISMATIC, Robot
+from roadmap.kinematics.joint_tree import PRISMATIC
+from roadmap.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -209,6 +209,7 @@ class Attacher:
 
     def _forget_items(self) -> None:
         self.frame.memory.pool.used[:] = 0
+        self.frame.memory.found.count[:] = 0
         self.kept.clear()
         self.candidates.forget_cuts()
 
@@ -399,6 +400,9 @@ class Attacher:
         refs.append(m.goals.fresh_ref[:g])
         refs.extend(m.goals.ref[k, : m.goals.number[k]] for k in range(g))
         refs.extend(self.kept.refs())
+        refs.extend(
+            m.found.ref[k, : max(0, n - 1)] for k, n in enumerate(m.found.count)
+        )
         self._compact(refs)
 
     def _compact(self, refs: list[np.ndarray]) -> None:

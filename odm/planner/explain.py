@@ -1,5 +1,6 @@
 """Why the robot holds, and what would help."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +35,7 @@ class Reasons:
         attacher: The goals.
         retreat: Finds a motion out of the way.
         trouble: A reason known already.
+        searched: Tells how far a search beyond the roadmap has come.
     """
 
     def __init__(
@@ -42,9 +44,11 @@ class Reasons:
         attacher: Attacher,
         retreat: Retreat,
         trouble: str | None,
+        searched: Callable[[], str],
     ) -> None:
         """Remember the frame."""
         self.frame, self.attacher, self.trouble = frame, attacher, trouble
+        self._searched = searched
         self._retreat = retreat
         self.epoch = frame.epoch
         self.q = frame.q.copy()
@@ -83,21 +87,20 @@ class Reasons:
 
     def _blocked(self) -> tuple[str, Blockers]:
         frame, goals = self.frame, self.attacher.goals
-        keep = frame.keep
-        gap, link, point = frame.nearest(self.q)
+        gap, keep, link, what, point = frame.nearest(self.q)
         if gap < keep:
             text = (
-                f"the start is in contact: point {point} is {in_cm(gap)} from {link}, "
+                f"the start is in contact: {what} is {in_cm(gap)} from {link}, "
                 f"closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away, or "
                 "follow answer.retreat"
             )
             return text, self._around(self.q, link, point, None)
         rows = [frame.nearest(q) for q in goals]
-        blocked = [g for g, row in enumerate(rows) if row[0] < keep]
+        blocked = [g for g, row in enumerate(rows) if row.gap < row.keep]
         if len(blocked) == len(rows):
-            gap, link, point = rows[0]
+            gap, keep, link, what, point = rows[0]
             text = (
-                f"goal 0 is blocked: point {point} would be {in_cm(gap)} from {link} "
+                f"goal 0 is blocked: {what} would be {in_cm(gap)} from {link} "
                 f"there, closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away"
             )
             more = len(rows) - 1
@@ -105,14 +108,17 @@ class Reasons:
             text += ", or give another goal"
             return text, self._around(goals[0], link, point, 0)
         g = next(k for k in range(len(rows)) if k not in blocked)
-        at_goal = rows[g][0] < gap
-        gap, link, point = rows[g] if at_goal else (gap, link, point)
+        at_goal = rows[g].gap - rows[g].keep < gap - keep
+        if at_goal:
+            gap, _, link, what, point = rows[g]
         place = f"goal {g}" if at_goal else "the start"
         text = (
             f"no free way leads to goal {g}: what is free around {place} is cut off "
-            f"(point {point} is {in_cm(gap)} from {link} there); move it away, or give "
-            "another goal"
+            f"({what} is {in_cm(gap)} from {link} there); move it away, or "
+            "give another goal"
         )
+        told = self._searched()
+        text += f"; {told}" if told else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
 

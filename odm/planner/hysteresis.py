@@ -50,6 +50,17 @@ class Hysteresis:
         self._bare = False  # it was only just free when it was taken
         self._wary = 0  # frames in a row such a path must be there to be taken
 
+    @property
+    def waits(self) -> bool:
+        """Whether paths that are only just free are not taken now."""
+        return self._wary > 0
+
+    @property
+    def patience(self) -> int:
+        """Frames that such a path must be there after one was blocked."""
+        calm = self.settings.memory_s and not self.always_replan
+        return self.settings.patience if calm else 0
+
     def cloud(self) -> object:
         """Return what new legs keep clear of: the points, and where they have been."""
         if self.always_replan or not self.settings.memory_s:

@@ -184,6 +184,14 @@ class PathInUse:
                 end[was] + turns,
             )
 
+    def lead(
+        self, goal: int, vertex: np.ndarray, q: np.ndarray, item: list[int]
+    ) -> None:
+        """Let it be another path, to a goal of that rank; see `write`."""
+        self._count[0], self._count[1] = 0, goal
+        self.write(vertex, q, item, [-1] * len(item))
+        self._numbers.segment[0] = self._numbers.same[0] = 0
+
     def save(self) -> dict[str, np.ndarray]:
         """Return what is remembered beside its arrays."""
         return {"followed": np.array(self.followed)}

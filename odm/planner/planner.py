@@ -9,7 +9,11 @@ import numpy as np
 from odm.answer import (
     FOLLOWING,
     HOLDING,
+    IN_USE,
     REPLANNED,
+    ROADMAP,
+    SEARCH,
+    STRAIGHT,
     VISIBLE,
     WHOLE,
     Answer,
@@ -32,9 +36,11 @@ from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
 from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
+from odm.planner.connect import Connector
 from odm.planner.decision import Decision
 from odm.planner.explain import Reasons, start_trouble
 from odm.planner.hysteresis import Hysteresis
@@ -69,6 +75,7 @@ class ReactivePlanner:
         frame: What is known now; all helpers look at it.
         path, candidates, attacher, history: What is remembered between frames: the path
             in use, what was found to better it, motions to the roadmap, obstacles.
+        connector: What was found beyond the roadmap.
         direct: The nodes and edges that the frame invalidates.
         last: The last answer, None before the first.
     """
@@ -109,6 +116,7 @@ class ReactivePlanner:
         self._polisher = Polisher(frame, path, self.candidates, attacher)
         self.straightener = Straightener(frame, path, attacher, self.hysteresis)
         self.smoother = Smoother(frame, path, attacher, self.hysteresis, s.comfort)
+        self.connector = Connector(frame, path, attacher, s.search)
         self._retreat = Retreat(frame, attacher)
         self.last: Answer | None = None
         self._nowhere = np.empty((0, self.robot.dof))
@@ -253,7 +261,7 @@ class ReactivePlanner:
 
     def step(
         self,
-        points: np.ndarray,
+        points: np.ndarray | Obstacles,
         q: np.ndarray,
         dq: np.ndarray | None = None,
         labels: np.ndarray | None = None,
@@ -271,7 +279,9 @@ class ReactivePlanner:
 
         Args:
             points: (n, 3) points on the obstacles' surfaces [m]; base frame, or the
-                world's after `set_base`. They are copied.
+                world's after `set_base`. Or `odm.Obstacles`: shapes and points
+                together; then what is told of points holds for its points.
+                All are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
             labels: (n,) part of each point; where given, each part is closed.
@@ -286,7 +296,7 @@ class ReactivePlanner:
                 of a question tells them apart.
             closed: The points cover whole surfaces of closed solids, as those of
                 `odm.surface_of` do, or with `labels`; else the answer certifies the
-                "visible surface" alone.
+                "visible surface" alone. Shapes without points are whole.
 
         Returns:
             The answer; "no path" is one, no exception.
@@ -300,15 +310,22 @@ class ReactivePlanner:
         if self.attacher.is_stale:
             self.attacher.forget_all()
         marked = frame.take(points, covering_radius, rounding, stamp, now)
-        times, closed = (begun, marked), closed or labels is not None
+        shapes = frame.obstacles is not None and frame.heeded == 0
+        times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
         if not self.hysteresis.always_replan:
             self.history.take(frame.points, now)
         code = self._decision.decide(frame.points, q)
-        if code > codes.PLANNED:
+        h = self.hysteresis
+        searched = code in codes.HAS_NO_PATH and self.connector.answer(
+            q, h.patience, h.waits
+        )
+        if code > codes.PLANNED and not searched:
             return self._hold(times, closed, start_trouble(self.robot, frame.q, code))
-        return self._lead(q, code, times, closed)
+        answer = self._lead(q, codes.PLANNED if searched else code, times, closed)
+        answer.stage = stage_of(code, answer.path)
+        return answer
 
     def _lead(
         self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
@@ -331,7 +348,8 @@ class ReactivePlanner:
         self, times: tuple[int, int], closed: bool, trouble: str | None
     ) -> Answer:
         self.path.followed = False
-        why = Reasons(self.frame, self.attacher, self._retreat, trouble)
+        told = self.connector.told
+        why = Reasons(self.frame, self.attacher, self._retreat, trouble, told)
         return self._answer(HOLDING, self._nowhere, None, times, closed, why)
 
     def _answer(
@@ -355,7 +373,9 @@ class ReactivePlanner:
         """Shorten the path in use between two frames; return how many cuts were made.
 
         Call it after the answer was sent. At most `budget` motions are tested; what
-        is found is remembered and used by later frames as long as it is free.
+        is found is remembered and used by later frames as long as it is free. After a
+        frame that was held for want of a path it goes on searching for one instead,
+        and returns 1 where it found one.
 
         Args:
             budget: Motions to test at most.
@@ -371,8 +391,10 @@ class ReactivePlanner:
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
         frame = self.frame
-        if frame.trouble is not None or not self.path.followed:
+        if frame.trouble is not None:
             return 0
+        if not self.path.followed:
+            return self.connector.improve(budget)
         if self.always_replan:
             return self._polisher.run(budget)[0]
         half = budget // 2
@@ -384,6 +406,7 @@ class ReactivePlanner:
         self._memory.owner.check()
         self.path.reset()
         self.attacher.forget_start()
+        self.connector.reset()
         self.smoother.reset()
         self.straightener.reset()
         self.hysteresis.reset()
@@ -430,6 +453,7 @@ class ReactivePlanner:
             "decision": self._decision,
             "straight": self.straightener,
             "smoothing": self.smoother,
+            "search": self.connector,
             "frame": self.frame,
         }
 
@@ -554,6 +578,7 @@ class ReactivePlanner:
         points = self.frame.world_ahead.points(self._p_world_place).copy()
         self.static_outside = self.carrier.set_place(points)
         self.attacher.forget_all()
+        self.connector.reset()
 
     # --- what it is asked between frames ---------------------------------------
 
@@ -657,7 +682,7 @@ class ReactivePlanner:
         self,
         path: np.ndarray,
         extra: float = 0.0,
-        points: np.ndarray | None = None,
+        points: np.ndarray | Obstacles | None = None,
         phase: str | None = None,
         classes: np.ndarray | None = None,
     ) -> int | None:
@@ -672,8 +697,8 @@ class ReactivePlanner:
             path: (k, dof) corners [rad or m]; a single one is a robot at rest.
             extra: Distance the points may have come nearer meanwhile [m]; down to -m
                 for a robot that may come as near as touch.
-            points: (n, 3) where they are then [m], also outside the grid. None: where
-                they are in the frame.
+            points: (n, 3) where they are then [m], also outside the grid; or
+                `odm.Obstacles`. None: what is in the frame, where it is.
             phase: As in `is_free`.
             classes: (n,) of `points`, where they are given.
 
@@ -706,6 +731,15 @@ class ReactivePlanner:
         """Raise BadConfiguration where a goal can never be reached in this place."""
         for k, q in enumerate(goals):
             check_valid(self.static, q, f"goal {k}")
+
+
+def stage_of(code: int, path: np.ndarray) -> str:
+    """Return what found a path, where a frame came to that code."""
+    if code == codes.FOLLOWING:
+        return IN_USE
+    if code != codes.PLANNED:
+        return SEARCH
+    return STRAIGHT if len(path) == 2 else ROADMAP
 
 
 def _told_apart(cell_map: CellMap) -> bytes:

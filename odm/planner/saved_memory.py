@@ -25,7 +25,7 @@ class StateArrays:
     """The arrays of the compiled loops that are declared to be remembered.
 
     Args:
-        memory: The arrays; of the pool and of the goals only what is in use is saved.
+        memory: The arrays; of pool, goals and trees only what is in use is saved.
     """
 
     def __init__(self, memory: Memory) -> None:
@@ -37,6 +37,7 @@ class StateArrays:
         m = self.memory
         items, entries = m.pool.used.tolist()
         used = {"items": items, "item_entries": entries, "goals": int(m.goals.count[0])}
+        used["branches"] = int(m.trees.count.max())
         saved = {}
         for name, array in m.arrays(GOAL).items():
             group, _, key = name.partition(".")

@@ -21,6 +21,7 @@ _RANGES = {
     "max_age_s": (0.0, 60.0, "s"),
     "max_points": (1, 100_000_000, ""),
     "kept_goals": (0, 10_000, ""),
+    "search": (0, 10_000_000, ""),
     "max_range_m": (0.1, 1e6, "m"),
 }
 _COUNTS = (
@@ -31,6 +32,7 @@ _COUNTS = (
     "patience",
     "max_points",
     "kept_goals",
+    "search",
 )
 
 
@@ -63,6 +65,10 @@ class PlannerSettings:
         max_points: Room for points of a frame; grows when a frame has more.
         kept_goals: So many goals that were set or prepared stay attached, so that to
             set them again costs little; 0: those that are set, and no others.
+        search: Where the roadmap has no path, a frame looks for one beyond it, by a
+            tree search that looks at so many configurations (about 2 us each), and
+            goes on in the next frames and in `polish`; 0: never. More answers sooner
+            in narrow places, and makes frames longer that would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].
     """
@@ -81,6 +87,7 @@ class PlannerSettings:
     max_age_s: float = 0.1
     max_points: int = 32768
     kept_goals: int = 0
+    search: int = 1000
     max_range_m: float = 20.0
 
     def __post_init__(self) -> None:

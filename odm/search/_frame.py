@@ -2,8 +2,21 @@
 
 from numba import njit
 
-from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE
-from odm.obstacles._occupancy import clear, mark_points
+from odm.obstacles._cloud import (
+    N_BAD,
+    N_HEEDED,
+    N_INSIDE,
+    N_LISTED,
+    N_OCCUPIED,
+    N_OUTSIDE,
+)
+from odm.obstacles._occupancy import clear, mark_more
+from odm.obstacles._solid_samples import (
+    FINE,
+    lay_patterns,
+    take_solids,
+    write_samples,
+)
 from odm.obstacles._world_frame import dilate_points
 from odm.search._astar import a_star
 from odm.search._items import sign_frame
@@ -25,12 +38,23 @@ from odm.search._state import view
 HOPELESS, NO_ENTRY, NO_EXIT, NOTHING, SEARCH = range(5)
 
 
+# what a frame's shapes may come to, beside how they were taken
+MORE_POINTS, MORE_PATTERNS, WRONG = -1, -2, -3
+
+
 @njit(cache=True, nogil=True)
-def take_points(state, points):
-    """Begin a frame: forget the old points, mark the new; return how many are bad."""
+def take_points(state, points, heeded):
+    """Begin a frame: forget the old points, mark the new; return how many are bad.
+
+    The close test heeds the first `heeded` of them; the others are samples of shapes,
+    which it knows as they are.
+    """
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
     clear(cloud)
-    mark_points(points, cloud)
+    mark_more(points, 0, heeded, cloud)
+    cloud.counts[N_HEEDED] = heeded
+    cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
+    mark_more(points, heeded, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
     sign_frame(cloud, view(state, "graph").region, view(state, "search").sign)
@@ -47,12 +71,49 @@ def begin_step(state, given, points):
     Returns True where some are not finite or most lie outside the grid.
     """
     view(state, "numbers").step[0] += 1
+    view(state, "solids").count[0] = 0
     for i in range(points.shape[0]):
         points[i, 0], points[i, 1] = given[i, 0], given[i, 1]
         points[i, 2] = given[i, 2]
-    bad = take_points(state, points)
+    bad = take_points(state, points, points.shape[0])
     counts = view(state, "cloud").counts
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
+
+
+@njit(cache=True, nogil=True)
+def begin_shapes(state, given, shapes, T, room, reach):
+    """Begin a step with points and shapes; return how many points there are in all.
+
+    The points (n, 3) are copied to `room`, and the samples of the shapes follow them.
+
+    Args:
+        state: The table.
+        given: (n, 3) points that the close test heeds.
+        shapes: Their rows, and how many there are of each kind; see `take_solids`.
+        T: (4, 4) pose of the frame of the shapes in the base frame.
+        room: (m, 3) where all points go.
+        reach: Centre of the grid and how far samples count (4,).
+
+    Returns:
+        Points in all, or MORE_POINTS or MORE_PATTERNS: what there was no room for,
+        nothing was begun; or WRONG - what is wrong with a shape.
+    """
+    data, counts = shapes
+    solids, patterns = view(state, "solids"), view(state, "patterns")
+    code = take_solids(data, counts, T, solids, patterns)
+    n = given.shape[0]
+    if code == FINE:
+        if lay_patterns(solids, patterns) != FINE:
+            return MORE_PATTERNS
+        n = write_samples(solids, patterns, reach, room, n)
+    if n > room.shape[0]:
+        patterns.wrong[0] = n
+        return MORE_POINTS
+    view(state, "numbers").step[0] += 1
+    for i in range(given.shape[0]):
+        room[i, 0], room[i, 1], room[i, 2] = given[i, 0], given[i, 1], given[i, 2]
+    take_points(state, room[:n], given.shape[0])
+    return n if code == FINE else WRONG - code
 
 
 @njit(cache=True, nogil=True)

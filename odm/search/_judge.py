@@ -23,11 +23,13 @@ from odm.search._state import EDGE_BASE, NO_ITEM, NO_WAY, TO_END, view
 
 @njit(cache=True, nogil=True)
 def near_free(state, cloud, q, dq):
-    """Run the close test of a motion against the points of a cloud."""
-    radii, tolerance = view(state, "own").radii, view(state, "terms").tolerance[0]
+    """Run the close test of a motion against points and all of the frame's shapes."""
+    own, tolerance = view(state, "own"), view(state, "terms").tolerance[0]
     view(state, "stats").close[0] += 1
-    clearance = Clearance(view(state, "arm"), radii, tolerance, view(state, "work"))
-    return motion_clear(clearance, q, dq, cloud, False)
+    clearance = Clearance(
+        view(state, "arm"), own.radii, own.bare, tolerance, view(state, "work")
+    )
+    return motion_clear(clearance, q, dq, cloud, view(state, "solids"), False)
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,8 @@ from numba.np.numpy_support import from_dtype
 from odm._groups import BLOCK, FRAME, GOAL, array, declared
 from odm.close_test._arm import Arm, Work
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solid_samples import Patterns
+from odm.obstacles._solids import Solids
 
 NO_ITEM, IS_GOAL, NO_WAY = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of Beside.free
@@ -216,6 +218,41 @@ class Shortcuts(NamedTuple):
     ref: np.ndarray = array("i8", "corners", FRAME)
 
 
+class Trees(NamedTuple):
+    """Tested motions from the start, and from the goals; see `_connect.py`."""
+
+    q: np.ndarray = array("f8", "2 branches dof", GOAL)
+    parent: np.ndarray = array("i4", "2 branches", GOAL)
+    # frame in which the motion from the parent was found free
+    seen: np.ndarray = array("i8", "2 branches", GOAL)
+    count: np.ndarray = array("i8", "2", GOAL)
+    drawn: np.ndarray = array("i8", "1", GOAL)  # samples
+    sample: np.ndarray = array("f8", "dof", FRAME)
+    ends: np.ndarray = array("f8", "2 dof", FRAME)  # of a motion that is tried
+    dq: np.ndarray = array("f8", "dof", FRAME)
+    moved: np.ndarray = array("i4", "branches", FRAME)  # where branches went
+    route: np.ndarray = array("f8", "route dof", FRAME)  # the path that was found
+    until: np.ndarray = array("f8", "route", FRAME)  # its length up to a corner
+    # corners of it; goal that it leads to; 1: the last branch came to its end
+    corners: np.ndarray = array("i8", "1", FRAME)
+    goal: np.ndarray = array("i8", "1", FRAME)
+    reached: np.ndarray = array("i8", "1", FRAME)
+    # tests against what stands still; branches looked at
+    static: np.ndarray = array("i8", "1", FRAME)
+    looked: np.ndarray = array("i8", "1", FRAME)
+    tests: np.ndarray = array("i8", "1", FRAME)  # evaluations when they began
+
+
+class Found(NamedTuple):
+    """Paths that the trees made, each a `Way`."""
+
+    vertex: np.ndarray = array("i8", "found corners", GOAL)
+    ref: np.ndarray = array("i8", "found corners", GOAL, NO_ITEM)
+    q: np.ndarray = array("f8", "found corners dof", GOAL)
+    count: np.ndarray = array("i8", "found", GOAL)  # corners of each, 0 none
+    next: np.ndarray = array("i8", "1", GOAL)  # that is replaced
+
+
 class Terms(NamedTuple):
     """Lengths that the tests keep [m]."""
 
@@ -245,6 +282,7 @@ class Own(NamedTuple):
     """What belongs to no other group."""
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
+    bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
     # most that joint j moves any sphere's centre per unit
     sway: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -268,6 +306,8 @@ class Groups:
     arm: Arm
     work: Work
     cloud: Cloud  # the frame's points
+    solids: Solids  # the frame's shapes
+    patterns: Patterns  # what their samples are made from
     pick: Cloud  # those inside the cells of one motion
     graph: Graph
     direct: Direct
@@ -286,6 +326,8 @@ class Groups:
     own: Own
     terms: Terms
     numbers: Numbers
+    trees: Trees  # where the roadmap has no path
+    found: Found
 
 
 KINDS: dict[str, type] = Groups.__annotations__

@@ -19,6 +19,7 @@ from odm.search._state import NO_ITEM, NO_WAY, TO_BEGIN, TO_END, view
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
 LOOK, BESIDE = 6, 7
+HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 IMPROVE_EVERY = 8  # frames between two looks for a better way than a free one
 WORTH_A_LOOK = 1.1  # times the straight distance

@@ -38,6 +38,13 @@ _SIZES = {
     "item_entries": 1_000_000,
     "shortcuts": 8192,
     "past": 8,
+    "branches": 2048,
+    "route": 256,
+    "found": 4,
+    "shapes": 32,
+    "faces": 256,
+    "patterns": 2048,
+    "samples": 1024,
 }
 
 
@@ -110,7 +117,7 @@ def lay_out(cell_map: CellMap, max_points: int) -> Memory:
     n, m, dof = roadmap.n_nodes, roadmap.n_edges, robot.dof
     cells, grid, safety = cell_map.arm_cells, cell_map.grid, cell_map.safety
     joins, goals = _SIZES["joins"], _SIZES["goals"]
-    sizes = {**_SIZES, "n": n, "m": m, "dof": dof}
+    sizes = {**_SIZES, "n": n, "m": m, "dof": dof, "spheres": len(arm.spheres)}
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
     own = new(

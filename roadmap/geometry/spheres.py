@@ -118,7 +118,7 @@ def robot_solids(robot: Robot) -> list[Solid]:
 
 
 def _search(solids: list[Solid], excess: float) -> np.ndarray:
-    """Find a proved cover: coarse centres first, then finer ones around the good."""
+    """Find a proved cover: candidate centres on a coarse grid, then refined."""
     share = 1 / min(len(solids), 8)
     samples = np.vstack([_samples(s, share) for s in solids])
     n = int(share * _CANDIDATES)
@@ -170,7 +170,7 @@ def _candidates(centers, solids: list[Solid], excess: float) -> np.ndarray:
 
 
 def _able(pool, samples, solids: list[Solid], excess: float):
-    """Add a sphere at each sample that none of the pool holds; return pool, rows."""
+    """Add a sphere at each sample that no candidate covers; return pool, rows."""
     rows = _rows(pool, samples)
     bits = np.bitwise_or.reduce(rows, axis=0).astype("<u8").view(np.uint8)
     held = np.unpackbits(bits, bitorder="little")[: len(samples)].astype(bool)
@@ -179,14 +179,14 @@ def _able(pool, samples, solids: list[Solid], excess: float):
 
 
 def _rows(pool: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return which sphere holds which sample as bits, (n_pool, words) uint64."""
+    """Return which sphere covers which sample, as bits (n_pool, words) uint64."""
     rows = np.empty((len(pool), (len(samples) + 63) // 64), np.uint64)
     kernels.coverage(pool[:, :3], pool[:, 3], samples, rows)
     return rows
 
 
 def _pick(pool, rows, start: np.ndarray, rounds: int) -> np.ndarray:
-    """Return indices of few spheres of the pool that hold all samples."""
+    """Return indices of few spheres of the pool that cover all samples."""
     everything = np.bitwise_or.reduce(rows, axis=0)
     missing = everything & ~np.bitwise_or.reduce(rows[start], axis=0)
     limit = 64 * rows.shape[1] + len(start)

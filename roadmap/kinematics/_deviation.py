@@ -1,4 +1,4 @@
-"""How far sphere centres deviate while the joints leave a path by a little.
+"""Bounds on the deviation of sphere centres from a path, on blends and off it.
 
 Where q leaves a configuration along dq, a centre's velocity is J dq. J itself changes
 along another direction: |d/dt J(q + t da) db| is bounded by `mixed_rates` over all
@@ -110,7 +110,7 @@ def mixed_rates(tree_i, tree_f, a, b, rates):
 
 @njit(cache=True, nogil=True)
 def reached(rates, reach, i):
-    """Return the bound on a centre that rates by body amount to."""
+    """Combine bounds per body into the bound for one sphere centre."""
     total = 0.0
     for k in range(rates.shape[0]):
         total += rates[k] * reach[i, k]
@@ -166,7 +166,7 @@ def longest_blend(cover, corner, u, w, room, most):
 
 @njit(cache=True, nogil=True)
 def legs_deviation(cover, q_leg, leg, share, off, work):
-    """Bound how far motions from beside a leg to its two ends deviate from it [m].
+    """Bound the deviation from a leg of motions that begin off it, to its ends [m].
 
     They begin at q_leg + off, with q_leg at `share` of the leg, whose displacement is
     `leg`. After the part t of such a motion a centre is off the leg by at most

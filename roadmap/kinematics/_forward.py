@@ -69,7 +69,7 @@ def place_points(frames, point_body, points, out):
 
 @njit(cache=True, nogil=True)
 def motion_bounds(tree_i, tree_f, reach, dq, rates, first, second):
-    """Bound how far and how crookedly points move while q goes along `dq`.
+    """Bound |p'| and |p''| of points p while q moves along `dq`.
 
     For point i with axis distances `reach[i]`, over the unit interval of t in
     q(t) = q + t dq: |p'(t)| <= first[i], |p''(t)| <= second[i]. The mixed derivative

@@ -51,7 +51,7 @@ def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
 
 
 def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
-    """Return `q_to - q_from`, (..., dof); a continuous joint goes the short way."""
+    """Return `q_to - q_from`, (..., dof); continuous joints by the shorter turn."""
     dq = np.asarray(q_to, float) - np.asarray(q_from, float)
     turns = np.round(dq / (2 * np.pi))
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
@@ -64,7 +64,7 @@ def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
 
 
 def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bound speed and bending of the cover's centres while q moves by `dq`.
+    """Bound |p'| and |p''| of the cover's centres p while q moves along `dq`.
 
     Args:
         robot: The robot.

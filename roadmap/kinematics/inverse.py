@@ -6,9 +6,9 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics._inverse import Tool, descend
 from roadmap.kinematics.forward import checked, difference, tool_pose
 from roadmap.kinematics.joint_tree import JointTree
+from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.transforms import check_pose, flat_pose
 
 
@@ -76,21 +76,16 @@ def solve(
     if q_seed is None:
         starts = starts[1:]
     limits[robot.continuous] = -np.inf, np.inf
-    tool, target = tool_of(robot), flat_pose(T_base_tool)
-    goal = np.array([position_tolerance, rotation_tolerance])
+    target = flat_pose(T_base_tool)
+    # a little further than asked, so that a solution stays one when checked
+    descent = ToolDescent(robot, position_tolerance / 2, rotation_tolerance / 2, steps)
     found: list[IkSolution] = []
     for q in starts[: max(attempts, 1)]:
         q = np.clip(q, limits[:, 0], limits[:, 1])
-        # a little further than asked, so that a solution stays one when checked
-        errors = descend(tool, target, limits, q, steps, goal / 2)
-        if (np.array(errors) <= goal).all():
+        position, rotation = descent.run(target, q)
+        if position <= position_tolerance and rotation <= rotation_tolerance:
             _add(robot, found, q, T_base_tool)
     return sorted(found, key=lambda s: np.linalg.norm(difference(robot, start, s.q)))
-
-
-def tool_of(robot: JointTree) -> Tool:
-    """Return the robot's tool for `_inverse.descend`."""
-    return Tool(robot.tree_i, robot.tree_f, robot.tip_body, flat_pose(robot.T_body_tip))
 
 
 def checked_pose(T: np.ndarray) -> np.ndarray:

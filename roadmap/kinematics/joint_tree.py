@@ -4,6 +4,9 @@ from typing import Protocol
 
 import numpy as np
 
+PARENT, JOINT, KIND = 0, 1, 2  # columns of tree_i
+FIXED, REVOLUTE, PRISMATIC = 0, 1, 2  # tree_i[:, KIND]
+
 
 class JointTree(Protocol):
     """A tree of joints with a tool, read only; `roadmap.Robot` is one."""

@@ -1,4 +1,4 @@
-"""Put a robot together: bodies, solids, cover, pairs, and what a user should know."""
+"""Assemble a robot: bodies, solids, cover, tested pairs, and notes for the user."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Parts:
 
     @cached_property
     def solids(self) -> tuple[list[Solid], list[str]]:
-        """The solids of all links, and what is to say about them."""
+        """The solids of all links, and notes about them."""
         from roadmap.loading.sizes import check_sizes
 
         found = _solids(self.owners, self.tree, self.lookup)
@@ -104,7 +104,7 @@ def assemble(
 def _standing(
     parts: Parts, travel: tuple[str, ...], why_not: Mapping[str, str]
 ) -> list[str]:
-    """Say which joints stand still and which travel."""
+    """Return notes on the locked joints, and on those whose whole range is covered."""
     still = {k: v for k, v in parts.tree.standing.items() if k not in travel}
     texts = [
         f"{name} = {value:.4g}{'' if name in parts.locked else ' (default)'}"

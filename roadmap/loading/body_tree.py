@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.errors import BadRobot
+from roadmap.kinematics.joint_tree import FIXED, PRISMATIC, REVOLUTE
 from roadmap.robot.description import MOVABLE, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
-from roadmap.robot.robot import FIXED, PRISMATIC, REVOLUTE
 
 # Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
 DEFAULT_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}

@@ -11,7 +11,8 @@ from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import SelfCollision, relative_reach
 from roadmap.geometry.solids import Solid
 from roadmap.kinematics.axis_reach import group_reach, joint_span
-from roadmap.robot.robot import PARENT, SPHERE, Robot
+from roadmap.kinematics.joint_tree import PARENT
+from roadmap.robot.robot import SPHERE, Robot
 
 PAYLOAD = "payload"
 _NO_POINTS = np.empty((0, 3))

@@ -7,6 +7,7 @@ it (`stop`, `rescaled`, `join`) and hands it over by replacing one reference.
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.motion.blended_path import SAME, BlendedPath, check_scale, unwound
 from roadmap.motion.blending import blend_path
+from roadmap.motion.export import as_joint_trajectory, sample_times, write_csv
 from roadmap.motion.joining import Commit, joined, rescaled
 from roadmap.motion.retiming import timed
 from roadmap.motion.stopping import quickest_stop
@@ -77,6 +79,32 @@ class Motion:
         """Return the set-points at (n,) times as three (n, dof) arrays."""
         points = [self.at(t) for t in np.asarray(times, float)]
         return SetPoint(*(np.array(rows) for rows in zip(*points, strict=True)))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, the order of q."""
+        return self.path.robot.joint_names
+
+    def to_joint_trajectory(self, rate_hz: float = 100.0) -> dict:
+        """Return it as plain data in the layout of ROS's JointTrajectory message.
+
+        "joint_names", and "points" with "positions", "velocities", "accelerations"
+        [rad or m] and "time_from_start" {"sec", "nanosec"}; the end is a point, too.
+
+        Raises:
+            BadInput: The rate is no positive number, or too high for its duration.
+        """
+        times = sample_times(self.duration, rate_hz)
+        return as_joint_trajectory(self.joint_names, times, self.sample(times))
+
+    def to_csv(self, file: str | Path, rate_hz: float = 100.0) -> Path:
+        """Write it as CSV: time_s, then each joint's q, dq and ddq; return the file.
+
+        Raises:
+            BadInput: As of `to_joint_trajectory`, or the file cannot be written.
+        """
+        times = sample_times(self.duration, rate_hz)
+        return write_csv(file, self.joint_names, times, self.sample(times))
 
     @property
     def length(self) -> float:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from roadmap.errors import BadConfiguration
-from roadmap.robot.robot import PRISMATIC, Robot
+from roadmap.kinematics.joint_tree import PRISMATIC
+from roadmap.robot.robot import Robot
 
 # A start this far outside its limits is tolerated: encoders are [rad or m].
 LIMIT_TOLERANCE = 1e-3

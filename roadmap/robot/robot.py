@@ -9,8 +9,6 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.kinematics.inverse import solve
 
-FIXED, REVOLUTE, PRISMATIC = 0, 1, 2  # tree_i[:, KIND]
-PARENT, JOINT, KIND = 0, 1, 2  # columns of tree_i
 HULL, BOX, CYLINDER, SPHERE = 0, 1, 2, 3  # solid_kind
 
 _ARRAYS = {

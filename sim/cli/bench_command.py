@@ -23,7 +23,7 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "human, handover-recording, approach, attach, workspace, targets, "
+        "clutter, human, handover-recording, approach, attach, workspace, targets, "
         "interrupts or golden.",
         metavar="NAME",
     )

@@ -1,4 +1,4 @@
-"""What `odm info` and `odm audit` say, as plain data and as tables."""
+"""The output of `odm info` and `odm audit`, as plain data and as tables."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING

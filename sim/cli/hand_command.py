@@ -1,4 +1,4 @@
-"""`odm workspace human`: how dextrous and how easy the places of a hand are."""
+"""`odm workspace human`: dexterity and effort over the places of a hand."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,7 @@ class HandRequest:
 @guarded
 @from_request(HandRequest)
 def human_reach(request: HandRequest) -> None:
-    """Tell how dextrous and how easy a hand's places are, in two planes.
+    """Show dexterity and effort over the places of a hand, in two planes.
 
     An upright plane through the shoulder and a level one 25 cm below it (above it for
     a person who lies). No map is needed.

@@ -111,7 +111,7 @@ def suggestions(
 
 
 def probe_roadmap(robot: Robot, recipe: Recipe) -> Probe:
-    """Draw what a build would draw; connect and test some of it, with the clock."""
+    """Sample as a build would; connect and test a part of it, and measure the time."""
     settings = recipe.roadmap
     scenery = parse_scenery(recipe.scenery, recipe.folder)
     scenery = always_touching(robot, scenery, recipe.safety)

@@ -1,4 +1,4 @@
-"""`odm workspace`: what a robot reaches, stored as a map, told and drawn."""
+"""`odm workspace`: reach maps of robots: build, print and draw them."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Frames of a film: signs over a rendered picture of robots on a table; GIF files."""
+"""Frames of a film: a rendered picture of robots on a table, with marks; GIF files."""
 
 from dataclasses import dataclass
 from pathlib import Path

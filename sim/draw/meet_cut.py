@@ -62,7 +62,7 @@ class Meeting:
 
 
 def base_height(robot: Robot) -> float:
-    """Return where a robot's base is put above the floor unless told [m].
+    """Return the default height of a robot's base above the floor [m].
 
     On the floor where its own fixed part is tall, else on a table.
     """

@@ -73,7 +73,7 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True)
 class Setting:
-    """What a session is told.
+    """Settings of a session.
 
     Attributes:
         rate_hz: Frames per second of simulation and wall clock.

@@ -1,4 +1,4 @@
-"""Signals as wishes that a loop heeds between two turns."""
+"""Signals as requests that a loop answers between two turns."""
 
 import signal
 from types import FrameType, TracebackType

@@ -5,9 +5,14 @@ To it a read-only array is another type than a writable one, so the arrays here 
 the real ones: a map that was stored and is read again.
 """
 
+import multiprocessing
+import os
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +20,18 @@ import numpy as np
 
 from odm import (
     Box,
+    Capsule,
     CellMap,
+    Cylinder,
     DepthCamera,
+    Mesh,
+    Obstacles,
     PlannerSettings,
     ReactivePlanner,
     Recipe,
     SeenSettings,
     SeenSpace,
+    Sphere,
     build_map,
     load_map,
     sample_capsules,
@@ -32,10 +42,11 @@ from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
 from roadmap.unfinished import temporary_folder
 
 if TYPE_CHECKING:
-    from handover import ReachMap
+    from handover import Chain, ReachMap
 
 URDF = """<robot name="sample">
 <link name="base"><collision><geometry><cylinder radius="0.06" length="0.1"/></geometry>
@@ -63,7 +74,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
-    """Build a tiny map, store, load and use it in every way.
+    """Build a tiny map, store, load and use it in every way, in two processes.
 
     Args:
         progress: Called with (stage, done, total).
@@ -72,40 +83,77 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     Returns:
         Seconds it took, and how many kernels were compiled anew.
     """
-    begun, before = time.perf_counter(), cache_misses()
+    begun = time.perf_counter()
     sizes = (COARSE, FINE) if fine else (COARSE,)
-    for k, h in enumerate(sizes):
-        with temporary_folder() as folder:
-            jobs = _jobs(folder, h)
-            for i, job in enumerate(jobs, len(jobs) * k + 1):
-                job()
-                progress("kernels", i, len(jobs) * len(sizes))
-    return time.perf_counter() - begun, cache_misses() - before
+    done, total = 0, len(sizes) * (len(_FRAMES) + len(_OTHERS))
+    compiled = 0
+    for h in sizes:
+        with temporary_folder() as folder, _beside(folder, h, _OTHERS) as beside:
+            for misses in chain(map(_Jobs(folder, h).run, _FRAMES), beside):
+                compiled += misses
+                done += 1
+                progress("kernels", done, total)
+    return time.perf_counter() - begun, compiled
 
 
-def _jobs(folder: Path, h: float) -> list[Callable[[], object]]:
-    loaded: list[CellMap] = []
+class _Jobs:
+    """What is compiled, job by job.
 
-    def build() -> None:
-        build_map(tiny_recipe(folder, h)).save(folder / "map")
+    Args:
+        folder: Where the map is stored, and read again.
+        h: Cell size of the map [m].
+    """
 
-    def load() -> None:
-        loaded.append(load_map(folder / "map"))
-        loaded[0].robot.ik(tool_pose(loaded[0].robot, np.array([0.1, 0.4, 0.5])))
+    def __init__(self, folder: Path, h: float) -> None:
+        self.folder, self.h = folder, h
+        self._map: CellMap | None = None
 
-    return [
-        build,
-        load,
-        lambda: exercise(loaded[0]),
-        lambda: _ask(loaded[0]),
-        lambda: _carry(loaded[0]),
-        lambda: _see(loaded[0]),
-        lambda: _audit(loaded[0]),
-        lambda: _measure(loaded[0]),
-        _watch,
-        _person,
-        lambda: _reach(loaded[0], folder),
-    ]
+    def run(self, name: str) -> int:
+        """Run one job; return how many kernels it compiled."""
+        before = cache_misses()
+        if name == "build":
+            build_map(tiny_recipe(self.folder, self.h)).save(self.folder / "map")
+        elif name in _ALONE:
+            _ALONE[name]()
+        else:
+            _WITH_MAP[name](self.map)
+        return cache_misses() - before
+
+    @property
+    def map(self) -> CellMap:
+        """The map, as soon as it is stored."""
+        while self._map is None:
+            if (self.folder / "map").exists():  # it is put there whole
+                self._map = load_map(self.folder / "map")
+            else:
+                time.sleep(0.05)
+        return self._map
+
+
+@contextmanager
+def _beside(folder: Path, h: float, names: tuple[str, ...]) -> Iterator[Iterator[int]]:
+    """Yield what other jobs compiled, one after the other, in a process of their own.
+
+    On a single core they wait until they are asked for.
+    """
+    if (os.cpu_count() or 1) < 2:
+        yield map(_Jobs(folder, h).run, names)
+        return
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(1, _prepare_child, (folder, h)) as pool:
+        yield pool.imap(_run_job, names)
+
+
+_shared: dict[str, _Jobs] = {}  # of the process beside
+
+
+def _prepare_child(folder: Path, h: float) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+    _shared["jobs"] = _Jobs(folder, h)
+
+
+def _run_job(name: str) -> int:
+    return _shared["jobs"].run(name)
 
 
 def tiny_recipe(folder: Path, h: float = COARSE) -> Recipe:
@@ -123,6 +171,11 @@ def tiny_recipe(folder: Path, h: float = COARSE) -> Recipe:
         ),
         payload=PayloadRecipe(radius=0.06, position=(0.12, 0.0, 0.0)),
     )
+
+
+def _load(cell_map: CellMap) -> None:
+    robot = cell_map.robot
+    robot.ik(tool_pose(robot, np.array([0.1, 0.4, 0.5])))
 
 
 def exercise(cell_map: CellMap) -> None:
@@ -153,12 +206,33 @@ def exercise(cell_map: CellMap) -> None:
             planner.attacher.attach_start(start, quick=True)
             planner.invalid_nodes()
             planner.invalid_edges()
+        shapes = _shapes(points)
+        for given in (shapes, Obstacles.of([]), shapes):
+            answer = planner.step(given, q=start)
+            _ = answer.reason, answer.retreat
+            planner.separation(start)
+            planner.blocked_leg(np.stack([start, goal]), 0.1, given)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
             planner.step(np.full((1, 3), bad), q=start)
         planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
         planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
         planner.reset()
+
+
+def _shapes(points: np.ndarray) -> Obstacles:
+    """Return a shape of each kind, and points."""
+    T = pose_of((0.3, 0.0, 0.3), (0.1, 0.2, 0.3))
+    corners = np.vstack([np.zeros(3), 0.1 * np.eye(3)])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    solids = [
+        Sphere(0.05, T),
+        Capsule(0.04, 0.2, T),
+        Cylinder(0.04, 0.2, T),
+        Box(np.array([0.1, 0.2, 0.1]), T),
+        Mesh(corners, faces, T),
+    ]
+    return Obstacles.of(solids, points)
 
 
 def _two_nodes(planner: ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
@@ -274,22 +348,35 @@ def _person() -> None:
     qualities_at(human, "left", T[None, :3, 3], rotations=72)
 
 
-def _reach(cell_map: CellMap, folder: Path) -> None:
+def _reach(cell_map: CellMap) -> None:
+    from handover import chain_of
+
+    _reach_of(chain_of(cell_map.robot))
+
+
+def _reach_of_person() -> None:
+    from handover import Human
+
+    _reach_of(Human().arm("left").chain())
+
+
+def _reach_of(chain: "Chain") -> None:
     """Build, store, load and ask a reach map."""
-    from handover import ReachSettings, build_reach_map, chain_of, load_reach_map
+    from handover import ReachSettings, build_reach_map, load_reach_map
     from handover.reach.reach_recall import center_rate
 
-    chain = chain_of(cell_map.robot)
     settings = ReachSettings(cell=0.2, rotations=72, samples=2000)
-    build_reach_map(chain, settings, threads=1).save(folder / "reach")
-    reach = load_reach_map(folder / "reach")
-    cell = int(reach.marked_cells()[0])
-    reach.quality(reach.grid.centers(np.array([cell])))
-    reach.witness_of(cell)
-    reach.qualities(np.array([cell]))
-    reach.dense()
-    center_rate(reach, chain, cells=1)
-    _meet(reach)
+    with temporary_folder() as folder:
+        build_reach_map(chain, settings, threads=1).save(folder / "reach")
+        reach = load_reach_map(folder / "reach")
+        cell = int(reach.marked_cells()[0])
+        reach.quality(reach.grid.centers(np.array([cell])))
+        reach.witness_of(cell)
+        reach.qualities(np.array([cell]))
+        reach.dense()
+        center_rate(reach, chain, cells=1)
+        if chain.robot is not None:
+            _meet(reach)
 
 
 def _meet(reach: "ReachMap") -> None:
@@ -303,6 +390,22 @@ def _meet(reach: "ReachMap") -> None:
         meet.rated([target.key])
         meet.remove(target)
     meet.build()
+
+
+_ALONE = {"watch": _watch, "person": _person, "person's reach": _reach_of_person}
+_WITH_MAP = {
+    "load": _load,
+    "exercise": exercise,
+    "ask": _ask,
+    "carry": _carry,
+    "measure": _measure,
+    "reach": _reach,
+    "see": _see,
+    "audit": _audit,
+}
+_FRAMES = ("build", "load", "exercise", "ask", "carry", "measure")
+# those first that need no map
+_OTHERS = (*_ALONE, "reach", "see", "audit")
 
 
 def cache_misses() -> int:

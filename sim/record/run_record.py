@@ -27,7 +27,7 @@ OUTCOME = {  # by frame, in the order in which differences are told
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """One run: all that went into it and all that came of it, but no clock's figures.
+    """One run: all inputs and results, but no measured times.
 
     Attributes:
         head: Plain data: "kind", "format", "frames", "motion", "settings", "planner",

@@ -208,7 +208,7 @@ def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
 def judge_sometimes(
     loop: MeetLoop, audit: TargetAudit, frame: Frame, every_s: float
 ) -> list[Verdict]:
-    """Audit the target pursued in a frame, if it is time; none where `every_s` is 0."""
+    """Audit the pursued target every `every_s` seconds; 0: never."""
     rate = loop.settings.rate_hz
     if not every_s or not frame.index or frame.index % max(1, round(every_s * rate)):
         return []

@@ -1,4 +1,4 @@
-"""Is the target pursued the best one that can be reached? Asked off the clock."""
+"""Audit: is the pursued target the best one in reach? Not part of the timed frame."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class Verdict:
 
 
 class TargetAudit:
-    """Looks for the best reachable target anew, with more work than a frame has.
+    """Searches for the best reachable target from scratch, with more work than a frame.
 
     It shares nothing with the live thread: its own workspace, in which nothing is
     removed, inverse kinematics from many starts, and a planner that has not seen

@@ -10,7 +10,7 @@ from sim.loop.loop import Audit, Loop, LoopSettings
 
 
 class MeetPlanner:
-    """A planner for `sim.loop.loop.Loop` that is told who stands there.
+    """A planner for `sim.loop.loop.Loop` that is given the person, not only points.
 
     It answers `set_goals` by nothing: the targets are the goals. All else is the
     planner's.

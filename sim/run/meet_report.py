@@ -1,4 +1,4 @@
-"""What became of the targets of a run: figures and their table."""
+"""Results of a run to hand-over targets: figures and their table."""
 
 from collections import Counter
 

@@ -92,7 +92,7 @@ class PlacesTask:
         return Loop(self._planner, robot, self.places, person, settings)
 
     def hear(self, frame: Frame) -> None:
-        """Need nothing of a frame."""
+        """Ignore the frame: nothing is audited here."""
 
     def figures(self, loop: Loop, result: RunResult) -> dict:
         """Return the figures of the same run with nobody there, by "alone"."""

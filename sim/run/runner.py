@@ -75,7 +75,7 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
-    """Return rate, duration and speeds; a recording is played once, unless told.
+    """Return rate, duration and speeds; by default a recording is played once.
 
     Raises:
         BadInput: A value that makes no loop.

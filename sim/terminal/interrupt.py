@@ -159,7 +159,7 @@ def interruptible() -> Iterator[None]:
 
 
 def noted() -> bool:
-    """Return whether Ctrl-C came, though nobody may have seen a KeyboardInterrupt."""
+    """Return whether Ctrl-C was pressed, even if a library swallowed the exception."""
     return _listener is not None and _listener.noted
 
 

@@ -26,7 +26,7 @@ EXTRAS = {
 
 
 def guarded(command: Callable) -> Callable:
-    """Return the command with its errors told in one sentence and as an exit code.
+    """Return the command with its errors as one sentence and an exit code.
 
     1: the planner's own errors, a missing extra, a file that cannot be read or
     written; 130: Ctrl-C. Anything else is a fault of ours and keeps its traceback.
@@ -101,7 +101,7 @@ def report(facts: dict, json: str | None, show: Callable[[dict], object]) -> Non
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a file whole or not at all; folders on the way are made."""
+    """Write a file whole or not at all; missing folders are made."""
     return write_whole(path, lambda stream: stream.write(text.encode("utf-8")))
 
 

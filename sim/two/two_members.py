@@ -63,7 +63,7 @@ class TwoSettings:
 
 
 class Planned:
-    """One robot that plans: what it heeds, where it goes, how often it got there.
+    """One robot that plans: its planner and executor, its work places, its trips.
 
     It works at its places in turn. Where no path leads to the next one for a while it
     goes and waits, and asks now and then whether there is a path again.
@@ -113,7 +113,7 @@ class Planned:
         self._aim(True)
 
     def intent(self) -> Intent:
-        """Return all that it may still do without another test."""
+        """Return the intent: all motions it may still make without another test."""
         return intent_of(self.executor)
 
     def decide(self, points: np.ndarray, threat: object, now: float) -> None:
@@ -169,7 +169,7 @@ class Planned:
 
 
 class Scripted:
-    """A robot that goes to and fro between its places, whatever stands there."""
+    """A robot that moves to and fro between its places and ignores the other one."""
 
     status, wall_s, reason = 0, 0.0, ""
 

@@ -84,7 +84,7 @@ class TwoRobots:
     def _planned(
         self, k: int, planners: list, places: np.ndarray, busy: np.ndarray
     ) -> Planned:
-        """Return robot k, waiting beside the other one at all of `busy` (n, dof)."""
+        """Return robot k; it waits clear of the other one at all of `busy` (n, dof)."""
         surface, T = self.surfaces[1 - k], self.T_other[k]
         points = np.concatenate([surface.at(q, T).copy() for q in busy])
         wait = waiting_place(planners[k][0], places, points)
@@ -106,7 +106,7 @@ class TwoRobots:
         self.index += 1
 
     def _take_turns(self, now: float) -> None:
-        """Let one that arrived give way to one that waits, for one trip of it."""
+        """Let a robot that has arrived yield to one that waits, for one trip."""
         for one, other in (self.robots, self.robots[::-1]):
             if one.gives_way and (other.trips > self._turn[0] or now > self._turn[1]):
                 one.give_way(False)
@@ -187,7 +187,7 @@ def _places_on(motion: Motion) -> np.ndarray:
 
 
 def _paths_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarray]:
-    """Return paths from each place to the next, past all that stands."""
+    """Return paths from each place to the next, around all that stands still."""
     planner.reset()
     paths = []
     for k, q in enumerate(places):

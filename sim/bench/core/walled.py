@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odm import ReactivePlanner, sample_capsules
+from odm import PlannerSettings, ReactivePlanner, sample_capsules
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers
@@ -22,12 +22,14 @@ def walled_in(
 
     Arms are put beside the links one by one, each just outside the clearance, until
     the planner finds no path: so these are the hardest frames of their kind, cut off
-    by the last arm only.
+    by the last arm only. The search beyond the roadmap is left out: how long such a
+    frame looks for another way is a setting.
     """
     rows = []
     for place in ("goal", "start"):
         rng = np.random.default_rng(seed)
-        planner, clock = ReactivePlanner(cell_map, always_replan=True), Clock()
+        planner = ReactivePlanner(cell_map, True, PlannerSettings(search=0))
+        clock = Clock()
         arms = []
         for pair in pairs:
             points, n_arms = wall(planner, pair, place, rng)

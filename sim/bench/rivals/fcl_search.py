@@ -8,7 +8,7 @@ import numpy as np
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import difference
-from roadmap.robot.robot import PRISMATIC
+from roadmap.kinematics.joint_tree import PRISMATIC
 from sim.bench.frames import shapes
 from sim.bench.rivals.query import Query
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from reach_chains import person_pose, slow_dexterity
 
-from handover import _chain as kernels
 from handover import chain_of
 from handover.reach._reach_touch import touches_itself
 from handover.reach.extremes import reachable_box, work_of
@@ -14,6 +13,7 @@ from handover.reach.reach_touch import touch_of
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import configuration_free
+from roadmap.kinematics import _chain as kernels
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics.forward import jacobian, tool_pose
 

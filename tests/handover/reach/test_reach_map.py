@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import handover
 from handover import ReachSettings, build_reach_map, chain_of
-from handover._chain import dexterity, forward, from_lattice, jacobian
 from handover.reach import _reach_build as kernels
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.reach_build import MAX_BYTES
@@ -26,6 +25,7 @@ from handover.reach.reach_touch import touch_of
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.geometry.self_collision import configuration_free
+from roadmap.kinematics._chain import dexterity, forward, from_lattice, jacobian
 from roadmap.transforms import pose_of
 
 

@@ -134,7 +134,7 @@ def test_paths_of_the_compiled_competitor_touch_nothing_by_fcl(saved, pairs):
 
 
 def test_walls_leave_start_and_goal_free_but_cut_off(saved, pairs):
-    planner = odm.ReactivePlanner(saved, always_replan=True)
+    planner = odm.ReactivePlanner(saved, True, odm.PlannerSettings(search=0))
     rng, keep = np.random.default_rng(1), saved.safety.rho + saved.safety.m
     walls = 0
     for pair in pairs:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover._six import outer, root_of_determinant, solution
-from handover.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, WITHIN
+from roadmap.kinematics._six import outer, root_of_determinant, solution
 
 LEVELS = 65535  # steps of a joint's lattice between its limits
 

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from handover.jit_options import WITHIN
+from roadmap.jit_options import WITHIN
 
 
 @njit(**WITHIN)

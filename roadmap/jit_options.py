@@ -1,4 +1,4 @@
-"""Compiled loops of the handover package; bare on purpose, checks stand outside."""
+"""Options of compiled loops without counted references; checks stand outside."""
 
 # Options of loops that make no array. Numba counts the references to every array that a
 # loop reads, by two locked instructions each time: left out, a reach map is built in

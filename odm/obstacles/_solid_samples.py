@@ -1,0 +1,457 @@
+"""Shapes of a frame into solids and into the samples that mark their cells.
+
+The samples of a shape have a proved covering radius: `rho` of the map, or for capsules
+and spheres the larger one that needs no more than rho (`surfaces.rounded_covering`).
+Patterns of points around a rod depend on its radius alone, so they are kept from frame
+to frame; they are a function of the frame all the same.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from odm._groups import FRAME, array
+from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, MESH, solid_distance
+from odm.obstacles._surfaces import SHRINK, tube_frame, tube_step, walk_cap
+
+# what can be wrong with a shape
+FINE, NOT_FINITE, NO_RADIUS, NO_LENGTH, NO_SIZE, NO_POSE, TOO_LARGE = range(7)
+TOO_ROUND, NO_ROOM = 7, 8
+# rows of each kind, in the order in which they are given
+N_CAPSULES, N_SPHERES, N_CYLINDERS, N_BOXES, N_MESHES = range(5)
+WIDTHS = (7, 4, 7, 15, 12)
+LARGEST = 1000.0  # [m] a size beyond is in another unit
+POSED = 2.0  # key of what has no pattern
+WIDEST = 5.0  # [m] a radius beyond is in another unit, or a wall
+RIGID = 1e-5  # a rotation may be off by so much; it is made exact
+
+
+class Patterns(NamedTuple):
+    """What the samples of the shapes are made from."""
+
+    # flat ends?, radius, covering radius: what a rod's pattern was made for
+    key: np.ndarray = array("f8", "shapes 3", FRAME, -1)
+    begin: np.ndarray = array("i8", "shapes+1", FRAME)  # of its rows
+    size: np.ndarray = array("i8", "shapes 2", FRAME)  # points of a ring, of a cap
+    step: np.ndarray = array("f8", "shapes", FRAME)  # between two rings, at most
+    rows: np.ndarray = array("f8", "patterns 3", FRAME)  # two rings, and a cap
+    rod: np.ndarray = array("f8", "6", FRAME)  # from 0 along an axis
+    frame: np.ndarray = array("f8", "3 3", FRAME)  # its normals and axis
+    # of a mesh: first and last face, first and last sample
+    mesh: np.ndarray = array("i8", "shapes 4", FRAME)
+    ball: np.ndarray = array("f8", "shapes 4", FRAME)  # around it, in its own frame
+    samples: np.ndarray = array("f8", "samples 3", FRAME)  # of meshes, in their frames
+    # which shape is wrong: its kind, its number there
+    wrong: np.ndarray = array("i8", "2", FRAME)
+    rho: np.ndarray = array("f8", "1", FRAME)  # covering radius of the map
+    ball_least: np.ndarray = array("f8", "1", FRAME)  # least sphere and clearance m
+
+
+@njit(cache=True, nogil=True)
+def take_solids(data, counts, T, solids, patterns):
+    """Write the shapes of `data` to `solids`, in the base frame; or say what is wrong.
+
+    Args:
+        data: The rows of all shapes, kind after kind.
+        counts: (5,) how many there are of each kind.
+        T: (4, 4) pose of the frame in which they are given, in the base frame.
+        solids: They are written there; none where one is wrong.
+        patterns: Says of which kind and number the wrong one is.
+    """
+    solids.count[0] = 0
+    at, n = 0, 0
+    for kind in range(5):
+        width = WIDTHS[kind]
+        for i in range(counts[kind]):
+            given = data[at : at + width]
+            at += width
+            code = FINE
+            for j in range(width):
+                if not abs(given[j]) < math.inf:
+                    code = NOT_FINITE
+            if code == FINE:
+                if kind == N_BOXES or kind == N_MESHES:
+                    code = take_posed(given, T, kind, solids, n, patterns, i)
+                else:
+                    code = take_rod(given, T, kind, solids, n)
+            if code != FINE:
+                patterns.wrong[0], patterns.wrong[1] = kind, i
+                return code
+            n += 1
+    solids.count[0] = n
+    return FINE
+
+
+@njit(cache=True, nogil=True)
+def take_rod(given, T, kind, solids, n):
+    """Write a capsule, a sphere or a cylinder; FINE or what is wrong with it."""
+    row = solids.rows[n]
+    radius = given[3] if kind == N_SPHERES else given[6]
+    if radius <= 0.0:
+        return NO_RADIUS
+    length2 = 0.0
+    for a in range(3):
+        row[a] = T[a, 3]
+        row[3 + a] = 0.0
+        for j in range(3):
+            row[a] += T[a, j] * given[j]
+            if kind != N_SPHERES:
+                row[3 + a] += T[a, j] * (given[3 + j] - given[j])
+        length2 += row[3 + a] * row[3 + a]
+    if not radius <= WIDEST:
+        return TOO_ROUND
+    if not length2 <= LARGEST * LARGEST:
+        return TOO_LARGE
+    row[6] = radius
+    if kind != N_CYLINDERS:
+        solids.kind[n] = CAPSULE
+        row[7] = length2
+        return FINE
+    length = math.sqrt(length2)
+    if not length > 1e-9:
+        return NO_LENGTH
+    solids.kind[n] = CYLINDER
+    row[7] = 0.5 * length
+    for a in range(3):
+        row[a] += 0.5 * row[3 + a]
+        row[3 + a] /= length
+    return FINE
+
+
+@njit(cache=True, nogil=True)
+def take_posed(given, T, kind, solids, n, patterns, i):
+    """Write a box, or mesh number i; FINE or what is wrong with it."""
+    row = solids.rows[n]
+    if not is_rotation(given):
+        return NO_POSE
+    for a in range(3):
+        row[a] = T[a, 3]
+        for j in range(3):
+            row[a] += T[a, j] * given[4 * j + 3]
+            row[3 + 3 * a + j] = 0.0
+            for m in range(3):
+                row[3 + 3 * a + j] += T[a, m] * given[4 * m + j]
+    make_rotation(row)
+    if kind == N_BOXES:
+        for a in range(3):
+            if given[12 + a] <= 0.0:
+                return NO_SIZE
+            if given[12 + a] > LARGEST:
+                return TOO_LARGE
+            row[12 + a] = 0.5 * given[12 + a]
+        solids.kind[n] = BOX
+        return FINE
+    solids.kind[n] = MESH
+    row[12], row[13] = patterns.mesh[i, 0], patterns.mesh[i, 1]
+    ball = patterns.ball[i]
+    for a in range(3):
+        row[14 + a] = row[a]
+        for j in range(3):
+            row[14 + a] += row[3 + 3 * a + j] * ball[j]
+    row[17], row[18] = ball[3], i
+    return FINE
+
+
+@njit(cache=True, nogil=True)
+def is_rotation(given):
+    """Return True if the left (3, 3) of a pose (12,), row by row, is a rotation."""
+    for a in range(3):
+        for b in range(3):
+            dot = -1.0 if a == b else 0.0
+            for j in range(3):
+                dot += given[4 * j + a] * given[4 * j + b]
+            if not abs(dot) <= RIGID:
+                return False
+    g = given
+    det = g[0] * (g[5] * g[10] - g[6] * g[9]) - g[1] * (g[4] * g[10] - g[6] * g[8])
+    det += g[2] * (g[4] * g[9] - g[5] * g[8])
+    return det > 0.0
+
+
+@njit(cache=True, nogil=True)
+def make_rotation(row):
+    """Make the columns of a row's rotation unit and upright to each other."""
+    for a in range(3):
+        for b in range(a):
+            dot = 0.0
+            for j in range(3):
+                dot += row[3 + 3 * j + a] * row[3 + 3 * j + b]
+            for j in range(3):
+                row[3 + 3 * j + a] -= dot * row[3 + 3 * j + b]
+        size = 0.0
+        for j in range(3):
+            size += row[3 + 3 * j + a] ** 2
+        size = math.sqrt(size)
+        for j in range(3):
+            row[3 + 3 * j + a] /= size
+
+
+@njit(cache=True, nogil=True)
+def move_solids(solids, T):
+    """Move all shapes by a rigid T (4, 4)."""
+    for n in range(solids.count[0]):
+        row, kind = solids.rows[n], solids.kind[n]
+        turn(T, row, 0, 1.0)
+        if kind == CAPSULE or kind == CYLINDER:
+            turn(T, row, 3, 0.0)
+            continue
+        for a in range(3):
+            x, y, z = row[3 + a], row[6 + a], row[9 + a]
+            for j in range(3):
+                row[3 + 3 * j + a] = T[j, 0] * x + T[j, 1] * y + T[j, 2] * z
+        make_rotation(row)
+        if kind == MESH:
+            turn(T, row, 14, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def turn(T, row, at, whole):
+    """Let three numbers of a row be T times them; `whole` is 0 for a direction."""
+    x, y, z = row[at], row[at + 1], row[at + 2]
+    for j in range(3):
+        row[at + j] = T[j, 0] * x + T[j, 1] * y + T[j, 2] * z + whole * T[j, 3]
+
+
+@njit(cache=True, nogil=True)
+def rod_spacing(radius, rho, ball):
+    """Return the covering radius that a capsule's samples may have, rho or more [m].
+
+    The inverse of `surfaces.rounded_covering`: against balls of this size and larger
+    ones they need no more than rho.
+    """
+    far = math.sqrt(rho * (2.0 * ball + rho) / (1.0 + ball / radius))
+    return max(rho, min(far, 2.0 * radius * SHRINK))
+
+
+@njit(cache=True, nogil=True)
+def lay_patterns(solids, patterns):
+    """Make the patterns of rods that are not those of the last frame; or NO_ROOM."""
+    rows, begin = patterns.rows, patterns.begin
+    valid = True
+    begin[0] = 0
+    for n in range(solids.count[0]):
+        kind, radius = solids.kind[n], solids.rows[n, 6]
+        if kind == BOX or kind == MESH:
+            if not (valid and patterns.key[n, 0] == POSED):
+                valid = forget_patterns(patterns, n)
+                patterns.key[n, 0] = POSED
+                begin[n + 1] = begin[n]
+            continue
+        flat = kind == CYLINDER
+        rho = patterns.rho[0]
+        if not flat:
+            rho = rod_spacing(radius, rho, patterns.ball_least[0])
+        rho *= SHRINK
+        key = patterns.key[n]
+        told = 1.0 if flat else 0.0
+        if valid and key[0] == told and key[1] == radius and key[2] == rho:
+            continue
+        valid = forget_patterns(patterns, n)
+        k, step = best_ring(radius, rho)
+        start = begin[n] + 2 * k
+        cap = walk_cap(flat, k, rho / radius, rows[:0], 0)
+        if start + cap > rows.shape[0]:
+            return NO_ROOM
+        for j in range(2 * k):
+            # the second ring is turned by half a step against the first
+            angle = math.pi * (2.0 * j / k if j < k else (2.0 * (j - k) + 1.0) / k)
+            rows[begin[n] + j, 0] = radius * math.cos(angle)
+            rows[begin[n] + j, 1] = radius * math.sin(angle)
+        if cap > 0:
+            walk_cap(flat, k, rho / radius, rows, start)
+        for j in range(start, start + cap):
+            for a in range(3):
+                rows[j, a] *= radius
+        patterns.size[n, 0], patterns.size[n, 1] = k, cap
+        patterns.step[n] = step
+        begin[n + 1] = start + cap
+        key[0], key[1], key[2] = told, radius, rho
+    return FINE
+
+
+@njit(cache=True, nogil=True)
+def forget_patterns(patterns, first):
+    """Forget the patterns from the first on, whose rows will be written over."""
+    for n in range(first, patterns.key.shape[0]):
+        patterns.key[n, 0] = -1.0
+    return False
+
+
+@njit(cache=True, nogil=True)
+def best_ring(radius, rho):
+    """Return (k, d): points of a ring and distance of rings with the fewest points."""
+    k = 1
+    if 2.0 * radius > rho:
+        k = max(1, int(math.pi / (2.0 * math.asin(rho / (2.0 * radius)))) - 1)
+    while tube_step(radius, k, rho) < 0.0:
+        k += 1
+    best = k
+    for more in range(k + 1, k + 4):
+        if more * tube_step(radius, best, rho) < best * tube_step(radius, more, rho):
+            best = more
+    return best, tube_step(radius, best, rho)
+
+
+@njit(cache=True, nogil=True)
+def write_samples(solids, patterns, near, points, n):
+    """Write the samples of all shapes behind row n of `points`; return the next row.
+
+    Only as many as there is room for; the number goes on. What lies wholly outside
+    the ball `near` (4,), where no cell is, has one sample.
+    """
+    center, reach = near[:3], near[3]
+    for k in range(solids.count[0]):
+        kind = solids.kind[k]
+        if out_of_reach(solids, k, center, reach):
+            if n < points.shape[0]:
+                for a in range(3):
+                    points[n, a] = solids.rows[k, a]
+            n += 1
+        elif kind == BOX:
+            n = write_box(solids.rows[k], center, reach, patterns.rho[0], points, n)
+        elif kind == MESH:
+            n = write_mesh(solids, k, patterns, points, n)
+        else:
+            n = write_rod(solids, k, patterns, center, reach, points, n)
+    return n
+
+
+@njit(cache=True, nogil=True)
+def out_of_reach(solids, k, center, reach):
+    """Return True if solid k, or the ball around a mesh, is farther than `reach`."""
+    x, y, z = center[0], center[1], center[2]
+    if solids.kind[k] != MESH:
+        return solid_distance(solids, k, x, y, z, math.inf) > reach
+    ball = solids.rows[k, 14:18]
+    d2 = (ball[0] - x) ** 2 + (ball[1] - y) ** 2 + (ball[2] - z) ** 2
+    return d2 > (reach + ball[3]) ** 2
+
+
+@njit(cache=True, nogil=True)
+def write_rod(solids, k, patterns, center, reach, points, n):
+    """Write the samples of a capsule or cylinder, in reach; see `write_samples`."""
+    row, frame = solids.rows[k], patterns.frame
+    length, radius = axis_of(solids, k, patterns), row[6]
+    ring, cap = patterns.size[k, 0], patterns.size[k, 1]
+    first = patterns.begin[k]
+    ax, ay, az = row[0], row[1], row[2]
+    if solids.kind[k] == CYLINDER:
+        ax -= row[7] * row[3]
+        ay -= row[7] * row[4]
+        az -= row[7] * row[5]
+    wx, wy, wz = center[0] - ax, center[1] - ay, center[2] - az
+    middle = wx * frame[2, 0] + wy * frame[2, 1] + wz * frame[2, 2]
+    rest = wx * wx + wy * wy + wz * wz - middle * middle
+    # what is in reach is no farther along the axis, and its samples hardly farther
+    wide = math.sqrt(max(0.0, (reach + radius) ** 2 - rest))
+    wide += patterns.step[k] + radius
+    rings = 1
+    if length > 0.0:
+        rings += max(1, int(math.ceil(length / patterns.step[k])))
+    gap = length / max(1, rings - 1)
+    low, high = 0, rings - 1
+    if gap > 0.0:
+        low = max(low, int(math.ceil(max(0.0, middle - wide) / gap)))
+        high = min(high, int(math.floor(max(0.0, middle + wide) / gap)))
+    for r in range(low, high + 1):
+        at = first + ring * (r % 2)
+        z = gap * r
+        for j in range(at, at + ring):
+            n = write_place(patterns, j, z, ax, ay, az, points, n)
+    for end in range(2):
+        z, sign = (0.0, -1.0) if end == 0 else (length, 1.0)
+        if abs(z - middle) > wide:
+            continue
+        at = first + 2 * ring
+        for j in range(at, at + cap):
+            up = z + sign * patterns.rows[j, 2]
+            n = write_place(patterns, j, up, ax, ay, az, points, n)
+    return n
+
+
+@njit(cache=True, nogil=True)
+def axis_of(solids, k, patterns):
+    """Write normals and axis of a rod to `patterns.frame`; return its length."""
+    row, rod = solids.rows[k], patterns.rod
+    rod[3], rod[4], rod[5] = row[3], row[4], row[5]
+    length = tube_frame(rod, patterns.frame)
+    return 2.0 * row[7] if solids.kind[k] == CYLINDER else length
+
+
+@njit(cache=True, nogil=True)
+def write_place(patterns, j, z, ax, ay, az, points, n):
+    """Write row j of a pattern at height z above a; return the next row."""
+    if n < points.shape[0]:
+        x, y, frame = patterns.rows[j, 0], patterns.rows[j, 1], patterns.frame
+        points[n, 0] = ax + x * frame[0, 0] + y * frame[1, 0] + z * frame[2, 0]
+        points[n, 1] = ay + x * frame[0, 1] + y * frame[1, 1] + z * frame[2, 1]
+        points[n, 2] = az + x * frame[0, 2] + y * frame[1, 2] + z * frame[2, 2]
+    return n + 1
+
+
+@njit(cache=True, nogil=True)
+def write_mesh(solids, k, patterns, points, n):
+    """Write the samples of a mesh; see `write_samples`."""
+    row = solids.rows[k]
+    mesh = patterns.mesh[int(row[18])]
+    for j in range(mesh[2], mesh[3]):
+        if n < points.shape[0]:
+            x, y, z = patterns.samples[j]
+            for a in range(3):
+                turned = row[3 + 3 * a] * x + row[4 + 3 * a] * y + row[5 + 3 * a] * z
+                points[n, a] = row[a] + turned
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def write_box(row, center, reach, rho, points, n):
+    """Write the samples of a box's faces, in reach; see `write_samples`.
+
+    A point in the middle of each of n x m equal rectangles of a face reaches their
+    corners.
+    """
+    rho *= SHRINK
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        half_u, half_v = row[12 + u], row[12 + v]
+        n_u = max(1, int(math.ceil(math.sqrt(2.0) * half_u / rho)))
+        step_u = 2.0 * half_u / n_u
+        n_v = half_v / math.sqrt(rho * rho - 0.25 * step_u * step_u)
+        n_v = max(1, int(math.ceil(n_v)))
+        step_v = 2.0 * half_v / n_v
+        along = u_at = v_at = 0.0  # the centre, seen from the box
+        for a in range(3):
+            off = center[a] - row[a]
+            along += off * row[3 + 3 * a + axis]
+            u_at += off * row[3 + 3 * a + u]
+            v_at += off * row[3 + 3 * a + v]
+        for side in range(2):
+            height = row[12 + axis] if side == 1 else -row[12 + axis]
+            slack = reach * reach - (height - along) ** 2
+            if slack <= 0.0:
+                continue
+            wide = math.sqrt(slack) + rho
+            first_u, last_u = cells_in_reach(u_at, wide, half_u, step_u, n_u)
+            first_v, last_v = cells_in_reach(v_at, wide, half_v, step_v, n_v)
+            for i in range(first_u, last_u):
+                x = (i + 0.5) * step_u - half_u
+                for j in range(first_v, last_v):
+                    if n < points.shape[0]:
+                        y = (j + 0.5) * step_v - half_v
+                        for a in range(3):
+                            at = 3 + 3 * a
+                            points[n, a] = row[a] + height * row[at + axis]
+                            points[n, a] += x * row[at + u] + y * row[at + v]
+                    n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def cells_in_reach(middle, wide, half, step, n):
+    """Return the first and one past the last of n steps that touch middle +- wide."""
+    low = int(math.floor((max(-half, min(half, middle - wide)) + half) / step))
+    high = int(math.floor((max(-half, min(half, middle + wide)) + half) / step)) + 1
+    return max(0, min(low, n)), max(0, min(high, n))

@@ -1,0 +1,381 @@
+"""Obstacles of a frame as shapes and points, written in place by the caller."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from odm._groups import new
+from odm.checks import as_floats, check_classes, check_points
+from odm.obstacles import _solid_samples as kernels
+from odm.obstacles import shapes as solid
+from odm.obstacles._solid_samples import WIDTHS, Patterns
+from odm.obstacles._solids import Solids
+from roadmap.errors import BadInput
+
+KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
+_ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
+_ROWS = {
+    "capsules": "[ax ay az bx by bz r]",
+    "spheres": "[x y z r]",
+    "cylinders": "[ax ay az bx by bz r]",
+    "boxes": "pose (3, 4) row by row, then three edge lengths",
+    "meshes": "poses (3, 4) row by row",
+}
+_WRONG = {
+    kernels.NOT_FINITE: "is not finite, so it may be anywhere; check the sensor",
+    kernels.NO_RADIUS: "has a radius that is not above 0; give its true radius",
+    kernels.NO_LENGTH: "has two equal ends and so no direction; give a sphere",
+    kernels.NO_SIZE: "has an edge length that is not above 0; give its true size",
+    kernels.NO_POSE: "has a pose that is no rigid motion; give a rotation",
+    kernels.TOO_ROUND: f"has a radius above {kernels.WIDEST:g} m; give metres",
+    kernels.TOO_LARGE: f"is larger than {kernels.LARGEST:g} m; give metres",
+}
+
+
+class Obstacles:
+    """Shapes and points around the robot: what `planner.step` takes each frame.
+
+    Made once, for so many shapes of each kind; then the caller writes where they are
+    into its arrays, frame by frame: `obstacles.capsules[:] = ...`. All numbers are in
+    metres, in the base frame, or in the world's after `set_base`. The close test takes
+    the shapes' exact distances, and their cells are found inside the compiled frame.
+    Rows that were never written are NaN, and hold the robot. Where another number of
+    shapes is seen, another object is given.
+
+    Args:
+        capsules: (k, 7) ends a and b and radius, or k. A zero length is a sphere.
+        spheres: (k, 4) centre and radius, or k.
+        boxes: (k, 15) the pose (3, 4) of the centre, row by row, and three full edge
+            lengths; or k.
+        cylinders: (k, 7) centres a and b of the end discs and radius; or k.
+        meshes: Closed meshes as `odm.Mesh`; each counts as its convex hull.
+        points: (n, 3) points beside them, as `step` takes them; None for none.
+        labels: Names of the shapes by kind, told where one is in the way:
+            `{"capsules": ["upper arm", "forearm"]}`.
+        classes: By kind, or "points": odm.AVOID, CONTACT or OBJECT of each.
+
+    Attributes:
+        capsules, spheres, cylinders, boxes: Arrays to be written into.
+        poses: (k, 3, 4) poses of the meshes.
+
+    Raises:
+        BadInput: An array of another shape, or a name or class too many.
+    """
+
+    def __init__(
+        self,
+        *,
+        capsules: np.ndarray | int = 0,
+        spheres: np.ndarray | int = 0,
+        cylinders: np.ndarray | int = 0,
+        boxes: np.ndarray | int = 0,
+        meshes: Sequence[solid.Mesh] = (),
+        points: np.ndarray | None = None,
+        labels: Mapping[str, Sequence[str]] | None = None,
+        classes: Mapping[str, Sequence[int]] | None = None,
+    ) -> None:
+        """Lay all rows out in one array."""
+        self._meshes = [_hull(mesh, k) for k, mesh in enumerate(meshes)]
+        poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
+        given = {
+            "capsules": capsules,
+            "spheres": spheres,
+            "cylinders": cylinders,
+            "boxes": boxes,
+            "meshes": np.array(poses).reshape(-1, 12),
+        }
+        rows = [
+            _rows(kind, given[kind], w) for kind, w in zip(KINDS, WIDTHS, strict=True)
+        ]
+        self.counts = np.array([len(part) for part in rows], np.int64)
+        self.data = np.concatenate([part.ravel() for part in rows])
+        self._views, at = {}, 0
+        for kind, part in zip(KINDS, rows, strict=True):
+            self._views[kind] = self.data[at : at + part.size].reshape(part.shape)
+            at += part.size
+        self.poses = self._views["meshes"].reshape(-1, 3, 4)
+        self.points = np.zeros((0, 3)) if points is None else points
+        self.labels = self._by_kind("labels", labels, KINDS)
+        told = self._by_kind("classes", classes, (*KINDS, "points"))
+        n = {kind: len(self._views[kind]) for kind in KINDS}
+        self.classes = None if "points" not in told else np.asarray(told["points"])
+        parts = [check_classes(told[k], n[k]) for k in KINDS if k in told]
+        self.shape_classes = np.zeros(len(self), np.int8)
+        if parts:
+            parts = [
+                check_classes(told.get(k, np.zeros(n[k], int)), n[k]) for k in KINDS
+            ]
+            self.shape_classes = np.concatenate(parts)
+
+    @classmethod
+    def of(
+        cls,
+        shapes: Sequence[solid.Shape],
+        points: np.ndarray | None = None,
+    ) -> "Obstacles":
+        """Return obstacles that hold these shapes, where they are, and points.
+
+        Args:
+            shapes: Spheres, capsules, cylinders, boxes and meshes of `odm`.
+            points: (n, 3), None for none [m].
+        """
+        rows: dict[str, list] = {kind: [] for kind in KINDS}
+        for shape in shapes:
+            T = getattr(shape, "T_base_shape", None)
+            if isinstance(shape, solid.Mesh):
+                rows["meshes"].append(shape)
+            elif isinstance(shape, solid.Sphere):
+                rows["spheres"].append([*T[:3, 3], shape.radius])
+            elif isinstance(shape, solid.Box):
+                rows["boxes"].append([*T[:3].ravel(), *shape.size])
+            elif isinstance(shape, solid.Capsule | solid.Cylinder):
+                kind = "capsules" if isinstance(shape, solid.Capsule) else "cylinders"
+                rows[kind].append(np.concatenate([*shape.ends(), [shape.radius]]))
+            else:
+                raise BadInput(
+                    f"a {type(shape).__name__} is no shape; give a Sphere, Capsule, "
+                    "Cylinder, Box or Mesh"
+                )
+        plain = {k: np.array(r) if r else 0 for k, r in rows.items() if k != "meshes"}
+        return cls(**plain, meshes=rows["meshes"], points=points)
+
+    def __len__(self) -> int:
+        """Return how many shapes there are."""
+        return int(self.counts.sum())
+
+    @property
+    def capsules(self) -> np.ndarray:
+        """(k, 7) ends a and b and radius [m]; setting it writes into the array."""
+        return self._views["capsules"]
+
+    @capsules.setter
+    def capsules(self, rows: np.ndarray) -> None:
+        self._write("capsules", rows)
+
+    @property
+    def spheres(self) -> np.ndarray:
+        """(k, 4) centre and radius [m]."""
+        return self._views["spheres"]
+
+    @spheres.setter
+    def spheres(self, rows: np.ndarray) -> None:
+        self._write("spheres", rows)
+
+    @property
+    def cylinders(self) -> np.ndarray:
+        """(k, 7) centres of the end discs and radius [m]."""
+        return self._views["cylinders"]
+
+    @cylinders.setter
+    def cylinders(self, rows: np.ndarray) -> None:
+        self._write("cylinders", rows)
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """(k, 15) pose (3, 4) of the centre, row by row, and edge lengths [m]."""
+        return self._views["boxes"]
+
+    @boxes.setter
+    def boxes(self, rows: np.ndarray) -> None:
+        self._write("boxes", rows)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(n, 3) points beside the shapes [m]; any other array may take its place."""
+        return self._points
+
+    @points.setter
+    def points(self, points: np.ndarray) -> None:
+        self._points = check_points(points, None, None, np.inf)
+
+    @property
+    def meshes(self) -> list["Hull"]:
+        """The meshes as convex hulls, each in its own frame."""
+        return self._meshes
+
+    def name(self, k: int) -> str:
+        """Return what shape k is called: its kind and number, and its label."""
+        for kind, one, n in zip(KINDS, _ONE, self.counts.tolist(), strict=True):
+            if k < n:
+                label = self.labels.get(kind)
+                return f"{one} {k}" + (f" ({label[k]})" if label else "")
+            k -= n
+        return f"shape {k}"
+
+    def trouble(self, code: int, kind: int, k: int) -> str:
+        """Return what is wrong with shape k of a kind; see `_solid_samples`."""
+        k += int(self.counts[:kind].sum())
+        return f"{self.name(k)} {_WRONG[code]}"
+
+    def _write(self, kind: str, rows: np.ndarray) -> None:
+        there = self._views[kind]
+        rows = as_floats(kind, rows)
+        if rows.shape != there.shape:
+            raise BadInput(
+                f"{kind} have shape {rows.shape}, but these obstacles were made for "
+                f"{there.shape}; make others for another number"
+            )
+        there[...] = rows
+
+    def _by_kind(self, what: str, told: object, kinds: tuple[str, ...]) -> dict:
+        if told is None:
+            return {}
+        if not isinstance(told, Mapping) or not set(told) <= set(kinds):
+            raise BadInput(
+                f"{what} are {told!r}; give a mapping from some of {', '.join(kinds)} "
+                "to one for each"
+            )
+        for kind, values in told.items():
+            n = len(self._points if kind == "points" else self._views[kind])
+            if len(values) != n:
+                raise BadInput(
+                    f"{len(values)} {what} of {kind} were given for {n}; give one for "
+                    "each"
+                )
+        return dict(told)
+
+
+class Hull:
+    """A convex hull in its own frame, as the close test takes it.
+
+    Attributes:
+        faces: (f, 13) outward normal, offset and three corners of each [m].
+        ball: (4,) centre and radius of a ball around it [m].
+    """
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
+        """Compute the planes; the offset holds all vertices whatever rounding does."""
+        self.vertices, self.triangles = vertices, triangles
+        a, b, c = (vertices[triangles[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1)
+        keep = size > 1e-12
+        normal = normal[keep] / size[keep, None]
+        offset = (normal @ vertices.T).max(axis=1)
+        parts = [normal, offset[:, None], a[keep], b[keep], c[keep]]
+        self.faces = np.ascontiguousarray(np.hstack(parts))
+        center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+        far = np.linalg.norm(vertices - center, axis=1).max()
+        self.ball = np.append(center, far * (1.0 + 1e-12))
+        self._samples: tuple[float, np.ndarray] | None = None
+
+    def samples(self, spacing: float) -> np.ndarray:
+        """Return points (n, 3) that cover the surface within `spacing` [m]."""
+        from odm.obstacles.mesh_surface import sample_closed_mesh
+
+        if self._samples is None or self._samples[0] != spacing:
+            points, _ = sample_closed_mesh(self.vertices, self.triangles, spacing)
+            self._samples = spacing, points
+        return self._samples[1]
+
+
+def _hull(mesh: object, k: int) -> Hull:
+    from scipy.spatial import ConvexHull, QhullError
+
+    if not isinstance(mesh, solid.Mesh):
+        raise BadInput(f"mesh {k} is a {type(mesh).__name__}; give an odm.Mesh")
+    try:
+        hull = ConvexHull(mesh.vertices)
+    except QhullError as error:
+        raise BadInput(f"mesh {k} is flat; give a solid") from error
+    used = np.unique(hull.simplices)
+    vertices = np.ascontiguousarray(mesh.vertices[used])
+    triangles = np.searchsorted(used, hull.simplices)
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    triangles[inward] = triangles[inward][:, [0, 2, 1]]
+    return Hull(vertices, triangles)
+
+
+def _rows(kind: str, given: object, width: int) -> np.ndarray:
+    if isinstance(given, int | np.integer) and not isinstance(given, bool):
+        if given < 0:
+            raise BadInput(f"{given} {kind} were asked for; give 0 or more")
+        return np.full((int(given), width), np.nan)
+    rows = as_floats(kind, given)
+    if rows.ndim != 2 or rows.shape[1] != width:
+        raise BadInput(
+            f"{kind} have shape {rows.shape}; give (k, {width}): {_ROWS[kind]}, or how "
+            "many there will be"
+        )
+    return rows
+
+
+def room_for(
+    obstacles: Obstacles, solids: Solids, patterns: Patterns, more: int = 0
+) -> tuple[Solids, Patterns] | None:
+    """Return larger groups where these are too small for the obstacles, or None.
+
+    Args:
+        obstacles: Their shapes and meshes count.
+        solids: The group there is.
+        patterns: The other one.
+        more: Rows of patterns that are needed.
+    """
+    faces = sum(len(hull.faces) for hull in obstacles.meshes)
+    spacing = float(patterns.rho[0])
+    samples = sum(len(hull.samples(spacing)) for hull in obstacles.meshes)
+    needed = {
+        "shapes": (len(solids.kind), len(obstacles)),
+        "faces": (len(solids.faces), faces),
+        "patterns": (len(patterns.rows), more),
+        "samples": (len(patterns.samples), samples),
+    }
+    if all(there >= need for there, need in needed.values()):
+        return None
+    sizes = {k: max(there, 2 * need) for k, (there, need) in needed.items()}
+    larger = new(Solids, sizes), new(Patterns, sizes)
+    larger[1].rho[:], larger[1].ball_least[:] = patterns.rho, patterns.ball_least
+    return larger
+
+
+def write_meshes(obstacles: Obstacles, solids: Solids, patterns: Patterns) -> None:
+    """Write the faces and samples of the obstacles' meshes, for which there is room."""
+    face = sample = 0
+    for k, hull in enumerate(obstacles.meshes):
+        points = hull.samples(float(patterns.rho[0]))
+        ends = face + len(hull.faces), sample + len(points)
+        solids.faces[face : ends[0]] = hull.faces
+        patterns.samples[sample : ends[1]] = points
+        patterns.mesh[k] = face, ends[0], sample, ends[1]
+        patterns.ball[k] = hull.ball
+        face, sample = ends
+
+
+def some_of(solids: Solids, chosen: np.ndarray) -> Solids:
+    """Return those of the shapes where `chosen` (n,) is True."""
+    n = solids.count[0]
+    return Solids(
+        np.ascontiguousarray(solids.rows[:n][chosen]),
+        np.ascontiguousarray(solids.kind[:n][chosen]),
+        np.array([int(chosen.sum())]),
+        solids.faces,
+    )
+
+
+class SolidRoom:
+    """Room for obstacles that are no frame's: shapes as solids, again and again.
+
+    Args:
+        rho: Covering radius of samples, which nobody asks for here [m].
+    """
+
+    def __init__(self, rho: float) -> None:
+        """Have no room yet."""
+        sizes = {"shapes": 0, "faces": 0, "patterns": 0, "samples": 0}
+        self._solids, self._patterns = new(Solids, sizes), new(Patterns, sizes)
+        self._patterns.rho[0] = rho
+
+    def of(self, obstacles: Obstacles, T: np.ndarray) -> Solids | None:
+        """Return the shapes as solids, moved by T (4, 4); None where one is wrong.
+
+        Those before are overwritten.
+        """
+        larger = room_for(obstacles, self._solids, self._patterns)
+        if larger is not None:
+            self._solids, self._patterns = larger
+        write_meshes(obstacles, self._solids, self._patterns)
+        solids, patterns = self._solids, self._patterns
+        data, counts = obstacles.data, obstacles.counts
+        code = kernels.take_solids(data, counts, T, solids, patterns)
+        return solids if code == kernels.FINE else None

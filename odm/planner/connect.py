@@ -1,0 +1,233 @@
+"""Beyond the roadmap: a search by certified motions where it has no path.
+
+A frame whose start and goal are free, but for which the roadmap has no path, grows two
+trees of tested motions (`odm/search/_connect.py`), within a counted budget; what is
+left is done in the next such frames, and between them. A path that was found is
+remembered with the cells of its legs, and tried again, leg by leg, in every frame for
+which the roadmap has none.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from odm.frame.frame import Frame
+from odm.planner.attaching import Attacher
+from odm.planner.path import PathInUse
+from odm.search import _connect as kernels
+from odm.search._state import NO_ITEM
+
+_SHORTEN = 1000  # configurations looked at to shorten a path that was found
+_SHARE = 250  # for each motion that `polish` may test
+_JOINS = 3  # corners of a found path that another start is joined with
+
+
+class FoundPath(NamedTuple):
+    """A path that is free now.
+
+    Attributes:
+        goal: Rank of the goal that it leads to.
+        vertex: (n,) numbers of its corners.
+        q: (n, dof) the corners [rad or m].
+        item: Cells of its legs, as numbers of the pool.
+    """
+
+    goal: int
+    vertex: np.ndarray
+    q: np.ndarray
+    item: list[int]
+
+
+class Connector:
+    """Looks for paths beyond the roadmap, and remembers those that it found.
+
+    Args:
+        frame: The present frame.
+        path: The path in use.
+        attacher: Makes cells of legs, and numbers of vertices.
+        budget: Configurations that a frame looks at; 0: it never searches.
+
+    Attributes:
+        looked: Configurations looked at for this start and these goals.
+    """
+
+    def __init__(
+        self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
+    ) -> None:
+        """Know no path, and no trees."""
+        self.frame, self.path, self.attacher = frame, path, attacher
+        self.budget = budget
+        self.trees, self.found = frame.memory.trees, frame.memory.found
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget trees and paths: other things stand still, or another hand."""
+        self.trees.count[:] = self.trees.drawn[:] = 0
+        self.found.count[:] = self.found.next[:] = 0
+        self._root, self._goals = b"", b""
+        self._asked = -1  # frame whose search goes on between frames
+        self.looked = 0
+        self._wary = 0  # frames in a row that a path must be there to be taken
+
+    def answer(self, q: np.ndarray, patience: int, waits: bool) -> bool:
+        """Let the path in use be one beyond the roadmap, if there is one already.
+
+        Where the path before was of that kind, or only just free, and was blocked, the
+        next one must be there for `patience` frames in a row: what opens and closes as
+        a hand trembles is not taken.
+
+        Args:
+            q: (dof,) where the robot is, inside its limits.
+            patience: See `PlannerSettings`.
+            waits: Paths that are only just free are not taken now.
+        """
+        if not self.budget or not len(self.attacher.goals):
+            return False
+        if self.path.followed and (waits or self._is_mine()):
+            self._wary = patience
+        path = self._free_path(q)
+        if path is None:
+            self._asked = self.frame.number
+            if self._search(self.budget):
+                path = self._free_path(q)
+        if path is None:
+            self._wary = patience if self._wary else 0
+            return False
+        self._wary = max(0, self._wary - 1)
+        if self._wary:
+            return False
+        self.path.lead(*path)
+        return True
+
+    def _is_mine(self) -> bool:
+        """Return whether the path in use is one that was found here."""
+        corners = self.path.vertex[: max(0, len(self.path) - 1)]
+        return bool(np.isin(corners, self.found.vertex).any())
+
+    def improve(self, budget: int) -> int:
+        """Go on searching for the frame that was held; return whether it found a path.
+
+        The next frame takes it, if it is free then. `budget` counts motions.
+        """
+        if self._asked != self.frame.number:
+            return 0
+        return int(self._search(_SHARE * budget))
+
+    def told(self) -> str:
+        """Return how far a search has come, for an explanation."""
+        if not self.looked:
+            return ""
+        return (
+            f"a search beyond the roadmap looked at {self.looked} configurations and "
+            "has found none yet"
+        )
+
+    # --- searching --------------------------------------------------------------
+
+    def _search(self, budget: int) -> bool:
+        """Grow the trees; True where a path was found, and is remembered."""
+        frame, attacher = self.frame, self.attacher
+        q, goals = frame.q.tobytes(), attacher.goals.tobytes()
+        if goals != self._goals:
+            self._goals, self.looked = goals, 0
+            self.trees.count[1] = 0
+        if q != self._root:
+            self._root, self.looked = q, 0
+            self.trees.count[0] = 0
+            if not frame.static.motion_free(frame.q, np.zeros_like(frame.q)):
+                self._asked = -1
+                return False
+        static = frame.static
+        problem = kernels.Problem(
+            frame.memory.table, frame.points, static.still(), static.itself.scratch()
+        )
+        if not kernels.plant(problem):
+            self._asked = -1
+            return False
+        code = kernels.connect(problem, budget)
+        self.looked += kernels.work_done(problem)
+        if code != kernels.MET:
+            return False
+        kernels.shorten(problem, _SHORTEN)
+        self._asked = -1
+        return self._remember()
+
+    def _remember(self) -> bool:
+        """Remember the path that the trees made, with the cells of its legs."""
+        trees, found, attacher = self.trees, self.found, self.attacher
+        n = trees.corners.item()
+        if n > found.vertex.shape[1]:
+            return False
+        k = found.next.item()
+        found.count[k] = 0
+        attacher.tidy()
+        q = found.q[k, :n]
+        q[0] = trees.route[0]
+        for i in range(1, n):  # continuous joints go on the short way
+            turns = np.round((trees.route[i] - q[i - 1]) / (2.0 * np.pi))
+            q[i] = trees.route[i] - 2.0 * np.pi * turns * self.frame.robot.continuous
+        first = attacher.sweep(q[:-1], np.diff(q, axis=0))
+        found.ref[k, : n - 1] = NO_ITEM if first < 0 else first + np.arange(n - 1)
+        found.vertex[k, : n - 1] = [attacher.new_vertex() for _ in range(n - 1)]
+        goal = self.frame.memory.goals.vertex[trees.goal.item()]
+        found.vertex[k, n - 1] = goal
+        found.count[k] = n
+        found.next[0] = (k + 1) % len(found.count)
+        return True
+
+    # --- paths that were found --------------------------------------------------
+
+    def _free_path(self, q: np.ndarray) -> FoundPath | None:
+        """Return a remembered path that is free from q on, the latest first."""
+        found, goals = self.found, self.frame.memory.goals
+        ranks = goals.vertex[: goals.count.item(0)].tolist()
+        for back in range(1, len(found.count) + 1):
+            k = (found.next.item() - back) % len(found.count)
+            n = found.count.item(k)
+            if n and found.vertex.item(k, n - 1) in ranks:
+                rank = ranks.index(found.vertex.item(k, n - 1))
+                path = self._from(k, rank, q)
+                if path is not None:
+                    return path
+        return None
+
+    def _from(self, k: int, rank: int, q: np.ndarray) -> FoundPath | None:
+        """Return found path k, or the rest of it with a leg from q; None: not free."""
+        frame, found, n = self.frame, self.found, self.found.count.item(k)
+        first = kernels.free_from(frame.memory.table, frame.points, k)
+        if first < 0:
+            return None
+        vertex, corners = found.vertex[k, :n], found.q[k, :n]
+        if first == 0 and np.array_equal(corners[0], q):
+            return FoundPath(rank, vertex, corners, found.ref[k, : n - 1].tolist())
+        if n + 1 > len(self.path.vertex):
+            return None
+        legs = np.array([frame.difference(q, corner) for corner in corners[first:]])
+        far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
+        for i in np.argsort(far, kind="stable")[:_JOINS].tolist():
+            leg, c = legs[i], first + i
+            if frame.motion_clear(q, leg) and frame.static.motion_free(q, leg):
+                self.attacher.tidy()
+                item = self.attacher.sweep(q[None], leg[None])
+                return FoundPath(
+                    rank,
+                    np.r_[self.attacher.new_vertex(), vertex[c:]],
+                    np.vstack([q, corners[c:]]),
+                    [max(item, NO_ITEM), *found.ref[k, c : n - 1].tolist()],
+                )
+        return None
+
+    # --- memory -----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return what is remembered beside the trees and the paths."""
+        return {
+            "root": np.frombuffer(self._root, np.uint8),
+            "goals": np.frombuffer(self._goals, np.uint8),
+            "counts": np.array([self._asked, self.looked, self._wary], np.int64),
+        }
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Take up trees and paths whose arrays were loaded."""
+        self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
+        self._asked, self.looked, self._wary = saved["counts"].tolist()

@@ -1,0 +1,136 @@
+"""The joints between a robot's base and its tool in a row, and descents along them."""
+
+import numpy as np
+
+from roadmap.errors import BadInput
+from roadmap.kinematics._chain import ChainArrays
+from roadmap.kinematics._inverse import Descent, descend
+from roadmap.kinematics.joint_tree import (
+    JOINT,
+    KIND,
+    PARENT,
+    PRISMATIC,
+    REVOLUTE,
+    JointTree,
+)
+from roadmap.transforms import flat_pose
+
+_LENGTH = 0.3  # [m] counts as much as 1 rad in the dexterity, which is not asked for
+_SCALE = 0.1  # [m or rad] that counts as 1 where a descent compares errors
+_MOST = 100.0  # one kind of error counts at most so much more than the other
+
+
+def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
+    """Return the chain from the base to the tool, and the rows of its joints in `q`.
+
+    Continuous joints have infinite limits, so that a descent goes on past half a turn.
+
+    Raises:
+        BadInput: No joint moves the tool.
+    """
+    bodies, body = [], robot.tip_body
+    while body > 0:
+        bodies.append(body)
+        body = robot.tree_i[body, PARENT]
+    fixed, kind, scale, rows = [], [], [], []
+    T = np.eye(4)
+    for body in bodies[::-1]:
+        f = robot.tree_f[body]
+        T = T @ _pose(f[:9], f[9:12])
+        if robot.tree_i[body, KIND] not in (REVOLUTE, PRISMATIC):
+            continue
+        turn = np.eye(4)
+        turn[:3, :3] = _z_to(f[12:15])
+        fixed.append(flat_pose(T @ turn))
+        joint = int(robot.tree_i[body, JOINT])
+        rows += [] if joint in rows else [joint]
+        kind.append((robot.tree_i[body, KIND], joint))
+        scale.append(f[15:17])
+        T = turn.T
+    if not kind:
+        raise BadInput(
+            f"no joint of {robot.name} moves its tool; give another --tip, or a robot "
+            "whose tool is behind a joint that moves"
+        )
+    fixed.append(flat_pose(T @ robot.T_body_tip))
+    rows.sort()
+    kind = [(k, rows.index(j)) for k, j in kind]
+    limits = np.stack([robot.lower, robot.upper], axis=1)
+    limits[robot.continuous] = -np.inf, np.inf
+    chain = ChainArrays(
+        fixed=np.array(fixed),
+        kind=np.array(kind, np.int32),
+        scale=np.array(scale),
+        limits=np.ascontiguousarray(limits[rows]),
+        endless=np.zeros(len(rows)),
+        length=np.array([_LENGTH]),
+    )
+    return chain, rows
+
+
+def descent_of(chain: ChainArrays) -> Descent:
+    """Return working memory for descents along a chain."""
+    dof = len(chain.limits)
+    return Descent(
+        frames=np.zeros((len(chain.kind) + 1, 12)),
+        jac=np.zeros((6, dof)),
+        weighted=np.zeros((dof, 7)),
+        gram=np.zeros((6, 6)),
+        q=np.zeros(dof),
+        dq=np.zeros(dof),
+        error=np.zeros(6),
+    )
+
+
+class ToolDescent:
+    """Descents of one robot's tool to poses.
+
+    Args:
+        robot: The robot.
+        position: Position error to reach [m].
+        rotation: Rotation error to reach [rad].
+        steps: Most steps of a descent.
+
+    Attributes:
+        chain: Its joints between base and tool.
+        rows: Their places in `q`; the others do not move the tool and stay.
+    """
+
+    def __init__(
+        self, robot: JointTree, position: float, rotation: float, steps: int
+    ) -> None:
+        """Lay out the memory."""
+        self.chain, self.rows = tool_chain(robot)
+        self._work = descent_of(self.chain)
+        self._trial = np.empty(len(self.rows))
+        ratio = min(max(rotation / position, 1.0 / _MOST), _MOST)
+        self._scale = _SCALE * np.array([1.0, ratio])
+        least = min(position / self._scale[0], rotation / self._scale[1])
+        self._goal = float(least), float(steps)
+
+    def run(self, target: np.ndarray, q: np.ndarray) -> tuple[float, float]:
+        """Move `q` (dof,) in place towards a pose (12,), within limits.
+
+        Returns:
+            Position error [m] and rotation error [rad] that are left.
+        """
+        work, limits = self._work, self.chain.limits
+        work.q[:] = np.clip(q[self.rows], limits[:, 0], limits[:, 1])
+        descend(self.chain, target, self._scale, self._goal, work, self._trial)
+        q[self.rows] = work.q
+        left = work.error.reshape(2, 3) * self._scale[:, None]
+        return tuple(np.linalg.norm(left, axis=1).tolist())
+
+
+def _z_to(axis: np.ndarray) -> np.ndarray:
+    """Return a rotation whose z axis is `axis`."""
+    z = np.asarray(axis, float)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _pose(rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.reshape(rotation, (3, 3)), origin
+    return T

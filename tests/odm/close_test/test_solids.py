@@ -1,0 +1,250 @@
+"""Shapes in the close test: exact distances, and never an optimistic word."""
+
+import numpy as np
+import pytest
+from naive_cells import centers
+from shapes_drawn import (
+    KINDS,
+    draw_shape,
+    draw_shapes,
+    exact_distance,
+    smallest_solid_gap,
+    solids_of,
+)
+from small import draw_valid
+
+import odm
+from odm.close_test import _close as close
+from odm.close_test._arm import make_work
+from odm.close_test._close import FIRST_SOLID
+from odm.close_test.close_test import CloseTest
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles._solids import chord_keeps, solid_distance, solid_gap
+from roadmap.kinematics.forward import difference
+
+NOTHING = np.zeros((0, 3))
+
+
+def cloud_of(cell_map, points):
+    cloud = cell_map.grid.new_cloud(max(1, len(points)))
+    occupancy.mark_points(points, cloud)
+    occupancy.sort_points(points, cloud)
+    return cloud
+
+
+def work_of(cell_map):
+    robot = cell_map.robot
+    return make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+
+
+def around(shape, rng, n=40):
+    """Return places near a shape, outside, inside and on it."""
+    middle = shape.T_base_shape[:3, 3]
+    return middle + rng.normal(size=(n, 3)) * rng.choice([0.03, 0.1, 0.5], (n, 1))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_distance_is_exact(kind, rng):
+    inside = outside = 0
+    for _ in range(25):
+        shape = draw_shape(kind, rng)
+        solids, places = solids_of([shape]), around(shape, rng)
+        slow = exact_distance(shape, places)
+        for place, there in zip(places, slow, strict=True):
+            d = solid_distance(solids, 0, *place, np.inf)
+            assert d == pytest.approx(there, abs=2e-7) if there > 0.0 else d <= 1e-9
+            near = solid_distance(solids, 0, *place, 0.02)  # a bound is enough
+            assert near <= d + 1e-12 and (near == d or near >= 0.02)
+            inside, outside = inside + (d < 0.0), outside + (d > 0.0)
+    assert inside > 5 and outside > 100
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_tangent_is_below_the_distance_everywhere(kind, rng):
+    for _ in range(20):
+        shape = draw_shape(kind, rng)
+        solids, places = solids_of([shape]), around(shape, rng)
+        here = around(shape, rng, 1)[0]
+        for enough in (np.inf, 0.02):
+            d, *g = solid_gap(solids, 0, *here, enough)
+            assert np.linalg.norm(g) <= 1.0 + 1e-9
+            for place in places:
+                there = solid_distance(solids, 0, *place, np.inf)
+                assert there >= d + np.dot(g, place - here) - 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_chord_keeps_exactly_what_its_places_keep(kind, rng):
+    kept = lost = 0
+    for _ in range(150):
+        shape = draw_shape(kind, rng)
+        solids = solids_of([shape])
+        a, b = around(shape, rng, 2)
+        places = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
+        d = np.array([solid_distance(solids, 0, *p, np.inf) for p in places])
+        step = np.linalg.norm(b - a) / 399
+        need = rng.choice([0.01, 0.05, 0.2, float(d.min()) + 1e-4])
+        said = chord_keeps(solids, 0, tuple(a), tuple(b), need)
+        if said:
+            assert d.min() >= need - 1e-9
+        else:
+            assert d.min() - 0.5 * step < need + 1e-9
+        kept, lost = kept + said, lost + (not said)
+        # parallel to a face, or to an axis, is where it would take long
+        side = shape.T_base_shape[:3, :3][:, rng.integers(3)]
+        b = a + 0.3 * side
+        places = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
+        d = min(solid_distance(solids, 0, *p, np.inf) for p in places)
+        if d > 1e-6:
+            assert chord_keeps(solids, 0, tuple(a), tuple(b), d - 0.3 / 399)
+            assert not chord_keeps(solids, 0, tuple(a), tuple(b), d + 1e-6)
+    assert kept > 10 and lost > 20
+
+
+def test_a_zero_length_capsule_is_a_sphere(rng):
+    at = rng.normal(size=3)
+    a = solids_of(odm.Obstacles(capsules=np.array([[*at, *at, 0.07]])))
+    b = solids_of(odm.Obstacles(spheres=np.array([[*at, 0.07]])))
+    for p in rng.normal(size=(20, 3)):
+        assert solid_distance(a, 0, *p, np.inf) == solid_distance(b, 0, *p, np.inf)
+
+
+def of_shapes(cell_map, work=None):
+    """Return a close test that keeps m from shapes and rho + m from points."""
+    bare = cell_map.arm.spheres[:, 3] + cell_map.safety.m
+    work = work or work_of(cell_map)
+    tolerance = cell_map.motion_tolerance
+    return CloseTest(cell_map.arm, cell_map.swept_radii(), tolerance, work, bare)
+
+
+def test_what_is_clear_of_shapes_keeps_m_at_dense_places(small_map, planner, rng):
+    nothing, test, m = cloud_of(small_map, NOTHING), of_shapes(small_map), None
+    m, free = small_map.safety.m, 0
+    for _ in range(120):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        dq = dq * rng.choice([0.0, 0.1, 1.0])
+        shapes = draw_shapes(rng, 2)
+        if test.clear(q, dq, nothing, solids=solids_of(shapes)):
+            free += 1
+            assert smallest_solid_gap(small_map, q, dq, shapes, 60) >= m - 1e-7
+    assert free > 15
+
+
+def test_what_is_blocked_by_a_shape_comes_within_the_tolerance(small_map, planner, rng):
+    nothing, test, blocked = cloud_of(small_map, NOTHING), of_shapes(small_map), 0
+    for _ in range(100):
+        q = draw_valid(planner, rng)
+        dq = 0.3 * difference(small_map.robot, q, draw_valid(planner, rng))
+        shapes = draw_shapes(rng, 1, spread=0.25)
+        if not test.clear(q, dq, nothing, solids=solids_of(shapes)):
+            blocked += 1
+            gap = smallest_solid_gap(small_map, q, dq, shapes, 200)
+            step = 0.01  # the places that are looked at lie apart, and it gives 1 mm up
+            assert gap < small_map.safety.m + step
+            sphere, shape = test.blocked_by
+            assert sphere >= 0 and shape == FIRST_SOLID
+    assert blocked > 10
+
+
+def test_shapes_free_what_their_samples_free(small_map, planner, rng):
+    """At least that: the samples pay rho, the shapes nothing."""
+    nothing, test = cloud_of(small_map, NOTHING), of_shapes(small_map)
+    both = shapes_alone = 0
+    for _ in range(250):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        dq = dq * rng.choice([0.0, 0.1, 1.0])
+        shapes = draw_shapes(rng, 1)
+        points = odm.surface_of(shapes[0], small_map.safety.rho).points
+        cells = small_map.grid.locate(points)
+        points = points[(cells >= 0).all(axis=1)]
+        by_points = test.clear(q, dq, cloud_of(small_map, points))
+        by_shapes = test.clear(q, dq, nothing, solids=solids_of(shapes))
+        if by_points and not by_shapes:
+            # a solid that holds all of it has no sample near: shapes know better
+            assert smallest_solid_gap(small_map, q, dq, shapes, 200) < 0.02
+            inside = centers(small_map.arm, small_map.robot, q)
+            assert exact_distance(shapes[0], inside).min() == 0.0
+        both, shapes_alone = both + by_points, shapes_alone + by_shapes
+    assert shapes_alone > both > 20
+
+
+def test_points_and_shapes_block_each_for_themselves(small_map, planner, rng):
+    test, seen = of_shapes(small_map), set()
+    for _ in range(150):
+        q = draw_valid(planner, rng)
+        dq = 0.5 * difference(small_map.robot, q, draw_valid(planner, rng))
+        shapes = draw_shapes(rng, 1, spread=0.25)
+        points = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 0.9], (2, 3))
+        cloud, solids = cloud_of(small_map, points), solids_of(shapes)
+        nothing = cloud_of(small_map, NOTHING)
+        one = test.clear(q, dq, cloud)
+        other = test.clear(q, dq, nothing, solids=solids)
+        assert test.clear(q, dq, cloud, solids=solids) == (one and other)
+        seen.add((one, other))
+    assert len(seen) == 4
+
+
+def test_separation_is_that_of_the_nearest(small_map, planner, rng):
+    test = of_shapes(small_map)
+    radii = small_map.arm.spheres[:, 3]
+    for _ in range(30):
+        q, shapes = draw_valid(planner, rng), draw_shapes(rng, 3)
+        points = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 0.9], (3, 3))
+        c = centers(small_map.arm, small_map.robot, q)
+        by_point = (np.linalg.norm(c[:, None] - points, axis=2) - radii[:, None]).min()
+        by_shape = min((exact_distance(s, c) - radii).min() for s in shapes)
+        cloud, solids = cloud_of(small_map, points), solids_of(shapes)
+        found = test.separation(q, cloud, solids=solids)
+        if by_shape > -radii.min():  # no centre is inside: there depth counts
+            assert found == pytest.approx(min(by_point, by_shape), abs=1e-6)
+        assert (test.blocked_by[1] < 0) == (by_shape < by_point)
+        assert test.separation(q, cloud, 0.01, solids) == min(0.01, found)
+
+
+def test_an_escape_never_brings_a_sphere_nearer_to_a_near_shape(
+    small_map, planner, rng
+):
+    nothing, work = cloud_of(small_map, NOTHING), work_of(small_map)
+    test, free = of_shapes(small_map, work), 0
+    for _ in range(300):
+        q = draw_valid(planner, rng)
+        dq = 0.2 * difference(small_map.robot, q, draw_valid(planner, rng))
+        shapes = draw_shapes(rng, 1)
+        solids = solids_of(shapes)
+        if test.clear(q, 0.0 * dq, nothing, solids=solids):
+            continue
+        close.place_anchor(small_map.arm, q, work)
+        now = centers(small_map.arm, small_map.robot, q)
+        if not test.clear(q, dq, nothing, True, solids):
+            continue
+        free += 1
+        keep = small_map.arm.spheres[:, 3] + small_map.safety.m
+        begin = [solid_distance(solids, 0, *c, np.inf) for c in now]
+        least = np.minimum(keep, np.array(begin) - close.ESCAPE_SLACK)
+        for t in np.linspace(0.0, 1.0, 60):
+            there = centers(small_map.arm, small_map.robot, q + t * dq)
+            d = np.array([solid_distance(solids, 0, *c, np.inf) for c in there])
+            assert (d >= least - 1e-9).all()
+    assert free > 10
+
+
+def test_one_more_shape_never_frees_a_motion(small_map, planner, rng):
+    nothing, test = cloud_of(small_map, NOTHING), of_shapes(small_map)
+    for _ in range(60):
+        q = draw_valid(planner, rng)
+        dq = difference(small_map.robot, q, draw_valid(planner, rng))
+        shapes = draw_shapes(rng, 3)
+        all_of_them = test.clear(q, dq, nothing, solids=solids_of(shapes))
+        some = [test.clear(q, dq, nothing, solids=solids_of([s])) for s in shapes]
+        assert all_of_them == all(some)
+
+
+def test_what_is_no_number_is_blocked_beside_shapes_too(small_map):
+    nothing, test = cloud_of(small_map, NOTHING), of_shapes(small_map)
+    far = solids_of(odm.Obstacles(spheres=np.array([[5.0, 5.0, 5.0, 0.1]])))
+    q = np.zeros(small_map.robot.dof)
+    assert test.clear(q, q, nothing, solids=far)
+    assert not test.clear(q + np.nan, q, nothing, solids=far)
+    assert not test.grown(np.inf).clear(q, q, nothing, solids=far)

@@ -1,0 +1,325 @@
+"""Where the roadmap has no path: a search by certified motions, kept within bounds."""
+
+import numpy as np
+import pytest
+from small import AWAY, HOME, ball_at, draw_valid
+
+import odm
+from odm import PlannerSettings, Sphere, surface_of
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.audit.fcl_robot import FclRobot
+from odm.planner.saved_memory import differences
+from roadmap.kinematics.forward import tool_pose
+
+FINE = 0.01  # [m] covering radius of the balls' samples
+OFF = PlannerSettings(search=0)
+
+
+class Scene:
+    """Balls in the plane that the small arm moves in, and two ends that are free."""
+
+    def __init__(self, planner, rng):
+        self.ends = []
+        while len(self.ends) < 2:
+            self.balls = [
+                Sphere(rng.uniform(0.03, 0.06), odm_pose(at))
+                for at in rng.uniform([-0.7, -0.05, 0.3], [0.7, 0.05, 1.0], (6, 3))
+            ]
+            self.points = points_of(self.balls)
+            planner.step(self.points, q=HOME, covering_radius=FINE)
+            drawn = [draw_valid(planner, rng) for _ in range(20)]
+            self.ends = [q for q in drawn if planner.stands_clear(q)][:2]
+
+    def ask(self, planner):
+        return planner.step(
+            self.points, q=self.ends[0], covering_radius=FINE, closed=True
+        )
+
+
+def odm_pose(at):
+    T = np.eye(4)
+    T[:3, 3] = at
+    return T
+
+
+def points_of(balls):
+    return np.concatenate([surface_of(ball, FINE).points for ball in balls])
+
+
+def solved(planner, scene, calls=8):
+    """Ask, and go on between frames, until there is a path or no budget left."""
+    planner.reset()
+    planner.set_goals([scene.ends[1]])
+    answer = scene.ask(planner)
+    while answer.status == "holding" and calls:
+        calls -= 1
+        if planner.polish(8):
+            answer = scene.ask(planner)
+    return answer
+
+
+def assert_free(cell_map, path, balls, m=0.0):
+    """Measure exact solids along a path; they share nothing with the search."""
+    exact, fcl = ExactRobot(cell_map.robot), FclRobot(cell_map.robot)
+    obstacles = obstacles_of(balls)
+    fcl.set_obstacles(balls)
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        for t in np.linspace(0.0, 1.0, 2 + int(np.abs(b - a).max() / 0.03)):
+            q = a + t * (b - a)
+            assert not fcl.collides(q)
+            assert exact.distance(q, obstacles, cap=0.1).distance >= m
+            within = (cell_map.robot.lower - 1e-9 <= q) & (
+                q <= cell_map.robot.upper + 1e-9
+            )
+            assert (within | cell_map.robot.continuous).all()
+            assert exact.self_distance(q).distance > 0.0
+
+
+@pytest.fixture(scope="module")
+def scenes(small_map):
+    rng = np.random.default_rng(4)
+    planner = odm.ReactivePlanner(small_map, settings=OFF)
+    return [Scene(planner, rng) for _ in range(60)]
+
+
+@pytest.fixture(scope="module")
+def hard(small_map, scenes):
+    """Scenes for which the roadmap has no path, but there is one."""
+    bare = odm.ReactivePlanner(small_map, settings=OFF)
+    full = odm.ReactivePlanner(small_map)
+    found = [
+        scene
+        for scene in scenes
+        if solved(bare, scene, 0).status == "holding"
+        and solved(full, scene).status != "holding"
+    ]
+    assert len(found) >= 5
+    return found
+
+
+def test_what_the_roadmap_cannot_answer_is_searched_and_never_touches(
+    small_map, scenes, hard
+):
+    planner = odm.ReactivePlanner(small_map)
+    bare = odm.ReactivePlanner(small_map, settings=OFF)
+    for scene in scenes:
+        answer = solved(planner, scene)
+        if answer.status == "holding":
+            assert solved(bare, scene, 0).status == "holding"
+            assert answer.stage is None
+            continue
+        assert np.array_equal(answer.path[0], scene.ends[0])
+        assert answer.goal == 0 and answer.certified == "whole surface"
+        assert_free(small_map, answer.path, scene.balls, small_map.safety.m)
+        for a, b in zip(answer.path[:-1], answer.path[1:], strict=True):
+            assert planner.is_free(a, b)
+        if scene in hard:
+            assert answer.stage == "search"
+        else:
+            assert answer.stage in ("roadmap", "straight")
+        follows = scene.ask(planner)
+        assert follows.status == "following" and follows.stage == "path in use"
+
+
+def test_the_same_input_gives_the_same_bytes(small_map, hard):
+    def told(scene):
+        planner = odm.ReactivePlanner(small_map, settings=PlannerSettings(search=60))
+        answer = solved(planner, scene, 40)
+        return answer.status, answer.path.tobytes(), str(answer.work)
+
+    for scene in hard[:4]:
+        assert told(scene) == told(scene)
+
+
+def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
+    planner = odm.ReactivePlanner(small_map, settings=PlannerSettings(search=40))
+    for scene in hard:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        trees = planner.memory.trees
+        scene.ask(planner)
+        before = planner.connector.looked
+        answer = scene.ask(planner)
+        spent = planner.connector.looked - before
+        if answer.status == "holding":
+            # one motion more than the budget: no motion takes so many
+            assert 40 <= spent < 40 + 700
+            assert trees.count.max() < 60
+
+
+def test_what_is_left_is_searched_between_frames(small_map, hard):
+    planner = odm.ReactivePlanner(small_map, settings=PlannerSettings(search=20))
+    went_on = 0
+    for scene in hard:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        answer = scene.ask(planner)
+        calls = 0
+        while answer.status == "holding" and calls < 30:
+            before = planner.memory.trees.drawn.item()
+            found = planner.polish(4)
+            assert found in (0, 1)
+            if found:
+                answer = scene.ask(planner)
+                assert answer.stage == "search"
+                went_on += 1
+            elif planner.memory.trees.count.all():
+                assert planner.memory.trees.drawn.item() > before
+            calls += 1
+        assert planner.polish(0) == 0
+    assert went_on >= 3
+
+
+def test_nothing_is_searched_where_that_is_switched_off(small_map, hard):
+    planner = odm.ReactivePlanner(small_map, settings=OFF)
+    answer = solved(planner, hard[0], 5)
+    assert answer.status == "holding"
+    assert planner.memory.trees.drawn.item() == 0
+    assert "search" not in answer.reason
+
+
+def test_an_unsolved_frame_says_how_far_the_search_has_come(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    low = np.array([[0.0, 0.0, 0.57, 0.0, 0.0, 1.3, 0.05]])  # the elbow cannot pass
+    wall = odm.sample_capsules(low, 0.03)
+    planner.set_goals([AWAY])
+    answer = planner.step(wall, q=HOME)
+    assert answer.status == "holding" and answer.stage is None
+    assert "search beyond the roadmap looked at 1" in answer.reason
+    planner.polish(8)
+    again = planner.step(wall, q=HOME)
+    assert "search beyond the roadmap looked at " in again.reason
+    assert again.reason != answer.reason
+
+
+def test_a_start_or_goal_in_contact_is_not_searched(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    for q in (HOME, AWAY):
+        points = ball_at(tool_pose(small_map.robot, q)[:3, 3])  # in the hand
+        assert planner.step(points, q=HOME).status == "holding"
+        assert planner.polish(8) == 0
+    assert planner.memory.trees.drawn.item() == 0
+
+
+def test_an_obstacle_on_a_found_path_ends_it_and_its_leaving_brings_it_back(
+    small_map, hard
+):
+    blocked = 0
+    settings = PlannerSettings(patience=0, memory_s=0.0)
+    for scene in hard:
+        planner = odm.ReactivePlanner(small_map, settings=settings)
+        answer = solved(planner, scene)
+        middle = 0.5 * (answer.path[0] + answer.path[1])
+        hand = tool_pose(small_map.robot, middle)[:3, 3]
+        more = [*scene.balls, Sphere(0.05, odm_pose(hand))]
+        points = points_of(more)
+        for _ in range(3):
+            now = planner.step(
+                points, q=scene.ends[0], covering_radius=FINE, closed=True
+            )
+            planner.polish(8)
+            if now.status != "holding":
+                assert_free(small_map, now.path, more, small_map.safety.m)
+            else:
+                blocked += 1
+        drawn = planner.memory.trees.drawn.item()
+        back = scene.ask(planner)
+        assert back.status != "holding"
+        assert planner.memory.trees.drawn.item() == drawn  # it was remembered
+    assert blocked
+
+
+def test_while_balls_move_every_answer_is_free_in_its_own_frame(small_map, hard):
+    rng = np.random.default_rng(1)
+    answers = set()
+    settings = PlannerSettings(patience=0, memory_s=0.0, search=200)
+    for scene in hard[:6]:
+        planner = odm.ReactivePlanner(small_map, settings=settings)
+        planner.set_goals([scene.ends[1]])
+        drift = rng.normal(0.0, 0.02, (6, 3)) * [1, 0, 1]
+        for k in range(25):
+            s = np.sin(0.4 * k)
+            balls = [
+                ball.moved(odm_pose(s * d))
+                for ball, d in zip(scene.balls, drift, strict=True)
+            ]
+            answer = planner.step(
+                points_of(balls), q=scene.ends[0], covering_radius=FINE, closed=True
+            )
+            answers.add(answer.stage)
+            if answer.status != "holding":
+                assert_free(small_map, answer.path, balls, small_map.safety.m)
+            planner.polish(3)
+            if k % 8 == 7:  # on a found path it will be blocked by what moves
+                planner.path.drop()
+    assert {"search", "path in use"} <= answers
+
+
+def test_memory_stays_bounded_over_many_scenes(small_map, scenes):
+    planner = odm.ReactivePlanner(small_map)
+    sizes = {n: a.shape for n, a in planner.memory.arrays("goal").items()}
+    for _ in range(3):
+        for scene in scenes:
+            solved(planner, scene, 6)
+            trees, found = planner.memory.trees, planner.memory.found
+            assert trees.count.max() <= trees.parent.shape[1]
+            assert found.count.max() <= found.vertex.shape[1]
+    assert {n: a.shape for n, a in planner.memory.arrays("goal").items()} == sizes
+    items, entries = planner.memory.pool.used
+    assert items < len(planner.memory.pool.begin)
+    assert entries < len(planner.memory.pool.block)
+
+
+def test_trees_that_are_full_begin_anew(small_map, hard):
+    planner = odm.ReactivePlanner(small_map)
+    solved(planner, hard[0])
+    trees = planner.memory.trees
+    trees.count[0] = trees.parent.shape[1]
+    planner.path.drop()
+    planner.memory.found.count[:] = 0
+    for _ in range(40):
+        answer = hard[0].ask(planner)
+        planner.polish(8)
+    assert answer.status == "following"
+    assert trees.count.max() < trees.parent.shape[1]
+
+
+def test_a_search_goes_on_alike_from_a_saved_memory(small_map, hard):
+    settings = PlannerSettings(search=20)
+    for scene in hard[:4]:
+        one = odm.ReactivePlanner(small_map, settings=settings)
+        one.set_goals([scene.ends[1]])
+        scene.ask(one)
+        one.polish(1)
+        other = odm.ReactivePlanner(small_map, settings=settings)
+        saved = one.save_memory()
+        other.load_memory(saved)
+        assert not differences(other.save_memory(), saved)
+        for _ in range(12):
+            assert one.polish(2) == other.polish(2)
+            a, b = scene.ask(one), scene.ask(other)
+            assert (a.status, a.stage) == (b.status, b.stage)
+            assert a.path.tobytes() == b.path.tobytes()
+            assert not differences(one.save_memory(), other.save_memory())
+
+
+def test_a_found_path_is_joined_from_beside_its_start(small_map, hard):
+    planner = odm.ReactivePlanner(
+        small_map, settings=PlannerSettings(patience=0, memory_s=0.0)
+    )
+    joined = 0
+    for scene in hard:
+        solved(planner, scene)
+        drawn = planner.memory.trees.drawn.item()
+        planner.path.drop()
+        for j in range(3):
+            q = scene.ends[0].copy()
+            q[j] += 0.02 if q[j] < 0 else -0.02
+            answer = planner.step(scene.points, q=q, covering_radius=FINE, closed=True)
+            if answer.stage == "search":
+                assert np.array_equal(answer.path[0], q)
+                assert_free(small_map, answer.path, scene.balls, small_map.safety.m)
+                joined += planner.memory.trees.drawn.item() == drawn
+            planner.path.drop()
+    assert joined
