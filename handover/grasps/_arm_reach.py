@@ -2,8 +2,8 @@
 
 from numba import njit
 
-from handover._chain import forward, jacobian
-from handover.jit_options import BARE
+from roadmap.jit_options import BARE
+from roadmap.kinematics._chain import forward, jacobian
 
 
 @njit(**BARE)

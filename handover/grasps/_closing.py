@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.jit_options import BARE, FULL
 from odm.audit import _exact as exact
+from roadmap.jit_options import BARE, FULL
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
 _STEPS = 400  # of a closing joint; each is at least half the tolerance
