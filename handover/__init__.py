@@ -1,6 +1,23 @@
 """Where robot and person meet: reach of both, the person's body and comfort."""
 
 from handover.chain import Chain, chain_of
+from handover.grasps.agents import Agent, AgentArm, Posture, agent_names, load_agent
+from handover.grasps.arm_choice import (
+    ArmChoice,
+    ArmReach,
+    build_arm_reach,
+    choose_arm,
+)
+from handover.grasps.build import GraspSettings, build_grasps
+from handover.grasps.grasp_set import GraspSet, load_grasps
+from handover.grasps.hand import Hand, load_hand
+from handover.grasps.hands import HandSpec, hand_names
+from handover.grasps.objects import (
+    GraspObject,
+    load_object,
+    make_object,
+    object_names,
+)
 from handover.human.body import Part
 from handover.human.fit import human_from_joints
 from handover.human.human import Human
@@ -22,14 +39,22 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 
 __all__ = [
-    "POSTURES",
     "Above",
+    "Agent",
+    "AgentArm",
     "Arm",
+    "ArmChoice",
+    "ArmReach",
     "ArmSolutions",
     "ArmState",
     "Chain",
     "ChoiceSettings",
     "Constraint",
+    "GraspObject",
+    "GraspSet",
+    "GraspSettings",
+    "Hand",
+    "HandSpec",
     "Handover",
     "HeldObject",
     "Human",
@@ -39,8 +64,10 @@ __all__ = [
     "LiveTargets",
     "MeetSettings",
     "NodeIndex",
+    "POSTURES",
     "Part",
     "PlannerValidity",
+    "Posture",
     "Pursuit",
     "Quality",
     "QualitySettings",
@@ -50,12 +77,23 @@ __all__ = [
     "Skeleton",
     "Target",
     "Upright",
+    "agent_names",
+    "build_arm_reach",
+    "build_grasps",
     "build_reach_map",
     "chain_of",
+    "choose_arm",
     "find_handover",
+    "hand_names",
     "human_from_joints",
+    "load_agent",
+    "load_grasps",
+    "load_hand",
+    "load_object",
     "load_reach_map",
+    "make_object",
     "mallet",
+    "object_names",
     "posture_quality",
     "rotation_grid",
     "total_quality",

@@ -23,7 +23,7 @@ ORDER = {
         "cameras",
         "audit",
     ],
-    "handover": ["human", "reach", "meet", "targets"],
+    "handover": ["human", "reach", "meet", "targets", "grasps"],
     "sim": [
         "terminal",
         "tables",

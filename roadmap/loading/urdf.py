@@ -56,6 +56,7 @@ def load_robot(
         travel: Joints off the chain that may stand anywhere within their limits: their
             links are held over the whole travel. None: those of the gripper, what
             hangs on the tool's body, as far as that can be done; `notes` say which.
+            Those of a known robot's hand stand still where it says so.
 
     Raises:
         BadRobot: The description or the choice of joints cannot be used; says why.
@@ -72,6 +73,7 @@ def load_robot(
         srdf = srdf or (own_file(known.srdf) if known.srdf else None)
         acceleration = {**known.acceleration, **(acceleration or {})}
         jerk = {**known.jerk, **(jerk or {})}
+        travel = known.travel if travel is None else travel
     locked = locked or {}
     tip = _tip(description, tip, locked)
     given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}

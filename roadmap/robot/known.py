@@ -34,6 +34,8 @@ class KnownRobot:
         endless: Continuous joints that turn without end, whatever limits the file has.
         acceleration, jerk: Joint name -> the maker's limit, which no URDF holds
             [rad/s2, rad/s3].
+        travel: Finger joints that may stand anywhere, None: all that can; of hands
+            that stand as a grasp says, none.
     """
 
     origin: str
@@ -44,6 +46,7 @@ class KnownRobot:
     acceleration: Mapping[str, float] = field(default_factory=dict)
     jerk: Mapping[str, float] = field(default_factory=dict)
     endless: tuple[str, ...] = ()
+    travel: tuple[str, ...] | None = None
 
 
 # Baxter's right arm hangs beside the pedestal; its left gripper, if it stands, is open.
@@ -57,6 +60,41 @@ _PANDA = dict(
         strict=True,
     )
 )
+
+# Crichton's other arm hangs, its forearm to the front; DRC-Hubo's is bent, so that it
+# is off the floor where it kneels.
+# Hands stand open; a grasp locks them elsewhere.
+_CRICHTON_ARM = {"arm_1_joint": 1.5708, "arm_2_joint": 1.35, "arm_3_joint": -1.5708}
+_CRICHTON_ARM |= {"arm_4_joint": 1.4}
+_HUBO_ARM = {"SP": 0.1, "EP": -1.0}
+
+
+def _other_arm(side: str, values: Mapping[str, float]) -> dict[str, float]:
+    other = "right" if side == "left" else "left"
+    return {f"{other}_{name}": value for name, value in values.items()}
+
+
+def _hubo(side: str) -> KnownRobot:
+    legs = {f"{s}_{name}": 0.0 for s in _SIDES for name in ("hip", "knee", "ankle")}
+    turn = {"left_SR": 0.15, "right_SR": -0.15}
+    other = "right" if side == "left" else "left"
+    locked = {"waist": 0.0, **legs, f"{other}_SR": turn[f"{other}_SR"]}
+    locked |= _other_arm(side, _HUBO_ARM)
+    return KnownRobot("maps", "drchubo.urdf", f"{side}_palm", locked, travel=())
+
+
+_SIDES = ("left", "right")
+# Agents that hand something over or take it: one arm moves at a time.
+_AGENTS = {
+    f"crichton_{side}": KnownRobot(
+        "maps",
+        "crichton.urdf",
+        f"{side}_palm",
+        _other_arm(side, _CRICHTON_ARM),
+        travel=(),
+    )
+    for side in _SIDES
+} | {f"drchubo_{side}": _hubo(side) for side in _SIDES}
 
 _ROBOTS = {
     "panda": KnownRobot(
@@ -92,6 +130,7 @@ _ROBOTS = {
         # Jaco user guide: these turn without end; the file says one turn each way
         endless=tuple(f"j2s6s200_joint_{k}" for k in (1, 4, 6)),
     ),
+    **_AGENTS,
 }
 
 

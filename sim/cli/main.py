@@ -11,6 +11,7 @@ from sim.cli import (
     bench_command,
     build_command,
     camera_command,
+    grasps_command,
     human_command,
     map_command,
     meet_command,
@@ -45,6 +46,7 @@ for name, command in COMMANDS.items():
     app.command(name)(guarded(command))
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
+app.add_typer(grasps_command.app, name="grasps")
 
 
 def main() -> None:

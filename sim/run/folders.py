@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 MAPS = Path("maps/built")
 REACH_MAPS = MAPS / "reach"
+GRASPS = MAPS / "grasps"
 
 
 def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
@@ -45,14 +46,27 @@ def check_reach_folder(target: Path) -> None:
     Raises:
         BuildRefused: The folder holds something else.
     """
+    _check_kind(target, "reach map")
+
+
+def check_grasp_folder(target: Path) -> None:
+    """Refuse to replace what is no grasp set, before any work.
+
+    Raises:
+        BuildRefused: The folder holds something else.
+    """
+    _check_kind(target, "grasp set")
+
+
+def _check_kind(target: Path, wanted: str) -> None:
     if not target.exists():
         return
     try:
         kind = json.loads((target / "manifest.json").read_text())["kind"]
     except (OSError, ValueError, KeyError, TypeError):
         kind = None
-    if kind != "reach map":
-        raise _refused(target, "holds no reach map")
+    if kind != wanted:
+        raise _refused(target, f"holds no {wanted}")
 
 
 def _refused(target: Path, what: str) -> Exception:

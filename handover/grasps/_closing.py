@@ -1,0 +1,206 @@
+"""Compiled loops of grasping: a hand's links, exact distances, fingers that close."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from odm.audit import _exact as exact
+from roadmap.jit_options import BARE, FULL
+
+TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
+_STEPS = 400  # of a closing joint; each is at least half the tolerance
+
+
+class HandArrays(NamedTuple):
+    """A hand as arrays: links with parents first, and its convex solids."""
+
+    parent: np.ndarray  # (n,) link it hangs on; -1: the palm frame
+    fixed: np.ndarray  # (n, 12) its joint's frame in the parent's
+    axis: np.ndarray  # (n, 3) of the joint
+    kind: np.ndarray  # (n,) 0, TURNS or SLIDES
+    driver: np.ndarray  # (n,) index of the driving joint, -1
+    scale: np.ndarray  # (n, 2) factor and offset of the joint's value
+    solids: exact.Convexes  # owner: the link
+    local: np.ndarray  # (m, 12) poses of the solids in their links
+    bounds: np.ndarray  # (m, 6) box around a solid in its own frame: low, high [m]
+    lever: np.ndarray  # (k,) no point moves farther per unit of a driver [m]
+    moves: np.ndarray  # (k, m) bool: drivers that move a solid
+
+
+class MeshArrays(NamedTuple):
+    """Triangles in chunks, each with a ball around it, in the object's frame."""
+
+    faces: exact.Convexes
+    first: np.ndarray  # (c + 1,) triangles of a chunk
+    ball: np.ndarray  # (c, 4) centre and radius [m]
+
+
+class HandState(NamedTuple):
+    """Where a hand is: what the loops write."""
+
+    palm: np.ndarray  # (12,) pose of the palm frame in the object's
+    values: np.ndarray  # (k,) of the drivers
+    links: np.ndarray  # (n, 12)
+    frames: np.ndarray  # (m, 12) poses of the solids
+    touched: np.ndarray  # (k,) int64: solid that stopped a driver, -1
+
+
+@njit(**BARE)
+def compose(a, b, out):
+    """Write the product of two poses (12,); `out` is neither of them."""
+    for r in range(3):
+        for c in range(3):
+            out[3 * r + c] = (
+                a[3 * r] * b[c] + a[3 * r + 1] * b[3 + c] + a[3 * r + 2] * b[6 + c]
+            )
+        out[9 + r] = (
+            a[3 * r] * b[9] + a[3 * r + 1] * b[10] + a[3 * r + 2] * b[11] + a[9 + r]
+        )
+
+
+@njit(**BARE)
+def joint_pose(kind, axis, value, out):
+    """Write the motion (12,) of a joint at a value."""
+    x, y, z = axis[0], axis[1], axis[2]
+    s, c = 0.0, 1.0
+    if kind == TURNS:
+        s, c = math.sin(value), math.cos(value)
+    v = 1.0 - c
+    out[0], out[1], out[2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+    out[3], out[4], out[5] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+    out[6], out[7], out[8] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
+    slide = value if kind == SLIDES else 0.0
+    for k in range(3):
+        out[9 + k] = slide * axis[k]
+
+
+@njit(**FULL)
+def place(hand, state):
+    """Write the poses of links and solids at the state's palm and values."""
+    motion, joint = np.empty(12), np.empty(12)
+    for n in range(hand.parent.shape[0]):
+        base = state.palm if hand.parent[n] < 0 else state.links[hand.parent[n]]
+        if hand.kind[n] == 0:
+            compose(base, hand.fixed[n], state.links[n])
+            continue
+        d = hand.driver[n]
+        value = state.values[d] * hand.scale[n, 0] + hand.scale[n, 1]
+        joint_pose(hand.kind[n], hand.axis[n], value, motion)
+        compose(base, hand.fixed[n], joint)
+        compose(joint, motion, state.links[n])
+    for i in range(hand.local.shape[0]):
+        compose(state.links[hand.solids.owner[i]], hand.local[i], state.frames[i])
+
+
+@njit(**BARE)
+def box_gap(box, frame, ball):
+    """Return a lower bound on the distance of a placed box (6,) from a ball (4,)."""
+    x, y, z = ball[0] - frame[9], ball[1] - frame[10], ball[2] - frame[11]
+    total = 0.0
+    for k in range(3):
+        at = frame[k] * x + frame[3 + k] * y + frame[6 + k] * z
+        out = max(box[k] - at, at - box[3 + k], 0.0)
+        total += out * out
+    return math.sqrt(total) - ball[3]
+
+
+@njit(**FULL)
+def clearance(hand, state, use, mesh, cap, found):
+    """Return the distance of the solids chosen by `use` (m,) from the mesh's surface.
+
+    A lower bound, exact to 1e-10; at most `cap` [m]. `found` (2,) holds solid and
+    triangle that were the nearest before, or -1; it gets those that are now, -1 where
+    nothing is nearer than `cap`.
+    """
+    best = cap
+    still = np.zeros(12)
+    still[0], still[4], still[8] = 1.0, 1.0, 1.0
+    a, b = hand.solids, mesh.faces
+    i, j = found[0], found[1]
+    found[0], found[1] = -1, -1
+    if i >= 0 and use[i]:
+        low, _ = exact.core_distance(a, i, state.frames[i], b, j, still, np.inf)
+        if low - a.margin[i] < best:
+            best = low - a.margin[i]
+            found[0], found[1] = i, j
+    for i in range(use.shape[0]):
+        if not use[i]:
+            continue
+        f, box = state.frames[i], hand.bounds[i]
+        for c in range(mesh.ball.shape[0]):
+            if box_gap(box, f, mesh.ball[c]) >= best:
+                continue
+            for j in range(mesh.first[c], mesh.first[c + 1]):
+                if box_gap(box, f, b.ball[j]) >= best:
+                    continue
+                low, _ = exact.core_distance(a, i, f, b, j, still, best + a.margin[i])
+                if low - a.margin[i] < best:
+                    best = low - a.margin[i]
+                    found[0], found[1] = i, j
+    return best
+
+
+@njit(**FULL)
+def close_joint(hand, state, d, end, mesh, tolerance):
+    """Move driver `d` towards `end` until one of its solids is within `tolerance`.
+
+    Conservative advancement: no point moves farther than the distance that is free, so
+    nothing is jumped over and nothing overlaps. Returns whether it touched.
+    """
+    found = np.full(2, -1)
+    state.touched[d] = -1
+    for _ in range(_STEPS):
+        place(hand, state)
+        rest = end - state.values[d]
+        free = clearance(hand, state, hand.moves[d], mesh, 1.0, found)
+        if free <= tolerance:
+            state.touched[d] = found[0]
+            return True
+        if abs(rest) < 1e-9:
+            return False
+        step = (free - 0.5 * tolerance) / hand.lever[d]
+        state.values[d] += min(max(rest, -step), step)
+    return False
+
+
+@njit(**FULL)
+def touching(hand, state, points, within, link, gap):
+    """Find the surface points that a solid is near to.
+
+    Args:
+        hand: The hand.
+        state: Where it is.
+        points: Convexes of one point each, object frame.
+        within: What counts as near [m].
+        link: (n,) out: the link of the nearest solid, -1 where none is near.
+        gap: (n,) out: its distance [m].
+    """
+    still = np.zeros(12)
+    still[0], still[4], still[8] = 1.0, 1.0, 1.0
+    a = hand.solids
+    for k in range(points.kind.shape[0]):
+        link[k], gap[k] = -1, within
+        for i in range(a.kind.shape[0]):
+            f = state.frames[i]
+            if box_gap(hand.bounds[i], f, points.ball[k]) >= gap[k]:
+                continue
+            low, _ = exact.core_distance(
+                a, i, f, points, k, still, gap[k] + a.margin[i]
+            )
+            if low - a.margin[i] < gap[k]:
+                gap[k] = low - a.margin[i]
+                link[k] = a.owner[i]
+
+
+@njit(**FULL)
+def meets_itself(hand, state, pairs, found):
+    """Say whether links of `pairs` (n, 2) touch each other."""
+    for p in range(pairs.shape[0]):
+        near, _ = exact.nearest_between(
+            hand.solids, state.frames, pairs[p, 0], pairs[p, 1], 1e-4, found
+        )
+        if near < 1e-4:
+            return True
+    return False

@@ -1,0 +1,152 @@
+"""Agents that give or take: their arms, the hand on each, their postures."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from handover.grasps.hands import HandSpec, hand_spec
+from roadmap import load_robot
+from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of
+
+
+@dataclass(frozen=True)
+class AgentArm:
+    """One arm of an agent.
+
+    Attributes:
+        side: "left" or "right"; an agent of one arm has a "right" one.
+        robot: Known name of the robot that moves this arm, and no other joint.
+        hand: Name of the hand at its end.
+    """
+
+    side: str
+    robot: str
+    hand: str
+
+    @property
+    def spec(self) -> HandSpec:
+        """What is known of the hand."""
+        return hand_spec(self.hand)
+
+    def load(
+        self, locked: Mapping[str, float] | None = None, cover_excess: float = 0.015
+    ) -> Robot:
+        """Return the robot of this arm; see `roadmap.load_robot`.
+
+        Args:
+            locked: Where joints of the rest of the body, and fingers, stand; those of
+                the hand that are not named stand open.
+            cover_excess: Of its sphere cover [m].
+        """
+        hand = self.spec
+        stands = {**hand.preshapes[0], **(locked or {})}
+        if self.robot == "panda":  # its fingers may travel, unless a grasp says where
+            stands = dict(locked or {})
+        return load_robot(self.robot, locked=stands, cover_excess=cover_excess)
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """How an agent stands.
+
+    Attributes:
+        T_floor_base: (4, 4) its base frame over the floor below it [m].
+        joints: Where joints that no arm moves stand [rad].
+    """
+
+    T_floor_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+    joints: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Agent:
+    """Who gives or takes.
+
+    Attributes:
+        name: Its name.
+        arms: Its arms by side.
+        postures: How it can stand, by name.
+    """
+
+    name: str
+    arms: Mapping[str, AgentArm]
+    postures: Mapping[str, Posture]
+
+    def posture(self, name: str) -> Posture:
+        """Return a posture.
+
+        Raises:
+            BadInput: It has none of that name; lists them.
+        """
+        if name not in self.postures:
+            raise BadInput(
+                f"{self.name} has no posture {name!r}; give one of "
+                f"{', '.join(self.postures)}"
+            )
+        return self.postures[name]
+
+
+def _arms(robot: str, hand: str) -> dict[str, AgentArm]:
+    return {
+        side: AgentArm(side, f"{robot}_{side}", f"{hand}_{side}")
+        for side in ("left", "right")
+    }
+
+
+def _hubo_postures() -> dict[str, Posture]:
+    """Return how DRC-Hubo stands: the numbers and their origin are in its URDF.
+
+    Kneeling, its thighs are upright and the knees' axes 0.085 m above the floor: an
+    estimate between 0.07 and 0.10. On the steps of a stool, each 0.20 m higher than the
+    last: an estimate, a common kitchen stool of three steps.
+    """
+    stand = 0.330 + 0.330 + 0.137
+    postures = {"standing": Posture(pose_of((0.0, 0.0, stand)))}
+    for step in (1, 2, 3):
+        postures[f"step_{step}"] = Posture(pose_of((0.0, 0.0, stand + 0.20 * step)))
+    legs = {
+        f"{side}_{joint}": 0.5 * np.pi - 1e-4
+        for side in ("left", "right")
+        for joint in ("knee", "ankle")
+    }
+    postures["kneeling"] = Posture(pose_of((0.0, 0.0, 0.330 + 0.085)), legs)
+    return postures
+
+
+_AGENTS = {
+    agent.name: agent
+    for agent in (
+        Agent("crichton", _arms("crichton", "sdh"), {"fixed": Posture()}),
+        Agent("drchubo", _arms("drchubo", "hubo"), _hubo_postures()),
+        Agent(
+            "panda",
+            {"right": AgentArm("right", "panda", "panda")},
+            # on a table 0.72 m high, as the one of Crichton's scenes
+            {"fixed": Posture(pose_of((0.0, 0.0, 0.72)))},
+        ),
+    )
+}
+
+
+def agent_names() -> list[str]:
+    """Return the names that `load_agent` knows."""
+    return sorted(_AGENTS)
+
+
+def load_agent(name: str) -> Agent:
+    """Return an agent by name.
+
+    Raises:
+        BadInput: No agent has that name; lists them.
+    """
+    if name in _AGENTS:
+        return _AGENTS[name]
+    near = difflib.get_close_matches(str(name), agent_names(), n=1)
+    hint = f"did you mean {near[0]!r}? Give" if near else "give"
+    raise BadInput(
+        f"there is no agent {name!r}; {hint} one of {', '.join(agent_names())}"
+    )
