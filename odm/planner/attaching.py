@@ -79,10 +79,9 @@ class Attacher:
         tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
         self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
         self.sweep_scratch = sweep_scratch(arm, self.swept.grid, frame.robot.dof)
-        motion = point_motion_bounds(arm, frame.robot.dof)
-        frame.memory.certificates.motion_bound[
-            :
-        ] = frame.memory.candidate_certificates.motion[:] = motion
+        bounds = point_motion_bounds(arm, frame.robot.dof)
+        frame.memory.certificates.motion_bound[:] = bounds
+        frame.memory.candidate_certificates.motion_bound[:] = bounds
 
     def hand_changed(self) -> None:
         """Throw all motions away; the goals are attached anew before they are used."""

@@ -310,23 +310,20 @@ class Numbers(NamedTuple):
     segment: np.ndarray = array("i8", "1", GOAL)  # of the path in use that q is on
     same: np.ndarray = array("i8", "1", FRAME)  # 1: the path found is the one in use
     joint: np.ndarray = array("i8", "1", FRAME)  # that is out of its limits
-    better: np.ndarray = array(
-        "i8", "1", GOAL
-    )  # consecutive searches that found a better path
+    # consecutive searches that found a better path
+    better: np.ndarray = array("i8", "1", GOAL)
     # 0 none; else a candidate waits for the next frame: EDITED, BETTER_PATH or
     # PRESENT_ONLY_PATH
     candidate: np.ndarray = array("i8", "1", GOAL)
     start: np.ndarray = array("i8", "1", GOAL)  # its segment that q was on
     present_only: np.ndarray = array("i8", "1", GOAL)  # 1: the way was free only now
-    frames_to_persist: np.ndarray = array(
-        "i8", "1", GOAL
-    )  # frames such a path must be there yet
+    # frames such a path must be there yet
+    frames_to_persist: np.ndarray = array("i8", "1", GOAL)
     wish: np.ndarray = array("i8", "1", FRAME)  # 1: look for a better goal now
     seen: np.ndarray = array("i8", "1", GOAL)  # step whose q and time were noted
     stood: np.ndarray = array("i8", "1", GOAL)  # frames without a move
-    avoid_history: np.ndarray = array(
-        "i8", "1", FRAME
-    )  # 1: this search heeds Recent.wary, 2: no more
+    # 1: this search avoids recent cells, 2: no more
+    avoid_history: np.ndarray = array("i8", "1", FRAME)
     where: np.ndarray = array("i8", "1", FRAME)  # segment that q is on, -1: none
     rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the path is free
     off_path: np.ndarray = array("i8", "1", GOAL)  # 1: q is off its segment
@@ -336,7 +333,7 @@ class RobotState(NamedTuple):
     """The robot: limits, weights and motion bounds, where it is, and scratch."""
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
-    present_only: np.ndarray = array("f8", "spheres")  # sphere radius + m
+    bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
     # most that joint j moves any sphere's centre per unit
     motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")

@@ -218,7 +218,7 @@ def take_candidate(state, points, q):
         view(state, "robot_state"),
         view(state, "better"),
     )
-    certificates, kind = view(state, "better_proof"), numbers.candidate[0]
+    certificates, kind = view(state, "candidate_certificates"), numbers.candidate[0]
     numbers.candidate[0] = 0
     where = -1
     if better.count[0] >= 2 and better.count[1] >= 0:
@@ -402,7 +402,7 @@ def offer_better(state, points):
         view(state, "found_path"),
         view(state, "better"),
     )
-    certificates, where = view(state, "better_proof"), numbers.segment[0]
+    certificates, where = view(state, "candidate_certificates"), numbers.segment[0]
     if path.count[0] < 2:
         return False
     numbers.where[0] = where
@@ -462,7 +462,9 @@ def begin_candidate(state):
         return
     copy_path(path, better)
     copy_certificates(
-        view(state, "certificates"), view(state, "better_proof"), path.count[0] - 1
+        view(state, "certificates"),
+        view(state, "candidate_certificates"),
+        path.count[0] - 1,
     )
     numbers.start[0] = numbers.segment[0]
 

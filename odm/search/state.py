@@ -148,7 +148,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
         "certificates": new(
             Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
         ),
-        "better_proof": new(
+        "candidate_certificates": new(
             Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
         ),
         "robot_state": robot_state,
