@@ -40,6 +40,7 @@ from odm import (
 from odm.cameras import look_at
 from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.search._state import NO_ITEM
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -216,12 +217,31 @@ def exercise(cell_map: CellMap) -> None:
             _ = answer.reason, answer.retreat
             planner.separation(start)
             planner.blocked_leg(np.stack([start, goal]), 0.1, given)
+        _improve_a_detour(planner, start, goal)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
             planner.step(np.full((1, 3), bad), q=start)
         planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
         planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
         planner.reset()
+
+
+def _improve_a_detour(
+    planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray
+) -> None:
+    """Shorten and smooth a path with corners, which no scene may have led to."""
+    node = np.array(planner.cell_map.roadmap.nodes[0])
+    planner.step(np.zeros((0, 3)), q=start)
+    vertices = [planner.attacher.new_vertex() for _ in range(4)]
+    corners = np.array([start, 0.5 * (start + node), node, goal])
+    planner.path.lead(0, np.array(vertices), corners, [NO_ITEM] * 3)
+    planner.path.followed = True
+    for ahead in (None, start):
+        planner.improve(16, ahead)
+    planner.smoother.time(corners)
+    path = planner.path
+    planner.candidates.is_known(int(path.vertex[0]), int(path.vertex[1]))
+    planner.candidates.add(int(path.vertex[0]), int(path.vertex[1]), NO_ITEM)
 
 
 def _shapes(points: np.ndarray) -> Obstacles:

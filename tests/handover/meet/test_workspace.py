@@ -106,7 +106,7 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
     n = 0
     for _ in range(6):
         meet = meet_of(somebody(rng, 0.8), grasps=6)
-        (person, hands, cells), room = meet._scene, meet._room
+        (person, hands, cells), room = meet._scene, meet._scratch
         made = meet._tables.bounds(person, meet._bounds)
         bounds.position_bounds(person, hands, cells, made)
         bounds.now_turn(person, made.now)

@@ -89,7 +89,7 @@ def test_only_cells_whose_neighbours_are_full_are_given_by_their_centres(small_m
     camera = draw_camera(rng)
     space = odm.SeenSpace(small_map, camera, STILL)
     space.update(picture(camera, draw_capsules(rng)), Q, 0.0)
-    room = space._room
+    room = space._buffers
     blocked, closed = room.unpack(room.blocked), room.unpack(room.closed)
     full = closed | (blocked & (room.eighths == 255)) | room.unpack(room.beyond)
     inner = room.unpack(room.inner)
@@ -138,7 +138,7 @@ def test_the_compiled_loops_agree_with_their_slow_twin(small_map, seed):
 
 def eighths_all_free(space):
     """Return the cells that became free since all their eighths are."""
-    room = space._room
+    room = space._buffers
     blocked_at_first = room.unpack(room.closed | room.blocked) | (room.eighths == 0)
     return blocked_at_first & (space.cells() == FREE)
 

@@ -35,7 +35,7 @@ def follow(small_map, seed, frames=2000):
         answer = planner.step(points, q=commit.q)
         statuses.append(answer.status)
         executor.update(answer, commit, None)
-        planner.improve(4, executor.ahead())
+        planner.improve(4, executor.next_commit())
         executor.advance()
         way, s = executor.motion.path, executor.motion.place(executor.t)
         on_blends += bool(way.pieces and way.pieces[way.index(s)].d > 0.0)

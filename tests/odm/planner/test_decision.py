@@ -60,7 +60,10 @@ def joined(planner, monkeypatch):
     monkeypatch.setattr(
         planner.attacher,
         "attach_start",
-        lambda q, quick: (seen.append(FEW if quick else MANY), attach(q, quick))[1],
+        lambda q, without_cells: (
+            seen.append(FEW if without_cells else MANY),
+            attach(q, without_cells),
+        )[1],
     )
     return seen
 

@@ -33,8 +33,12 @@ def played(small_map, settings, frames, points_of):
     return answers
 
 
-def changes(answers, after=30):
-    """How often another path is taken; the first frames only look around."""
+def changes(answers, after=60):
+    """How often another path is taken; the first frames only look around.
+
+    Where the roadmap has no path that stays free, a search beyond it goes on between
+    these frames until it has found one.
+    """
     return sum(status == "replanned" for status, _ in answers[after:])
 
 
@@ -124,7 +128,7 @@ def seen(planner, points, now):
     planner.step(np.atleast_2d(points), q=HOME, now=now, stamp=now)
     kernels.lay_out_recent(planner.memory.table)
     recent = planner.memory.recent
-    return cells_of(planner, recent.samples), cells_of(planner, recent.avoided)
+    return cells_of(planner, recent.occupied), cells_of(planner, recent.avoided)
 
 
 def test_cells_are_remembered_for_the_memory_and_hardly_longer(small_map):
