@@ -41,6 +41,6 @@ def bytes_touched(memory: Memory, segment: int, n_points: int) -> int:
         entry = cells.block.dtype.itemsize + _WORD
         for item in items:
             total += _SIGN
-            if np.any(cells.sign[4 * item : 4 * item + 4] & frame):
+            if np.any(cells.signature[4 * item : 4 * item + 4] & frame):
                 total += int(end[item] - begin[item]) * entry
     return total
