@@ -102,25 +102,12 @@ class Decision:
         """Answer a frame that can be used: what `respond` returns."""
         if self.new_goals or self.attacher.without_cells:
             self._join_ahead(q)
-        if self._numbers.candidate.item():
-            self._check_candidate()
         now = math.nan if now is None else now
         said = step.respond(self._memory.table, points, q, now)
         code = said % step.SEGMENT
         if code <= step.PLANNED:
             return said
         return self._decide(said, code, points, q, now)
-
-    def _check_candidate(self) -> None:
-        """Withdraw a candidate one of whose legs is not free of what stands still.
-
-        Each was tested when it was made; what a frame takes is tested again, whole.
-        """
-        candidate = self.attacher.candidate
-        q = candidate.q[: len(candidate)]
-        legs = np.diff(q, axis=0)
-        if not self.frame.static.motions_free(q[:-1].copy(), legs).all():
-            candidate.withdraw()
 
     def _decide(
         self, said: int, code: int, points: np.ndarray, q: np.ndarray, now: float

@@ -68,7 +68,8 @@ class Change(NamedTuple):
 
     Attributes:
         i, j: Segments on which the new legs begin and end.
-        from_vertex, to_vertex: Whether that is at the beginning of the segment.
+        from_vertex, to_vertex: Whether that is at the beginning of the segment, at
+            vertex i or j. The last vertex is the beginning of no segment, but counts.
         corners: (k, dof) of the new legs, both ends with them.
     """
 
@@ -153,7 +154,7 @@ class Smoother:
             return -1
         q = path.q[at] + share * (path.q[at + 1] - path.q[at])
         corners = np.stack([q, path.q[last]])
-        change = Change(at, last - 1, share == 0.0 and at > self._at, True, corners)
+        change = Change(at, last, share == 0.0 and at > self._at, True, corners)
         weights = self.frame.cell_map.roadmap.weights
         rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
         length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()

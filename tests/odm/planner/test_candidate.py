@@ -98,3 +98,25 @@ def test_what_improves_the_path_keeps_its_cells_when_old_ones_are_thrown_away(
     assert memory.pool.used[0] < 200
     assert cells() == before
     assert candidate.items().max() < memory.pool.used[0]
+
+
+def test_straight_to_the_goal_leaves_out_every_vertex_between(small_map):
+    """The new leg is tested to the goal itself, so it must end there."""
+    planner, goal = odm.ReactivePlanner(small_map), -HOME
+    planner.set_goals([goal])
+    planner.step(np.zeros((0, 3)), q=HOME)
+    between = [HOME + [0.3, 0.0, 0.9], HOME + [-0.4, 0.1, 1.2], HOME + [-1.0, 0.0, 1.0]]
+    detour = np.array([HOME, *between, goal])
+    numbers = np.array([planner.attacher.new_vertex() for _ in detour])
+    numbers[-1] = planner.memory.goals.vertex[0]
+    first = planner.attacher.sweep(detour[:-1], np.diff(detour, axis=0))
+    items = list(range(first, first + len(detour) - 1))
+    planner.path.lead(0, numbers, detour, items)
+    planner.path.followed = True
+    planner.candidate.begin()
+    assert planner.smoother.go_straight() == 1
+    found = corners(planner.candidate)
+    assert np.array_equal(found[-1], goal)
+    assert not any(np.array_equal(q, v) for q in found[1:-1] for v in between)
+    made = planner.memory.candidate_certificates
+    assert np.array_equal(made.end[len(found) - 2], goal)
