@@ -7,7 +7,8 @@ from rich.console import Console, Group
 from rich.table import Table
 
 from sim.loop.run_result import RunResult, percentiles
-from sim.tables.header import processor, version
+from sim.tables.header import processor
+from sim.tables.versions import version
 
 PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
 

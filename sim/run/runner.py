@@ -14,7 +14,8 @@ from sim.run.meet import MeetTask
 from sim.run.places import DEMO, Live, PlacesTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
-from sim.terminal.output import Bars, stdout_to_stderr, write_text
+from sim.terminal.output import stdout_to_stderr, write_text
+from sim.terminal.progress import Bars
 
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
