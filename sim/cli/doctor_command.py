@@ -12,7 +12,7 @@ import typer
 
 from sim.run.folders import MAPS
 from sim.terminal.checks import is_there
-from sim.terminal.compiling import ROOT, Compiling, table
+from sim.terminal.compiling import ROOT, Compiling, commands
 from sim.terminal.flags import Json, flag, from_request
 from sim.terminal.output import FINDING, report
 from sim.terminal.progress import time_text
@@ -125,7 +125,7 @@ def _writable() -> Row:
 
 def _compiled() -> Row:
     missing, wanted = {}, {}
-    for command in table()["commands"]:
+    for command in commands():
         one = Compiling(command)
         wanted |= one.wanted
         missing |= one.missing()
@@ -163,16 +163,17 @@ def _maps(folder: Path) -> Row:
 def _show(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_header=False)
     for _ in range(3):
         table.add_column(overflow="fold")
     colours = {"ok": "green", "missing": "yellow", "wrong": "red"}
     for row in facts["rows"]:
-        state = f"[{colours[row['state']]}]{row['state']}[/]"
-        table.add_row(state, row["what"], row["found"])
+        state = Text(row["state"], style=colours[row["state"]])
+        table.add_row(state, row["what"], Text(row["found"]))
         if row["remedy"]:
-            table.add_row("", "", f"-> {row['remedy']}")
+            table.add_row("", "", Text(f"-> {row['remedy']}"))
     console = Console(highlight=False)
     console.print(table)
     console.print("sound" if facts["sound"] else "something is wrong; see the arrows")

@@ -9,7 +9,7 @@ import typer
 from sim.people.grips import grip_points
 from sim.terminal.checks import HEIGHT, PICTURE, Limits
 from sim.terminal.flags import Json, Posture, flag, from_request
-from sim.terminal.output import guarded, show_json
+from sim.terminal.output import guarded, report
 
 if TYPE_CHECKING:
     from handover import Human
@@ -65,10 +65,7 @@ def human_info(request: HumanRequest) -> None:
         from sim.draw.human_picture import write_human_picture
 
         facts["plot"] = str(write_human_picture(human, request.plot))
-    if request.json is not None:
-        show_json(facts, request.json)
-    else:
-        _show(facts)
+    report(facts, request.json, _show)
 
 
 def human_facts(human: "Human") -> dict:

@@ -65,7 +65,7 @@ def main() -> None:
         try:
             code = door.main(words, prog_name="odm", standalone_mode=False)
         except Exception as error:
-            told = mistake(error)
+            told = mistake(error, words, door)
             if told is None:
                 raise
             print(told, file=sys.stderr)

@@ -219,6 +219,7 @@ def _show_meet(facts: dict) -> None:
         for target in row["best"]:
             table.add_row(*_target_row(target))
         console.print(table)
+        console.print(_EXPLAINED)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 
@@ -227,6 +228,12 @@ _HEADS = (
     "#", "total", "joint", "spatial", "visible", "safe", "effort", "dextrous",
     "tool \\[m]", "grasp", "IK",
 )  # fmt: skip
+
+
+_EXPLAINED = (
+    "grasp: number of the person's grasp of the object. IK: whether inverse "
+    "kinematics found joint values of the robot for the tool pose."
+)
 
 
 def _target_row(target: dict) -> list[str]:

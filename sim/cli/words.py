@@ -1,4 +1,4 @@
-"""The words of a command line before they are parsed, and what is said of wrong ones."""
+"""The words of a command line before they are parsed, and what is said of them."""
 
 import re
 import sys
@@ -66,14 +66,9 @@ def with_targets(words: list[str], door: object) -> list[str]:
 
 def _is_wanted(word: str, before: list[str], behind: list[str], door: object) -> bool:
     """Return whether a command needs this word as an argument by its place."""
-    command, rest = door, [*before, *behind]
-    while hasattr(command, "commands") and rest:
-        head, *rest = rest
-        if head not in command.commands:
-            return not head.startswith("-")  # let it be told which command is none
-        command = command.commands[head]
+    command, rest = _command_of([*before, *behind], door)
     if hasattr(command, "commands"):
-        return True  # the word names the command
+        return not (rest and rest[0].startswith("-"))  # the word names the command
     takes = {
         name: 0 if getattr(p, "is_flag", False) else p.nargs
         for p in command.params
@@ -97,16 +92,24 @@ def _is_wanted(word: str, before: list[str], behind: list[str], door: object) ->
     return missing and instead not in rest
 
 
-_NUMBER = re.compile(r"Invalid value for '?([^':]*)'?: '(.*)' is not a valid (\w+)")
-_RANGE = re.compile(r"Invalid value for '?([^':]*)'?: (\S+) is not in the range (.*)\.")
+def _command_of(words: list[str], door: object) -> tuple[object, list[str]]:
+    """Return the command that the first words name, as far as they do, and the rest."""
+    command, rest = door, words
+    while hasattr(command, "commands") and rest and rest[0] in command.commands:
+        command, rest = command.commands[rest[0]], rest[1:]
+    return command, rest
+
+
+_WRONG = re.compile(r"Invalid value for '?([^':]*)'?: (.*)")
 _COUNT = re.compile(r"Option '([^']*)' requires (\w+) arguments?")
-_KINDS = {
-    "float": "no number; give one, such as 0.5",
-    "integer": "no whole number; give one, such as 10",
+_KINDS = {  # what typer and its pydantic say, and what we do
+    "valid float": "give a number, such as 0.5",
+    "valid number": "give a number, such as 0.5",
+    "valid integer": "give a whole number, such as 10",
 }
 
 
-def mistake(error: Exception) -> str | None:
+def mistake(error: Exception, words: list[str], door: object) -> str | None:
     """Return one sentence for what typer says of wrong words, None for other errors."""
     if not hasattr(error, "format_message"):
         return None
@@ -115,16 +118,36 @@ def mistake(error: Exception) -> str | None:
     text = " ".join(error.format_message().split())
     context = getattr(error, "ctx", None)
     helped = f"{context.command_path} --help" if context else "odm --help"
-    if found := _NUMBER.match(text):
-        name, value, kind = found.groups()
-        return f"odm: {name} is {value!r}: {_KINDS.get(kind, f'no {kind}')}"
-    if found := _RANGE.match(text):
-        name, value, limits = found.groups()
-        return f"odm: {name} is {value}: give a number in {limits}"
+    if found := _WRONG.match(text):
+        name, why = found.groups()
+        for kind, remedy in _KINDS.items():
+            if kind in why:
+                why = remedy
+        value = _value_of(name, words)
+        told = "" if value is None else f" is {value!r}"
+        return f"odm: {name}{told}: {why[:1].lower()}{why[1:].rstrip('.')}"
     if found := _COUNT.match(text):
         name, count = found.groups()
         if count == "an":
             return f"odm: {name} stands alone; give a value behind it"
-        return f"odm: {name} needs {count} values behind it; see {helped}"
-    text = text.removeprefix("Invalid value: ").rstrip(".")
+        behind = _metavar(name, _command_of(words, door)[0])
+        return f"odm: {name} needs {count} values behind it: {behind}"
+    text = text.removeprefix("Invalid value: ").rstrip(".?").replace(". Did", "; did")
     return f"odm: {text[:1].lower()}{text[1:]}; see {helped}"
+
+
+def _metavar(name: str, command: object) -> str:
+    """Return what stands behind a flag in the help, or where to look."""
+    for one in getattr(command, "params", ()):
+        if name in one.opts and one.metavar:
+            return one.metavar
+    return "see --help"
+
+
+def _value_of(name: str, words: list[str]) -> str | None:
+    """Return what stands behind a flag, None where it cannot be told."""
+    for at, word in enumerate(words):
+        flag, equals, value = word.partition("=")
+        if flag in name.split(" / "):
+            return value if equals else next(iter(words[at + 1 :]), None)
+    return None

@@ -122,7 +122,9 @@ def person_of(request: RunRequest) -> HumanMotion:
     stand = request.stand
     if stand is not None:
         stand = (stand[0], stand[1], math.radians(stand[2]))
-    settings = MocapSettings(stand=stand, base_height=request.base_height,
+    settings = MocapSettings(
+        stand=stand,
+        base_height=request.base_height,
         accept_defects=request.accept_defects,
     )
     return load_mocap(request.file, mapping=request.mapping, settings=settings)

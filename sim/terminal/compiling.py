@@ -4,7 +4,7 @@ Numba compiles a loop when it is first called and keeps it beside its source, so
 command's first run takes minutes and every other one none. Which loops a command needs
 and what each cost once is in `compile_costs.json` (see `sim/bench/compile_costs.py`);
 which are still missing is seen from the files. Both are told while somebody waits. A
-loop that is not in the table, or no longer there, makes the estimate worse; that is all.
+loop that is not in the table, or no longer there, only makes the estimate worse.
 """
 
 import json
@@ -20,9 +20,15 @@ WORTH_TELLING_S = 2.0
 
 
 @cache
-def table() -> dict:
-    """Return the table: "costs" by loop [s], and the loops of each of "commands"."""
-    return json.loads(TABLE.read_text(encoding="utf-8"))
+def table() -> dict[str, tuple[float, frozenset[str]]]:
+    """Return the cost of each loop [s], and the commands that need it."""
+    rows = json.loads(TABLE.read_text(encoding="utf-8"))
+    return {name: (cost, frozenset(by.split())) for name, (cost, by) in rows.items()}
+
+
+def commands() -> list[str]:
+    """Return the commands that the table knows."""
+    return sorted(frozenset().union(*(by for _, by in table().values())))
 
 
 class Compiling:
@@ -44,17 +50,17 @@ class Compiling:
     def wanted(self) -> dict[str, float]:
         """Cost of every loop of the command that is there [s]."""
         if self._wanted is None:
-            costs = table()["costs"]
-            names = table()["commands"].get(self._command, ())
             texts: dict[Path, str] = {}
             self._wanted = {}
-            for name in names:
+            for name, (cost, by) in table().items():
+                if self._command not in by:
+                    continue
                 module, _, loop = name.rpartition(".")
                 file = self.root / f"{module.replace('.', '/')}.py"
                 if file not in texts:
                     texts[file] = file.read_text() if file.is_file() else ""
                 if f"def {loop}(" in texts[file]:
-                    self._wanted[name] = costs.get(name, 0.3)
+                    self._wanted[name] = cost
         return self._wanted
 
     def missing(self) -> dict[str, float]:

@@ -28,7 +28,7 @@ class Pulse:
         """Say nothing yet."""
         self.compiling = Compiling(command)
         self.bars: Bars | None = None
-        self.doing = "starting: the planner is loaded"
+        self.doing = "starting: loading the planner"
         self._over = threading.Event()
         self._told = time.monotonic() - EVERY_S + FIRST_S
         self._last = ""
