@@ -192,11 +192,11 @@ def test_bad_input_is_one_sentence(odm, reach_dir, tmp_path, words, said):
     words = [str(reach_dir) if word == "MAP" else word for word in words]
     picture = tmp_path / "cut.png"
     code, _, err = run(odm, reach_dir, *words, "--plot", picture)
-    assert code == 1 and one_sentence(err) and said in err, err
+    assert code == 2 and one_sentence(err) and said in err, err
     assert not picture.exists()
 
 
 def test_a_missing_map_says_how_to_build_it(odm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, _, err = odm("workspace", "meet", "--robot", ROBOT)
-    assert code == 1 and "odm workspace build" in err and one_sentence(err)
+    assert code == 2 and "odm workspace build" in err and one_sentence(err)
