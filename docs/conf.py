@@ -19,7 +19,13 @@ html_title = "odm: reactive planning beside a moving human"
 myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 3
 # pages also serve where the repository is browsed, and name files of it there
-suppress_warnings = ["myst.xref_missing", "myst.header", "misc.highlighting_failure"]
+suppress_warnings = [
+    "myst.xref_missing",
+    "myst.header",
+    "misc.highlighting_failure",
+    "ref.python",
+]
+rst_prolog = ".. |dq_j| replace:: abs(dq_j)"  # bars are not taken for a substitution
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

@@ -25,7 +25,7 @@ from sim.draw.style import (
 
 DOCS = Path(__file__).resolve().parents[1]
 SIDE, PLANE = 1, (0, 2)  # seen along y
-ARM = np.array([[0.95, -0.1, 0.75, 0.5, 0.0, 0.5, 0.06]])  # a forearm [m]
+ARM = np.array([[0.95, -0.1, 0.7, 0.6, 0.0, 0.55, 0.05]])  # a forearm [m]
 
 
 def cells_of(cell_map: odm.CellMap, item: int) -> np.ndarray:
@@ -116,11 +116,14 @@ def one_frame(cell_map: odm.CellMap, path: Path) -> Path:
     roadmap, robot = cell_map.roadmap, cell_map.robot
     planner = odm.ReactivePlanner(cell_map)
     tools = np.array([tool_pose(robot, q)[:3, 3] for q in roadmap.nodes])
-    near = np.linalg.norm(tools - [0.45, 0.25, 0.3], axis=1).argsort()
-    far = np.linalg.norm(tools - [0.45, 0.05, 0.85], axis=1).argsort()
+    low = np.linalg.norm(tools - [0.45, 0.0, 0.25], axis=1).argsort()[:12]
+    high = np.linalg.norm(tools - [0.45, 0.0, 0.85], axis=1).argsort()[:12]
     person = odm.Obstacles(capsules=ARM)
-    planner.set_goals([roadmap.nodes[far[0]]])
-    answer = planner.step(person, q=roadmap.nodes[near[0]])
+    for a, b in zip(low, high, strict=True):
+        planner.set_goals([roadmap.nodes[b]])
+        answer = planner.step(person, q=roadmap.nodes[a])
+        if len(answer.path) > 2:  # there is a way, and it is not the straight one
+            break
     begin(axis, cell_map, f"one frame: {answer.status}")
     points = odm.sample_capsules(ARM, 0.01)
     cells = np.floor((points - cell_map.grid.origin) / cell_map.grid.h).astype(int)

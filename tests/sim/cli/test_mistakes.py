@@ -220,7 +220,7 @@ def test_a_mistake_is_one_sentence_with_value_and_remedy(refused, words, value, 
     refused(words, value, remedy)
 
 
-@pytest.mark.parametrize(("index", "recipe"), enumerate(RECIPES))
+@pytest.mark.parametrize(("index", "recipe"), list(enumerate(RECIPES)))
 def test_a_mistake_in_a_recipe_names_its_key(refused, index, recipe):
     words = ("build", f"recipe{index}.toml", "--out", "made")
     refused(words, *recipe[1:])
