@@ -119,15 +119,17 @@ def one_frame(cell_map: odm.CellMap, path: Path) -> Path:
     low = np.linalg.norm(tools - [0.45, 0.0, 0.25], axis=1).argsort()[:12]
     high = np.linalg.norm(tools - [0.45, 0.0, 0.85], axis=1).argsort()[:12]
     person = odm.Obstacles(capsules=ARM)
+    answers = []
     for a, b in zip(low, high, strict=True):
         planner.set_goals([roadmap.nodes[b]])
-        answer = planner.step(person, q=roadmap.nodes[a])
-        if len(answer.path) > 2:  # there is a way, and it is not the straight one
-            break
+        answers.append(planner.step(person, q=roadmap.nodes[a]))
+    # the shortest that is not the straight one
+    bent = [a for a in answers if len(a.path) > 2]
+    answer = min(bent, key=lambda a: np.abs(np.diff(a.path, axis=0)).sum())
     begin(axis, cell_map, f"one frame: {answer.status}")
     points = odm.sample_capsules(ARM, 0.01)
     cells = np.floor((points - cell_map.grid.origin) / cell_map.grid.h).astype(int)
-    draw_edges(axis, cell_map, planner.invalid_edges(), colors=RED, lw=0.3, alpha=0.35)
+    draw_edges(axis, cell_map, planner.invalid_edges(), colors=RED, lw=0.3, alpha=0.2)
     draw_cells(axis, cell_map, np.unique(cells, axis=0), AMBER)
     ends = ARM[0, [0, 2, 3, 5]]
     axis.plot(ends[::2], ends[1::2], color=BODY_EDGE, lw=9, solid_capstyle="round")

@@ -50,7 +50,7 @@ class MeetRequest:
     cell: float = flag(
         0.15,
         "Side of a position cell, m.",
-        limits=Limits(0.02, 0.5, "m", hint="15 cm are 0.15"),
+        limits=Limits(0.005, 0.5, "m", hint="15 cm are 0.15"),
     )
     rotations: int = flag(72, "Cells of rotation.")
     base_height: float | None = flag(

@@ -31,7 +31,7 @@ class Pulse:
         self.doing = "starting: loading the planner"
         self._over = threading.Event()
         self._told = time.monotonic() - EVERY_S + FIRST_S
-        self._last = ""
+        self._last, self._since = "", 0.0
         self._thread = threading.Thread(target=self._beat, daemon=True, name="Pulse")
         self._terminal = _is_terminal()
 
@@ -77,9 +77,11 @@ class Pulse:
         return doing
 
     def _write(self, text: str) -> None:
-        if text == self._last:
-            text += " ..."  # still at it
-        self._last = text.removesuffix(" ...")
+        now = time.monotonic()
+        if text != self._last:
+            self._last, self._since = text, now
+        elif not self._terminal:
+            text += f" ({time_text(now - self._since)})"  # still at it
         if not self._over.is_set():
             print(text, file=sys.stderr, flush=True)
 

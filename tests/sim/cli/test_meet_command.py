@@ -177,14 +177,14 @@ def test_a_robot_with_a_tall_base_stands_on_the_floor(robot):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--object", "hammer"), "no object 'hammer'; choose one of wrench, mallet"),
-        (("--human", "3"), "body height of 3.0 m"),
-        (("--side", "up"), "choose left or right"),
-        (("--posture", "flying"), "no posture 'flying'"),
+        (("--object", "hammer"), "--object is 'hammer': choose wrench or mallet"),
+        (("--height", "3"), "--height is 3: give a number from 1.2 to 2.2 m"),
+        (("--side", "up"), "choose right or left"),
+        (("--posture", "flying"), "--posture is 'flying'"),
         (("--cell", "0.01"), "are finer than the"),
         (("--rotations", "5"), "no grid has 5 rotations"),
-        (("--distance", "nan"), "finite x, y"),
-        (("--human-map", "MAP", *COARSE), "a map of kawasaki"),
+        (("--distance", "nan"), "--distance is nan"),
+        (("--human-reach", "MAP", *COARSE), "a map of kawasaki"),
         (("--robot", "plain_arm"), "was built for another robot"),
     ],
 )

@@ -87,6 +87,7 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
     assert code == 0, err
     assert "top-ranked" in out and "target changes per minute" in out
     assert sorted(p.name for p in (tmp_path / "o").iterdir()) == [
+        "reach.gif",
         "reach.json",
         "reach_latency.png",
     ]
@@ -97,17 +98,16 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
     [
         (["--targets", "moon"], "choose places or meet"),
         (["--reach", "x"], "--reach goes with --targets meet"),
-        (["--distance", "0.6", "1"], "--distance goes with --targets meet"),
+        (["--between", "0.6", "1"], "--between goes with --targets meet"),
         (["--object", "wrench"], "--object goes with --targets meet"),
-        (["--hand", "left"], "--hand goes with --targets meet"),
-        (["--targets", "meet", "--object", "cup"], "choose one of wrench, mallet"),
-        (["--targets", "meet", "--hand", "third"], "choose left or right"),
-        (["--targets", "meet", "--hand", "left"], "right arm only"),
+        (["--side", "left"], "--side goes with --targets meet"),
+        (["--targets", "meet", "--object", "cup"], "choose wrench or mallet"),
+        (["--targets", "meet", "--side", "third"], "choose right or left"),
+        (["--targets", "meet", "--side", "left"], "right arm only"),
         (["--targets", "meet", "--motion", "crowding"], "4 capsules"),
         (["--targets", "meet", "--motion", "dance"], "no motion 'dance'"),
-        (["--targets", "meet", "--distance", "2", "1"], "smaller one first"),
+        (["--targets", "meet", "--between", "2", "1"], "smaller one first"),
         (["--targets", "meet", "--record", "a.npz"], "--record"),
-        (["--targets", "meet", "--animation", "a.gif"], "--animation"),
         (["--targets", "meet", "--motion", "mocap"], "--file"),
         (["--targets", "meet", "--reach", "nowhere"], "no reach map"),
     ],
