@@ -20,9 +20,9 @@ from sim.cli import (
     run_command,
     two_command,
 )
-from sim.cli.words import mistake, with_new_names, with_targets
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded
+from sim.terminal.words import mistake, with_new_names, with_targets
 
 app = typer.Typer(
     name="odm",

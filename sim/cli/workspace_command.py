@@ -150,7 +150,7 @@ def reach_facts(
     reach: "ReachMap", folder: Path, chain: "Chain", poses: int, tell: Bars
 ) -> dict:
     """Return what a reach map holds and is worth, as plain data; see `measured`."""
-    from sim.cli.reach_figures import measured
+    from sim.tables.reach_figures import measured
 
     marked, grid, packed = reach.n_marked, reach.grid, reach.packed
     facts = {
@@ -188,7 +188,7 @@ def _report(
 
 
 def _show(facts: dict) -> None:
-    from sim.cli.reach_figures import print_figures
+    from sim.tables.reach_figures import print_figures
 
     cells, places, built = facts["cells"], facts["positions"], facts["built"]
     unit = facts["unit"] if facts["unit"] == "m" else f"{facts['unit']}s"

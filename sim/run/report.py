@@ -28,9 +28,12 @@ def print_report(
         map_hash: Hash of the map.
         console: Where to print; the terminal if None.
     """
-    tables = [safety_table(results, alone), hold_table(results)]
+    tables = [safety_table(results, alone)]
+    if any(result.holds for result in results):
+        tables.append(hold_table(results))
     tables += [latency_table(result) for result in results]
-    (console or Console()).print(Group(*tables, setting_line(map_hash)))
+    spaced = [part for table in tables for part in (table, "")]
+    (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 
 def safety_table(results: Sequence[RunResult], alone: RunResult | None = None) -> Table:
