@@ -25,7 +25,7 @@ def packages(tmp_path, monkeypatch):
     """Return a folder with three loops, and a table that knows them and one more."""
     folder = tmp_path / "odm" / "search"
     (folder / "__pycache__").mkdir(parents=True)
-    text = "def one(x):\n    pass\n\n\ndef two(x):\n    pass\n\n\ndef three(x):\n    pass\n"
+    text = "\n".join(f"def {loop}(x):\n    pass" for loop in ("one", "two", "three"))
     (folder / "_step.py").write_text(text)
     rows = {f"odm.search._step.{n}": [10.0, "run"] for n in ("one", "two", "gone")}
     rows["odm.search._step.three"] = [70.0, "audit"]
@@ -44,12 +44,12 @@ def compiled(root, loop):
 
 
 def test_lines_come_from_the_first_moment_and_say_how_far_it_is(quick, capsys):
-    with pulse("run"):
-        time.sleep(0.1)
+    with pulse("doctor"):
+        time.sleep(0.3)
         with Bars("reading") as tell:
             tell("frames", 25, 100)
-            time.sleep(0.15)
-        time.sleep(0.15)
+            time.sleep(0.3)
+        time.sleep(0.3)
     lines = capsys.readouterr().err.splitlines()
     assert "loading" in lines[0] and len(lines) >= 3
     assert any(re.match(r"frames: 25 of 100", line) for line in lines)
