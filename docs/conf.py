@@ -25,7 +25,6 @@ suppress_warnings = [
     "misc.highlighting_failure",
     "ref.python",
 ]
-rst_prolog = ".. |dq_j| replace:: abs(dq_j)"  # bars are not taken for a substitution
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

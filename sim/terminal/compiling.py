@@ -99,7 +99,8 @@ def compiled(root: Path, names: dict[str, float]) -> set[str]:
         file = root / module.replace(".", "/")
         folder = file.parent / "__pycache__"
         if folder not in by_folder:
-            by_folder[folder] = _stems(folder.glob("*.nbi")) | everywhere
+            beside = () if elsewhere else folder.glob("*.nbi")
+            by_folder[folder] = _stems(beside) | everywhere
         if f"{file.name}.{loop}" in by_folder[folder]:
             found.add(name)
     return found

@@ -13,7 +13,7 @@ from types import TracebackType
 
 from sim.terminal.compiling import Compiling
 
-FIRST_S, EVERY_S = 1.0, 2.5  # [s] the first plain line, and from one to the next
+FIRST_S, EVERY_S = 1.0, 2.0  # [s] the first plain line, and from one to the next
 _TICK_S = 0.25
 
 
@@ -71,7 +71,7 @@ class Pulse:
         if found is not None:
             done, total, left_s = found
             doing += (
-                f"; compiling, the first time only: {done} of {total} loops, about "
+                f"; compiling, once: {done} of {total} loops, about "
                 f"{time_text(left_s)} left"
             )
         return doing

@@ -96,6 +96,7 @@ def test_a_command_that_needs_nothing_says_nothing(packages):
 
 
 def test_a_cache_elsewhere_is_looked_into(packages, monkeypatch, tmp_path):
+    compiled(packages, "two")  # beside the source, where numba does not look then
     other = tmp_path / "cache" / "odm_search"
     other.mkdir(parents=True)
     (other / "_step.one-1.py311.nbi").write_text("")
