@@ -80,7 +80,8 @@ def intent_threat(
     """Return what a robot with an intent may sweep.
 
     Within a time of `half` from the middle of a piece joint j moves by at most
-    abs(dq_j) half + a_j half^2 / 2, and a point by the sum over j times its motion bound.
+    abs(dq_j) half + a_j half^2 / 2, and a point by the sum over j times its bound of
+    motion.
 
     Args:
         surface: The other robot's moving links.
