@@ -84,9 +84,9 @@ def test_the_level_cut_is_above_a_person_who_lies(odm):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--height", "3"), "body height of 3.0 m"),
-        (("--posture", "flying"), "no posture 'flying'"),
-        (("--side", "up"), "choose left or right"),
+        (("--height", "3"), "--height is 3: give a number from 1.2 to 2.2 m"),
+        (("--posture", "flying"), "--posture is 'flying'"),
+        (("--side", "up"), "choose right or left"),
         (("--rotations", "100"), "no grid has 100 rotations"),
     ],
 )

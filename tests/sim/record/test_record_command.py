@@ -183,9 +183,9 @@ def test_the_planner_of_the_run_knows_nothing_of_the_warming_up(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("run.txt",), "does not end in .npz"),
+        (("run.txt",), "is written as .npz only"),
         (("folder.npz",), "is a folder"),
-        (("file/run.npz",), "cannot be written"),
+        (("file/run.npz",), "is no folder; choose another"),
     ],
 )
 @pytest.mark.parametrize("motion", ["sweep", "keyboard"])
