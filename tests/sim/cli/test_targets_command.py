@@ -105,7 +105,7 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
         (["--targets", "meet", "--side", "third"], "choose right or left"),
         (["--targets", "meet", "--side", "left"], "right arm only"),
         (["--targets", "meet", "--motion", "crowding"], "4 capsules"),
-        (["--targets", "meet", "--motion", "dance"], "no motion 'dance'"),
+        (["--targets", "meet", "--motion", "dance"], "--motion is 'dance'"),
         (["--targets", "meet", "--between", "2", "1"], "smaller one first"),
         (["--targets", "meet", "--record", "a.npz"], "--record"),
         (["--targets", "meet", "--motion", "mocap"], "--file"),
