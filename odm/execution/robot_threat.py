@@ -80,7 +80,8 @@ def intent_threat(
     """Return what a robot with an intent may sweep.
 
     Within a time of `half` from the middle of a piece joint j moves by at most
-    |dq_j| half + a_j half^2 / 2, and a point by the sum over j times its motion bound.
+    abs(dq_j) half + a_j half^2 / 2, and a point by the sum over j times its bound of
+    motion.
 
     Args:
         surface: The other robot's moving links.
@@ -127,7 +128,7 @@ class LimitsThreat:
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return points (n, 3) and the radius of balls that hold it meanwhile [m].
 
-        At tau in [begin, end] joint j is within |dq_j| half + a_j end^2 / 2 of
+        At tau in [begin, end] joint j is within abs(dq_j) half + a_j end^2 / 2 of
         q + dq middle, and never farther from q than its velocity limit takes it. The
         radius is infinite where the age is not known.
         """

@@ -72,7 +72,11 @@ def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the corners (m, 3, 3) of a mesh; refuse one that is not closed."""
     import trimesh
 
-    mesh = trimesh.Trimesh(vertices, faces, process=True)
+    # as it is, or with its equal corners made one: a hull may have corners that are
+    # nanometres apart, and to make those one tears it open
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not mesh.is_watertight:
+        mesh = trimesh.Trimesh(vertices, faces, process=True)
     if not mesh.is_watertight:
         raise BadInput(
             f"a mesh of {len(faces)} faces is not closed (watertight): fill its holes, "
