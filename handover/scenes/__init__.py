@@ -1,1 +1,1 @@
-"""Scenes of a hand-over: who gives, who takes, what, from where to where, what stands there."""
+"""Scenes of a hand-over: both agents, the object with start and goal, furniture."""

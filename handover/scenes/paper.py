@@ -183,13 +183,13 @@ def table(
     top: float = TABLE_TOP,
     name: str = "table",
 ) -> tuple[Fixture, ...]:
-    """Return a board on four legs of 5 cm, 5 cm inside its rim: feet fit before them."""
+    """Return a board on four legs of 5 cm, 8 cm inside its rim: room for feet."""
     x, y = middle
     at = upright(x, y, top - 0.5 * _BOARD)
     found = [Fixture(name, Box((*size, _BOARD), at))]
     height = top - _BOARD
     for k, (i, j) in enumerate(((-1, -1), (-1, 1), (1, -1), (1, 1))):
-        side = 0.5 * np.array(size) - 0.075
+        side = 0.5 * np.array(size) - 0.105
         foot = upright(x + i * side[0], y + j * side[1], 0.5 * height)
         found.append(Fixture(f"{name} leg {k}", Box((0.05, 0.05, height), foot)))
     return tuple(found)

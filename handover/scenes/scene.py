@@ -1,4 +1,4 @@
-"""Scene: both agents where they stand, the object, its start and goal, the furniture."""
+"""Scene: both agents as they stand, the object, its start and goal, furniture."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class PlacedAgent:
     Attributes:
         agent: Who it is.
         T_world_base: (4, 4) pose of its base frame [m].
-        joints: Every joint that can be set, of arms, hands and body -> value [rad or m].
+        joints: Every joint that can be set, of arms, hands, body: value [rad or m].
         arms: Sides of the arms that may take part; others stay where they are.
     """
 

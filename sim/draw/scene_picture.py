@@ -54,7 +54,7 @@ def draw_scene(scene: Scene, path: str | Path, plan: object | None = None) -> Pa
 
 
 def agent_triangles(placed: PlacedAgent, joints: dict[str, float]) -> np.ndarray:
-    """Return an agent's triangles (n, 3, 3), world frame [m]; `joints` as in `shapes`."""
+    """Return an agent's triangles (n, 3, 3), world frame [m]; see its `shapes`."""
     return _joined(shape for _, shape in placed.shapes(joints))
 
 
