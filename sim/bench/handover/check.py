@@ -1,15 +1,15 @@
 """Check a plan's JSON file without this project: python-fcl, dense in time.
 
-Reads the file that `docs/handover.md` describes, the URDFs it names and their meshes, and
-imports nothing of ours: `python sim/bench/handover/check.py plan.json`.
+Reads the file that `docs/handover.md` describes, the URDFs it names and their meshes,
+and imports nothing of ours: `python sim/bench/handover/check.py plan.json`.
 
 Tested at every moment: both agents against each other, against furniture and against
 themselves, and the object against all. Left out: furniture against itself, the agents'
 base links against furniture (they stand on it and never move), links of one agent that
-are neighbours (no third link with geometry lies between them in the URDF; links welded by
-fixed joints count as one), and the object against the links that the file lets touch it
-while they hold it. Moments lie so dense that nothing moves farther than `STEP` between
-two. python-fcl's distances of round solids are up to 0.4 mm too large; its contacts are
+are neighbours (no third link with geometry lies between them in the URDF; links welded
+by fixed joints count as one), and the object against the links that the file lets touch
+it while they hold it. Moments lie so dense that nothing moves farther than `STEP`
+between two. python-fcl's distances of round solids are up to 0.4 mm too large; its contacts are
 not, so whatever is nearer than 2 mm is asked for contact.
 """
 
@@ -263,8 +263,8 @@ class _Check:
             turned = np.arccos(np.clip(cosine, -1.0, 1.0))
             if off > _AT_GOAL[0] or turned > _AT_GOAL[1]:
                 self.faults.append(
-                    f"the object is {off * 1e3:.2f} mm and {np.degrees(turned):.2f} deg "
-                    f"from its {name}"
+                    f"the object is {off * 1e3:.2f} mm and "
+                    f"{np.degrees(turned):.2f} deg from its {name}"
                 )
 
     def _pose(self, t: float) -> np.ndarray:
@@ -329,7 +329,7 @@ def _moved(before: dict, now: dict) -> dict:
     }
 
 
-# --- reading ---------------------------------------------------------------------------
+# --- reading ------------------------------------------------------------------
 
 
 def read_urdf(path: str) -> Urdf:
