@@ -34,6 +34,8 @@ from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap, load_reach_map
 from handover.reach.rotations import RotationGrid, rotation_grid
+from handover.scenes.load import load_scene, scene_names
+from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from handover.targets.live_targets import LiveTargets, Pursuit
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
@@ -50,6 +52,7 @@ __all__ = [
     "Chain",
     "ChoiceSettings",
     "Constraint",
+    "Fixture",
     "GraspObject",
     "GraspSet",
     "GraspSettings",
@@ -66,6 +69,7 @@ __all__ = [
     "NodeIndex",
     "POSTURES",
     "Part",
+    "PlacedAgent",
     "PlannerValidity",
     "Posture",
     "Pursuit",
@@ -74,6 +78,7 @@ __all__ = [
     "ReachMap",
     "ReachSettings",
     "RotationGrid",
+    "Scene",
     "Skeleton",
     "Target",
     "Upright",
@@ -91,11 +96,14 @@ __all__ = [
     "load_hand",
     "load_object",
     "load_reach_map",
+    "load_scene",
     "make_object",
     "mallet",
     "object_names",
     "posture_quality",
     "rotation_grid",
+    "scene_names",
+    "stand",
     "total_quality",
     "wrench",
 ]

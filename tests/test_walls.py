@@ -23,7 +23,7 @@ ORDER = {
         "cameras",
         "audit",
     ],
-    "handover": ["human", "reach", "meet", "targets", "grasps"],
+    "handover": ["human", "reach", "meet", "targets", "grasps", "scenes"],
     "sim": [
         "terminal",
         "tables",
