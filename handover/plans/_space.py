@@ -85,9 +85,7 @@ def pair_apart(space, p, need, scratch):
             pad = space.radius[i] + space.radius[j]
             a = Shell(space.part_span[i, 0], space.part_span[i, 1], fi)
             b = Shell(space.part_span[j, 0], space.part_span[j, 1], fj)
-            low, up = separation(
-                space.points, a, b, v, need + pad, scratch.simplex
-            )
+            low, up = separation(space.points, a, b, v, need + pad, scratch.simplex)
             lower, upper = min(lower, low - pad), min(upper, up - pad)
             if upper < space.margin[p]:
                 return lower, upper

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from handover.grasps.arm_choice import ArmReach, build_arm_reach, choose_arm
+from handover.grasps.arm_choice import ArmReach, build_arm_reach
 from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb
@@ -94,9 +94,7 @@ class Pair:
 def reach_of(limb: Limb) -> ArmReach:
     """Return an arm's average manipulability by voxel, frame of its mount."""
     center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
-    return build_arm_reach(
-        limb.chain, limb.side, center, samples=_SAMPLES, cell=_CELL
-    )
+    return build_arm_reach(limb.chain, limb.side, center, samples=_SAMPLES, cell=_CELL)
 
 
 def arms_in_order(
@@ -244,15 +242,10 @@ def _taken(pair: Pair, grasp: int, T: np.ndarray) -> np.ndarray | None:
 
 
 def _given(pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray):
-    """Yield (grasp, q, dexterity) of the giver, the receiver's hand round the object."""
+    """Yield (grasp, q, dexterity) of the giver; the receiver holds the object, too."""
     giver = pair.giver
     giver.put_other(q_receiver)
     giver.put_object(T)
     giver.let_touch()
     found = prune_grasps(giver, pair.of_giver, T, starts.grasp)
-    yield from zip(
-        found.grasp.tolist(), found.q, found.dexterity.tolist(), strict=True
-    )
-
-
-__all__ = ["Pair", "Report", "Tuple", "arms_in_order", "choose_arm", "tuples"]
+    yield from zip(found.grasp.tolist(), found.q, found.dexterity.tolist(), strict=True)

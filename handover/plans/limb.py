@@ -252,7 +252,10 @@ def _limb(source: str, side: str, hand: str) -> Limb:
             f"the {side} arm of {description.name} hangs on two bodies; its joints "
             "must be one chain"
         )
-    tree_i, tree_f = [(-1, -1, 0)], [np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0]]
+    tree_i, tree_f = (
+        [(-1, -1, 0)],
+        [np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0]],
+    )
     for b in order:
         parent, joint, kind = whole.tree_i[b]
         tree_i.append((index[int(parent)], rows.index(joint), kind))
@@ -274,7 +277,9 @@ def _limb(source: str, side: str, hand: str) -> Limb:
     chain = _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm)
     acceleration, jerk = limits["max_acceleration"], limits["max_jerk"]
     for k, name in enumerate(joints):
-        acceleration[k] = (known.acceleration if known else {}).get(name, acceleration[k])
+        acceleration[k] = (known.acceleration if known else {}).get(
+            name, acceleration[k]
+        )
         jerk[k] = (known.jerk if known else {}).get(name, jerk[k])
     return Limb(
         side=side, model=model, joints=joints, n_arm=len(arm),

@@ -19,7 +19,11 @@ from roadmap.motion.motion import Motion, time_path
 _BRANCHES, _CORNERS = 4000, 400
 _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 _ERROR = 1e-6  # of that: 0.1 um
-_SHORTER = (1.0, 0.6, 0.35)  # of the straight line to a grasp, where the whole is blocked
+_SHORTER = (
+    1.0,
+    0.6,
+    0.35,
+)  # of the straight line to a grasp, where the whole is blocked
 _SAME = 1e-9  # [rad or m]
 
 
@@ -135,9 +139,7 @@ class MotionPlanner:
         receiver.put_other(chosen.q_giver)
         receiver.put_object(chosen.T_world_handover)
         shut = chosen.q_receiver
-        q_open = _with_hand(
-            receiver.limb, shut, grasps.preshape[chosen.grasp_receiver]
-        )
+        q_open = _with_hand(receiver.limb, shut, grasps.preshape[chosen.grasp_receiver])
         pre, line = self._line_to(receiver, q_open, "the take")
         home = self.home["receiver"]
         receiver.put_object(chosen.T_world_handover)
@@ -278,9 +280,7 @@ class MotionPlanner:
         self.tested += int(trees.tests[0])
         if not found:
             raise Blocked(f"{what}: no path within {settings.budget} motions")
-        kernels.shorten(
-            mover.space, trees, settings.shorten, TOLERANCE, mover.scratch
-        )
+        kernels.shorten(mover.space, trees, settings.shorten, TOLERANCE, mover.scratch)
         path = trees.route[: trees.corners[0]].copy()
         keep = np.r_[True, np.abs(np.diff(path, axis=0)).max(axis=1) > _SAME]
         path = path[keep]

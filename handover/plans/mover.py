@@ -1,4 +1,4 @@
-"""One arm ready to move in a scene: what it must keep clear of, and proofs that it does.
+"""One arm ready to move in a scene: what it keeps clear of, and proofs that it does.
 
 All else stands: its own body, the other agent, furniture, and the object, unless the
 arm holds it. The other agent's arm and the object are bodies of their own, so that they
@@ -76,9 +76,7 @@ class Mover:
         )  # fmt: skip
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
-        self.put_other(
-            np.array([other_placed.joints[name] for name in other.joints])
-        )
+        self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
 
     # --- layout -----------------------------------------------------------------
 
@@ -90,7 +88,9 @@ class Mover:
         self._object = n + 1 + len(other.tree_i)
         total = self._object + 1
         tree_i = np.full((total, 3), (-1, -1, 0), np.int32)
-        tree_f = np.tile(np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0], (total, 1))
+        tree_f = np.tile(
+            np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0], (total, 1)
+        )
         tree_i[:n], tree_f[:n] = limb.tree_i, limb.tree_f
         tree_f[0, :12] = flat_pose(self.T_mount)
         groups = [  # name, body of the ball, its parts (body, points, radius), ball
@@ -136,7 +136,7 @@ class Mover:
         self._object_rows = np.flatnonzero((pairs == self.object_group).any(axis=1))
 
     def _pairs(self, groups, balls, placed) -> tuple:
-        """Return pairs, their reach and margins, and how many hang on the hand alone."""
+        """Return pairs, reach, margins, and how many depend on the hand alone."""
         limb, hand, thing = self.limb, self.hand_group, self.object_group
         near = placed.body.neighbours
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
@@ -147,7 +147,9 @@ class Mover:
             center, radius = np.array(balls[k][:3]), balls[k][3]
             away = np.linalg.norm(center - origin) if body == self._world else 0.0
             for a in range(thing + 1):
-                far = extent[min(a, hand)] + (2.0 * balls[thing][3] if a == thing else 0.0)
+                far = extent[min(a, hand)] + (
+                    2.0 * balls[thing][3] if a == thing else 0.0
+                )
                 if away - radius > far + 0.01:
                     continue
                 if a < hand and name.startswith("own "):
@@ -247,9 +249,7 @@ class Mover:
         out = (q < low) | (q > high)
         if out.any():
             return f"{self.limb.joints[int(out.argmax())]} is outside its limits"
-        p = kernels.stands_clear(
-            self.space, q, 0, len(self.space.pairs), self._scratch
-        )
+        p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
         return None if p < 0 else self._told(p)
 
     def motion_blocked(self, q: np.ndarray, q_to: np.ndarray) -> str | None:

@@ -177,7 +177,7 @@ class _Search:
         self.best_failure = -1
 
     def run(self, motions: bool) -> HandoverPlan:
-        scene, report = self.scene, self.report
+        report = self.report
         givers = self._givers()
         receivers = self._receivers()
         trouble = self._checked(givers, receivers)
@@ -314,30 +314,31 @@ class _Search:
         sides = pair.giver.limb.side, pair.receiver.limb.side
         at_goal = grasps.get(f"receiver {sides[1]}, goal")
         at_start = grasps.get(f"giver {sides[0]}, start")
+        thing = scene.obj.name
         if n:
-            far, reason = 3, (
-                f"the motions ended the plan: none for {n} tuples, the last: "
-                f"{self.report.failed[-1] if self.report.failed else 'not looked at'}; "
-                "give more room, or settings with more tries or budget"
+            last = self.report.failed[-1] if self.report.failed else "not looked at"
+            far, reason = (
+                3,
+                f"the motions ended the plan: none for {n} tuples, {last}; ",
             )
-        elif at_start and not at_start[1]:
-            far, reason = 1, (
-                f"pruning at the start ended the plan: of {at_start[0]} grasps of the "
-                f"{scene.obj.name} none is left for the giver's {sides[0]} hand "
-                f"({_counts(at_start[2])}); move the object, or clear what is round it"
-            )
+            reason += "give more room, or settings with more tries or budget"
         elif at_goal and not at_goal[1]:
-            far, reason = 0, (
-                f"pruning at the goal ended the plan: of {at_goal[0]} grasps of the "
-                f"{scene.obj.name} none is left for the receiver's {sides[1]} hand "
-                f"({_counts(at_goal[2])}); move the goal, or clear what is round it"
-            )
+            far, reason = 0, "pruning at the goal ended the plan: of "
+            reason += f"{at_goal[0]} grasps of the {thing} none is left for the "
+            reason += f"receiver's {sides[1]} hand ({_counts(at_goal[2])}); move the "
+            reason += "goal, or clear what is round it"
+        elif at_start and not at_start[1]:
+            far, reason = 1, "pruning at the start ended the plan: of "
+            reason += f"{at_start[0]} grasps of the {thing} none is left for the "
+            reason += f"giver's {sides[0]} hand ({_counts(at_start[2])}); move the "
+            reason += "object, or clear what is round it"
         else:
-            far, reason = 2, (
-                f"the hand-over pose ended the plan: {self.report.poses[0]} poses were "
-                f"looked at, the receiver can take {self.report.poses[1]} of them, and "
-                "the giver none of those; bring the agents nearer to each other"
+            looked, taken = self.report.poses
+            far, reason = 2, f"the hand-over pose ended the plan: {looked} poses were "
+            reason += (
+                f"looked at, the receiver can take {taken} of them, and the giver "
             )
+            reason += "none of those; bring the agents nearer to each other"
         if far > self.best_failure:
             self.best_failure, self.reason = far, reason
 
@@ -347,4 +348,3 @@ class _Search:
 
 def _counts(refused: Mapping[str, int]) -> str:
     return ", ".join(f"{n} {why}" for why, n in refused.items()) or "none were there"
-

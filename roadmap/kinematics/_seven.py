@@ -42,9 +42,21 @@ def turn(axis, angle, out):
     """Write the rotation about a unit axis to `out` (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z, v = axis[0], axis[1], axis[2], 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + v * x * x, v * x * y - s * z, v * x * z + s * y
-    out[1, 0], out[1, 1], out[1, 2] = v * x * y + s * z, c + v * y * y, v * y * z - s * x
-    out[2, 0], out[2, 1], out[2, 2] = v * x * z - s * y, v * y * z + s * x, c + v * z * z
+    out[0, 0], out[0, 1], out[0, 2] = (
+        c + v * x * x,
+        v * x * y - s * z,
+        v * x * z + s * y,
+    )
+    out[1, 0], out[1, 1], out[1, 2] = (
+        v * x * y + s * z,
+        c + v * y * y,
+        v * y * z - s * x,
+    )
+    out[2, 0], out[2, 1], out[2, 2] = (
+        v * x * z - s * y,
+        v * y * z + s * x,
+        c + v * z * z,
+    )
 
 
 @njit(**BARE)
@@ -280,7 +292,7 @@ def shortest_turn(x, y, out, w):
 @njit(**BARE)
 def with_swivel(arm, elbow, swivel, M, room, count):
     """Add the solutions for an elbow and its swivel; M is the elbow's rotation."""
-    g, N, R0, K, L = room.R[0], room.R[2], room.R[3], room.R[4], room.R[1]
+    g, N, R0, K = room.R[0], room.R[2], room.R[3], room.R[4]
     turn(room.v[0], swivel, N)
     times(N, R0, K)  # shoulder
     ax = arm.axis

@@ -87,9 +87,7 @@ def _pose(row: np.ndarray) -> np.ndarray:
     return T
 
 
-def _meeting(
-    axes: np.ndarray, places: np.ndarray
-) -> tuple[np.ndarray | None, float]:
+def _meeting(axes: np.ndarray, places: np.ndarray) -> tuple[np.ndarray | None, float]:
     """Return the point nearest to all axes, and how far the farthest one is [m]."""
     across = [np.eye(3) - np.outer(a, a) for a in axes]
     A = sum(across)
