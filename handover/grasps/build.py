@@ -185,7 +185,9 @@ def _above(
             counts[why] += 1
             continue
         grasps.append(grasp)
-        far = gaps[gaps >= gaps[k] + settings.tips - 1e-9][::-1]
+        end = 0.95 * work.hand.longest  # fingers need not hold beyond their middle
+        far = np.arange(settings.gap, end, settings.back)
+        far = far[far >= gaps[k] + settings.tips - 1e-9][::-1]
         tip, _, _ = _first_that_holds(work, point, normal, R, far)
         if tip is not None:
             grasps.append(tip)

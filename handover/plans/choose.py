@@ -98,25 +98,42 @@ def reach_of(limb: Limb) -> ArmReach:
 
 
 def arms_in_order(
-    limbs: dict[str, Limb], mounts: dict[str, np.ndarray], point: np.ndarray
+    limbs: dict[str, Limb],
+    mounts: dict[str, np.ndarray],
+    point: np.ndarray,
+    size: float,
 ) -> tuple[list[str], str]:
-    """Return the arms that reach a point, the best first, and why (section IV-A)."""
+    """Return the arms that reach a thing, the best first, and why (section IV-A).
+
+    Args:
+        limbs, mounts: The arms by side, and what they hang on, world frame [m].
+        point: (3,) the thing's middle, world frame [m].
+        size: How far it reaches from there [m]: an arm that only comes so near to the
+            middle is taken after those that reach it.
+    """
     entries, gaps = {}, {}
     for side, limb in limbs.items():
         local = np.linalg.inv(mounts[side]) @ np.r_[point, 1.0]
         entries[side] = reach_of(limb).at(local[:3])
         gaps[side] = local[:3]
     able = sorted((s for s in entries if entries[s] > 0.0), key=lambda s: -entries[s])
+    near = {s: reach_of(limbs[s]).gap(gaps[s]) for s in limbs if s not in able}
+    late = sorted((s for s in near if near[s] <= size), key=near.__getitem__)
     place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
-    if not able:
-        near = {s: reach_of(limbs[s]).gap(gaps[s]) for s in limbs}
+    if not able and not late:
         best = min(near, key=near.__getitem__)
         return [], (
             f"no arm reaches {place}; the {best} one comes within {near[best]:.2f} m"
         )
+    if not able:
+        return late, (
+            f"no arm reaches {place}; the {late[0]} one comes within "
+            f"{near[late[0]]:.2f} m, which is less than the thing is long"
+        )
     told = ", ".join(f"{s} {entries[s]:.3g}" for s in able)
     only = "only " if len(able) == 1 else ""
-    return able, f"{only}the {able[0]} arm: manipulability at {place} {told}"
+    text = f"{only}the {able[0]} arm: manipulability at {place} {told}"
+    return able + late, text
 
 
 def tuples(

@@ -206,7 +206,7 @@ class _Search:
         limbs = self.limbs["giver"]
         mounts = {s: mount_pose(self.scene.giver, limb) for s, limb in limbs.items()}
         order, self.report.arm = arms_in_order(
-            limbs, mounts, self._middle(self.scene.T_world_start)
+            limbs, mounts, self._middle(self.scene.T_world_start), self._size
         )
         return order
 
@@ -214,9 +214,13 @@ class _Search:
         limbs = self.limbs["receiver"]
         mounts = {s: mount_pose(self.scene.receiver, x) for s, x in limbs.items()}
         order, self._goal_told = arms_in_order(
-            limbs, mounts, self._middle(self.scene.T_world_goal)
+            limbs, mounts, self._middle(self.scene.T_world_goal), self._size
         )
         return order
+
+    @property
+    def _size(self) -> float:
+        return self.scene.obj.radius + 0.05  # [m] a voxel
 
     def _middle(self, T: np.ndarray) -> np.ndarray:
         return T[:3, :3] @ self.scene.obj.center + T[:3, 3]
