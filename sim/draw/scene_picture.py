@@ -1,10 +1,12 @@
 """A hand-over scene as a picture: both agents, furniture, object at start and goal."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from handover import Scene
+from handover.scenes.plan_file import WHO, change_time, joints_at, object_at
 from handover.scenes.scene import PlacedAgent
 from odm.obstacles import shapes
 from sim.draw.style import AMBER, FAINT, INK, TEAL, new_figure, save
@@ -17,27 +19,25 @@ _NAMES = ("", "from the side", "from above")
 _LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
-def draw_scene(scene: Scene, path: str | Path, plan: object | None = None) -> Path:
+def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> Path:
     """Draw a scene from three sides.
 
     Args:
         scene: The scene.
         path: PNG file to write, whole or not at all.
-        plan: A `HandoverPlan` of it: both agents are drawn as they hand over, the
-            object where it changes hands.
+        plan: Record of a plan of it, see `handover.scenes.plan_file`: both agents are
+            drawn as they hand over, the object where it changes hands.
 
     Returns:
         The path written.
     """
     title = f"{scene.name}, seed {scene.seed}: {scene.obj.name} amber at its start, "
     title += "red at its goal"
-    joints, poses = (
-        ({}, {}),
-        [(scene.T_world_start, _START), (scene.T_world_goal, _GOAL)],
-    )
-    if plan is not None:
-        joints = (plan.q_giver, plan.q_receiver)
-        poses.append((plan.T_world_handover, _HANDOVER))
+    joints = ({}, {})
+    poses = [(scene.T_world_start, _START), (scene.T_world_goal, _GOAL)]
+    if plan is not None and (t := change_time(plan)) is not None:
+        joints = tuple(joints_at(plan, who, t) for who in WHO)
+        poses.append((object_at(plan, scene, t), _HANDOVER))
         title += ", violet where it changes hands"
     parts = [
         (agent_triangles(scene.giver, joints[0]), _GIVER),
