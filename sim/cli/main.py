@@ -13,6 +13,7 @@ from sim.cli import (
     camera_command,
     doctor_command,
     grasps_command,
+    handover_command,
     human_command,
     map_command,
     meet_command,
@@ -50,6 +51,7 @@ for name, command in COMMANDS.items():
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
 app.add_typer(grasps_command.app, name="grasps")
+app.add_typer(handover_command.app, name="handover")
 
 
 def main() -> None:
