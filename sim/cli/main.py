@@ -18,6 +18,7 @@ from sim.cli import (
     replay_command,
     run_command,
     two_command,
+    view,
 )
 from sim.terminal import interrupt
 from sim.terminal.output import guarded
@@ -37,6 +38,7 @@ COMMANDS = {
     "run": run_command.run,
     "demo": run_command.demo,
     "replay": replay_command.replay,
+    "view": view.view,
     "run-two": two_command.run_two,
     "camera": camera_command.camera,
     "bench": bench_command.bench,

@@ -20,6 +20,7 @@ EXTRAS = {
     "pybullet_data": "sim",
     "matplotlib": "sim",
     "PIL": "sim",
+    "viser": "view",
     "ompl": "bench",
     "pinocchio": "bench",
 }
