@@ -1,5 +1,6 @@
 """`odm view`: a recording or a map in the browser."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +28,7 @@ class ViewRequest:
         "--map",
         metavar="MAP",
     )
+    at: float = flag(0.0, "Where in the recording it begins, in s.")
     port: int = flag(8080, "Port of the page; 0: any that is free.")
     host: str = flag(
         "127.0.0.1",
@@ -51,6 +53,8 @@ def view(request: ViewRequest) -> None:
     from sim.view.gate import is_local, listening, new_token
     from sim.view.viewer import check_viewer
 
+    if not 0.0 <= request.at < math.inf:
+        raise BadInput(f"--at {request.at} is no time; give seconds from 0 on")
     if request.file is None and request.map_dir is None:
         raise BadInput("there is nothing to show; give a recording, or --map MAP")
     check_viewer()
@@ -64,6 +68,7 @@ def view(request: ViewRequest) -> None:
     from sim.view.page import Page
 
     page = Page(shown, door, request.host, token)
+    page.playback.seek(request.at)
     print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)
     page.run()
 
@@ -140,5 +145,5 @@ def _map_alone(folder: Path) -> "Show":
         [missing] if missing else [],
         lambda: cell_map,
         beside.take,
-        ("cells", "edges", "blocked"),
+        ("cells", "blocked"),
     )

@@ -6,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from sim.loop.loop import exact_audit
 from sim.people.human_motion import HumanMotion
 from sim.view.dragged import DraggedPerson
-from sim.view.moment import STILL, Event, Moment
+from sim.view.moment import CONTACT, STILL, Event, Moment
 from sim.view.sources import NO_ROWS
 
 
@@ -48,6 +49,8 @@ class ArmBeside:
         self._q = nodes[int(np.linalg.norm(nodes - middle, axis=1).argmin())]
         self._place: np.ndarray | None = None
         self._person = DraggedPerson(_Asleep(motion), lambda: self._place)
+        self._audit = exact_audit(robot)
+        self._audited: tuple[object, float] = (None, np.inf)
         self._clock, self._begun = clock, clock()
         self.events: list[Event] = []
 
@@ -70,4 +73,10 @@ class ArmBeside:
     def at(self, time_s: float) -> Moment:
         """Return what stands there now."""
         now = self._clock() - self._begun
-        return Moment(0.0, self._q, self._person.capsules(now), STILL)
+        capsules = self._person.capsules(now)
+        if capsules is not self._audited[0]:
+            self._audited = capsules, self._audit(self._q, capsules)
+        gap = self._audited[1]
+        return Moment(
+            0.0, self._q, capsules, CONTACT if gap <= 0 else STILL, separation=gap
+        )

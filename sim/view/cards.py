@@ -36,6 +36,7 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
     reason = moment.reason if state != NEW_PATH else ""
     why = f'<div style="color:{INK};margin-top:4px">{_clip(reason)}</div>'
     gap = moment.separation
+    at = f"{moment.time_s:.2f} / {length_s:.1f} s" if length_s > 0 else ""
     told = "\N{EN DASH}" if not np.isfinite(gap) else f"{max(gap, 0.0) * 100:.1f} cm"
     gap_colour = INK if not gap < NEAR else (RED if gap <= 0 else AMBER)
     return (
@@ -45,7 +46,7 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
         f'background:{colour}"></span>'
         f'<b style="font-size:15px;color:{INK}">{word[0].upper()}{word[1:]}</b>'
         f'<span style="margin-left:auto;color:{FAINT};'
-        f'font-variant-numeric:tabular-nums">{moment.time_s:.2f} / {length_s:.1f} s'
+        f'font-variant-numeric:tabular-nums">{at}'
         f"</span></div>{why if reason else ''}"
         f'<div style="margin-top:6px;color:{FAINT}">robot to person '
         f'<b style="font-size:17px;color:{gap_colour};'

@@ -102,16 +102,29 @@ class Happenings:
         self.events: list[Event] = []
         self._state, self._place = ON_THE_WAY, None
 
-    def take(self, time_s: float, state: int, place: int, reason: str = "") -> None:
-        """Take one frame; `reason` may be given with the first of its state."""
+    def take(
+        self,
+        time_s: float,
+        state: int,
+        place: int,
+        reason: str = "",
+        new_path: bool = False,
+    ) -> None:
+        """Take one frame.
+
+        Args:
+            time_s: When [s].
+            state: Code of its state.
+            place: Number of the goal.
+            reason: May be given with the first frame of a state.
+            new_path: Whether the planner found a new path; to a new goal it has to.
+        """
         if self._place is not None and place != self._place:
             self.events.append(Event(time_s, STILL, "a new goal"))
+        elif new_path:
+            self.events.append(Event(time_s, NEW_PATH, WORDS[NEW_PATH]))
         if state != self._state and state not in (ON_THE_WAY, STILL):
             word = WORDS[state]
             told = f"{word}: {reason}" if reason else word
             self.events.append(Event(time_s, state, told))
         self._state, self._place = state, place
-
-    def path_changed(self, time_s: float) -> None:
-        """Note a new path."""
-        self.events.append(Event(time_s, NEW_PATH, WORDS[NEW_PATH]))

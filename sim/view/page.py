@@ -81,7 +81,7 @@ class Page:
         self.shown, self.drawn = show, 0
         self.server = _Server(host=LOCAL, port=0, label=show.label, verbose=False)
         self.server.gui.configure_theme(
-            show_logo=False, show_share_button=False, brand_color=(0, 133, 124)
+            show_logo=False, show_share_button=False, brand_color=looks.BRAND
         )
         source = show.source
         self.playback = Playback(*source.span(), source.live)

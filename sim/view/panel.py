@@ -107,7 +107,7 @@ class Panel:
 
     def _add_hand(self) -> None:
         box = self.gui.add_checkbox(
-            "Take the person's hand", False, hint="Then drag it by its arrows"
+            "Drag the hand", False, hint="Pull the person's hand by the arrows"
         )
 
         @box.on_update

@@ -27,12 +27,12 @@ class Part:
     Attributes:
         body: Body of the robot that carries it.
         mesh: In the frame of that body [m].
-        visual: Whether it has colours of its own.
+        colour: (3,) of its own, 0 to 255; None: it has none.
     """
 
     body: int
     mesh: trimesh.Trimesh
-    visual: bool = False
+    colour: tuple[int, int, int] | None = None
 
 
 def robot_parts(
@@ -99,8 +99,9 @@ def visual_parts(robot: Robot, source: str, locked: Mapping[str, float]) -> list
             continue
         body, T_body_link = _carrier([f[name] for f in links], bodies, name)
         for shape in link.visuals:
-            mesh = _visual(shape, path, name)
-            parts.append(Part(body, mesh.apply_transform(T_body_link), True))
+            T = T_body_link @ shape.T_link_shape
+            for colour, mesh in _visual(shape, path, name):
+                parts.append(Part(body, mesh.apply_transform(T), colour))
     faces = sum(len(part.mesh.faces) for part in parts)
     if not parts or faces > MOST_FACES:
         told = f"{faces:,} triangles" if parts else "no visual geometry"
@@ -149,15 +150,33 @@ def link_frames(
     return frames
 
 
-def _visual(shape: Shape, urdf: Path, link: str) -> trimesh.Trimesh:
+def _visual(
+    shape: Shape, urdf: Path, link: str
+) -> list[tuple[tuple[int, int, int] | None, trimesh.Trimesh]]:
+    """Return (colour, mesh) of a visual shape, one for each of its colours."""
     if shape.kind == "box":
-        mesh = trimesh.creation.box(shape.size)
-    elif shape.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
-    elif shape.kind == "sphere":
-        mesh = trimesh.creation.icosphere(3, shape.size[0])
-    else:
-        file = find_mesh(shape.filename, urdf, (), link)
-        mesh = trimesh.load(file, force="mesh")
-        mesh.apply_scale(shape.size)
-    return mesh.apply_transform(shape.T_link_shape)
+        return [(None, trimesh.creation.box(shape.size))]
+    if shape.kind == "cylinder":
+        radius, length = shape.size
+        return [(None, trimesh.creation.cylinder(radius, length, sections=32))]
+    if shape.kind == "sphere":
+        return [(None, trimesh.creation.icosphere(3, shape.size[0]))]
+    file = find_mesh(shape.filename, urdf, (), link)
+    by_colour: dict[object, list[trimesh.Trimesh]] = {}
+    for mesh in trimesh.load_scene(file, process=False).dump():
+        by_colour.setdefault(_colour(mesh), []).append(mesh)
+    found = []
+    for colour, meshes in by_colour.items():
+        triangles = [(m.vertices, m.faces) for m in meshes]
+        vertices, faces = trimesh.util.append_faces(*zip(*triangles, strict=True))
+        whole = trimesh.Trimesh(vertices, faces, process=False)
+        found.append((colour, whole.apply_scale(shape.size)))
+    return found
+
+
+def _colour(mesh: trimesh.Trimesh) -> tuple[int, int, int] | None:
+    """Return the colour of a mesh that a file gives one to."""
+    look = getattr(mesh.visual, "material", mesh.visual)
+    defined = getattr(mesh.visual, "defined", True)
+    colour = getattr(look, "main_color", None)
+    return None if colour is None or not defined else tuple(int(c) for c in colour[:3])

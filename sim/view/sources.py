@@ -91,9 +91,9 @@ class Recorded:
         times = arrays["time_s"]
         new = STATUS.index("replanned")
         for i, state in enumerate(states):
-            if status[i] == new and i:
-                seen.path_changed(float(times[i]))
-            seen.take(float(times[i]), state, int(place[i]), begins.get(i, ""))
+            fresh = bool(i) and status[i] == new
+            why = begins.get(i, "")
+            seen.take(float(times[i]), state, int(place[i]), why, fresh)
         self.events = seen.events
         rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
         return rows, reasons

@@ -29,6 +29,7 @@ LAYERS = {
     "floor": ("Floor", True),
 }
 MOST_POINTS = 20_000
+FEW_FACES = 1_000  # a mesh with fewer shows its edges
 EDGES_EVERY_S = 0.2  # blocked edges are sent so often [s]
 _CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 _CUBE_FACES = np.array(
@@ -90,13 +91,10 @@ class Stage:
         }
         for i, part in enumerate(parts):
             name = f"/robot/body_{part.body}/part_{i}"
-            if part.visual:
-                self.scene.add_mesh_trimesh(name, part.mesh)
-                continue
-            colour = looks.ROBOT if part.body else looks.BASE
-            mesh = part.mesh
+            own = part.colour or (looks.ROBOT if part.body else looks.BASE)
+            mesh, few = part.mesh, len(part.mesh.faces) < FEW_FACES
             self.scene.add_mesh_simple(
-                name, mesh.vertices, mesh.faces, color=colour, flat_shading=True
+                name, mesh.vertices, mesh.faces, color=own, flat_shading=few
             )
         return bodies
 

@@ -266,15 +266,15 @@ class Viewer:
         state = state_of(status, getattr(frame, "pace", ""), separation)
         place = getattr(frame, "place", 0)
         path = getattr(answer, "path", None)
+        fresh = status == "replanned" and self._path is not None
         if path is not None and len(path):
-            if status == "replanned" and self._path is not None:
+            if fresh:
                 self._before = self._path
-                self._happenings.path_changed(time_s)
             self._path = np.asarray(path, float)
         else:
             self._path = None
         self._reason = self._why(frame, answer, status, time_s)
-        self._happenings.take(time_s, state, place, self._reason)
+        self._happenings.take(time_s, state, place, self._reason, fresh)
         del self._happenings.events[: -4 * KEPT_EVENTS]
         took = getattr(frame, "wall_s", None)
         if took is None:
