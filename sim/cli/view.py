@@ -63,7 +63,7 @@ def view(request: ViewRequest) -> None:
         token = "" if is_local(request.host) else new_token()
     if not token and not is_local(request.host):
         raise BadInput(f"--host {request.host} needs a --token that is not empty")
-    shown = _recorded(request) if request.file else _map_alone(request.map_dir)
+    shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
     door = listening(request.host, request.port)
     from sim.view.page import Page
 
@@ -73,8 +73,8 @@ def view(request: ViewRequest) -> None:
     page.run()
 
 
-def _recorded(request: ViewRequest) -> "Show":
-    """Return a recording as a show."""
+def recorded_show(request: ViewRequest) -> "Show":
+    """Return a recording as what a page shows."""
     from sim.record import read_record
     from sim.view.page import Show
     from sim.view.shapes import robot_parts
@@ -83,18 +83,21 @@ def _recorded(request: ViewRequest) -> "Show":
     record = read_record(request.file)
     source, head = Recorded(record), record.head["map"]
     asked = head["recipe"].get("robot", {})
-    parts, missing = robot_parts(
-        source.robot, asked.get("source", ""), asked.get("locked")
-    )
     cell_map, lacking = _map_of(record, request)
     sentences = [
         "a recording holds no planned paths: the line is where the robot went",
         *lacking,
-        *([missing] if missing else []),
     ]
     label = f"{request.file.name}: {source.robot.name}, {head['name']}"
     load = None if cell_map is None else (lambda: cell_map)
-    return Show(source, source.robot, parts, label, sentences, load)
+    return Show(
+        source,
+        source.robot,
+        label,
+        sentences,
+        lambda: robot_parts(source.robot, asked.get("source", ""), asked.get("locked")),
+        load,
+    )
 
 
 def _map_of(
@@ -134,15 +137,14 @@ def _map_alone(folder: Path) -> "Show":
 
     cell_map = load_map(folder)
     asked = cell_map.recipe.robot
-    parts, missing = robot_parts(cell_map.robot, asked.source, asked.locked)
     beside = ArmBeside(cell_map, make_motion("reach"))
     label = f"{cell_map.robot.name}, map {cell_map.recipe.name}"
     return Show(
         beside,
         cell_map.robot,
-        parts,
         label,
-        [missing] if missing else [],
+        [],
+        lambda: robot_parts(cell_map.robot, asked.source, asked.locked),
         lambda: cell_map,
         beside.take,
         ("cells", "blocked"),

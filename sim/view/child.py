@@ -3,22 +3,19 @@
 import os
 import pickle
 import socket
-import struct
 import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.view.mailbox import HAND, READY, Mailbox
+
 if TYPE_CHECKING:
     from sim.view.page import Page
-
-HAND = struct.Struct("<?3d")  # whether it is taken, and where to [m]
-READY = b"ready\n"
 
 
 def main() -> None:
     """Read what to show from stdin, say that it is open, and draw until stdin ends."""
-    os.nice(10)  # the loop comes first
     size = int.from_bytes(_exactly(8), "little")
     told = pickle.loads(_exactly(size))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the terminal is the loop's
@@ -28,6 +25,7 @@ def main() -> None:
         os.write(1, f"{type(error).__name__}: {error}\n".encode())
         os._exit(1)
     os.write(1, READY)
+    os.nice(10)  # from here on the loop comes first
     parent = os.getppid()
     page.run(lambda: os.getppid() == parent and not _hung_up())
     os._exit(0)  # viser's threads need not be waited for
@@ -36,13 +34,11 @@ def main() -> None:
 def open_page(told: dict) -> "Page":
     """Return the page of what the loop's process told."""
     from roadmap.robot.robot import Robot
-    from sim.view.mailbox import Mailbox
     from sim.view.page import Page, Show
     from sim.view.shapes import robot_parts
     from sim.view.sources import Letters
 
     robot = Robot.from_store(*told["robot"])
-    parts, missing = robot_parts(robot, told["source"], told["locked"])
     down, up = (Mailbox(fd, room) for fd, room in told["boxes"])
     packed = told["map"]
 
@@ -52,9 +48,9 @@ def open_page(told: dict) -> "Page":
     show = Show(
         Letters(down),
         robot,
-        parts,
         told["label"],
-        [*told["sentences"], *([missing] if missing else [])],
+        told["sentences"],
+        lambda: robot_parts(robot, told["source"], told["locked"]),
         None if packed is None else (lambda: pickle.loads(packed)),
         tell if told["drag"] else None,
         ("blocked",),

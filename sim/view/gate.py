@@ -132,7 +132,7 @@ class Gate:
                 await _say(writer, 503, "too many clients; close a page")
                 return
             await self._meet(reader, writer)
-        except (OSError, TimeoutError, asyncio.IncompleteReadError):
+        except (OSError, TimeoutError, asyncio.IncompleteReadError, ValueError):
             pass  # whoever leaves leaves
         except asyncio.LimitOverrunError:
             await _say(writer, 431, "too long a head")
@@ -154,7 +154,8 @@ class Gate:
             await _say(writer, 403, refusal)
             return
         if self.token:
-            given = parse_qs(urlsplit(path).query).get("token", [""])[0]
+            query = path.partition("?")[2]
+            given = parse_qs(query).get("token", [""])[0]
             if _equal(given, self.token):
                 cookie = f"{_COOKIE}={self.token}; HttpOnly; SameSite=Lax; Path=/"
                 await _say(writer, 303, "", f"Location: /\r\nSet-Cookie: {cookie}\r\n")
@@ -168,11 +169,11 @@ class Gate:
     def _refusal(self, headers: dict[str, str]) -> str:
         """Return why a head is not let in, "" where it is."""
         host = headers.get("host", "")
-        name = urlsplit(f"//{host}").hostname or ""
+        name = _host_name(host)
         if is_local(self.host) and not is_local(name):
             return f"this page is not {host}; open http://{self.host}:{self.port}/"
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != host:
+        if origin is not None and origin.partition("://")[2] != host:
             return "another site's page may not talk to this one"
         return ""
 
@@ -213,6 +214,14 @@ def _parsed(head: bytes) -> tuple[str, dict[str, str]]:
     pairs = (line.partition(":") for line in lines if line)
     headers = {name.strip().lower(): value.strip() for name, _, value in pairs}
     return (words[1] if len(words) > 1 else "/"), headers
+
+
+def _host_name(host: str) -> str:
+    """Return the name in a `Host` header, "" for none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
 
 
 def _cookie(headers: dict[str, str]) -> str:

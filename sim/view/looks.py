@@ -26,10 +26,6 @@ CELL, POINT = (214, 120, 40), (120, 90, 60)
 FREE_EDGE, BLOCKED_EDGE = (150, 188, 186), (196, 62, 62)
 PATH, BEFORE = rgb(TEAL), (160, 168, 178)
 GOAL = rgb(SLATE)
-BRAND = (  # of buttons and sliders, from light to dark; the seventh is TEAL
-    "#e6f4f3", "#c9e6e3", "#a0d4cf", "#73c0b9", "#4aaca3",
-    "#269a90", TEAL, "#00756d", "#00675f", "#00574f",
-)  # fmt: skip
 # viridis, from 0 to 1: equal steps look equal, also in grey
 _VIRIDIS = np.array(
     [

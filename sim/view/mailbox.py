@@ -6,6 +6,8 @@ import struct
 import zlib
 
 ROOM = 4 << 20  # bytes of a letter
+HAND = struct.Struct("<?3d")  # letter of a dragged hand: whether it is, where [m]
+READY = b"ready\n"  # what the page's process says on stdout once it is open
 _HEAD = struct.Struct("<QQQ")  # number of the letter (odd: being written), size, CRC
 
 

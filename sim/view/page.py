@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ from sim.view.gate import LOCAL, Gate
 from sim.view.moment import Moment
 from sim.view.panel import Panel
 from sim.view.playback import Playback
-from sim.view.shapes import Part
+from sim.view.shapes import Part, solid_parts
 from sim.view.sources import Source
 from sim.view.stage import Stage
 
@@ -34,11 +35,13 @@ class Show:
 
     Attributes:
         source: Moments.
-        robot, parts: The robot and its meshes.
+        robot: The robot.
         label: Title of the panel.
         sentences: What is not shown, and why.
-        load_map: Returns the map; it is asked beside the drawing, for it may take a
-            second. None: there is no map.
+        load_parts: Returns the robot's meshes, and a sentence about what is missing;
+            until then, and without it, its collision solids are drawn.
+        load_map: Returns the map; both are asked beside the drawing, for they may
+            take a second. None: there is no map.
         hand: Is told in each turn where the person's hand is dragged to, (3,) [m] or
             None; None: it cannot be dragged.
         layers: Layers that are shown once the map is there.
@@ -46,9 +49,9 @@ class Show:
 
     source: Source
     robot: Robot
-    parts: list[Part]
     label: str = "odm"
     sentences: list[str] = field(default_factory=list)
+    load_parts: Callable[[], tuple[list[Part], str]] | None = None
     load_map: Callable[[], CellMap] | None = None
     hand: Callable[[np.ndarray | None], None] | None = None
     layers: tuple[str, ...] = ()
@@ -80,13 +83,12 @@ class Page:
         rich.get_console().quiet = True  # viser's own words on stdout
         self.shown, self.drawn = show, 0
         self.server = _Server(host=LOCAL, port=0, label=show.label, verbose=False)
-        self.server.gui.configure_theme(
-            show_logo=False, show_share_button=False, brand_color=looks.BRAND
-        )
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         source = show.source
         self.playback = Playback(*source.span(), source.live)
         with self.server.atomic():
-            self.stage = Stage(self.server.scene, show.robot, show.parts)
+            parts = solid_parts(show.robot)
+            self.stage = Stage(self.server.scene, show.robot, parts)
             self.panel = Panel(
                 self.server.gui,
                 source,
@@ -98,20 +100,29 @@ class Page:
         self._gizmo = self.server.scene.add_transform_controls(
             "/hand", scale=0.22, disable_rotations=True, depth_test=False, visible=False
         )
-        self._came: list[CellMap | str] = []
+        self._came: deque[Callable[[], None]] = deque()  # what was loaded
         self._stop = threading.Event()
         self._seen: set[int] = set()  # clients whose camera was set
         self._placed = False  # whether a camera was placed by a moment with a person
         self.gate = Gate(door, self.server.get_port(), host, token)
-        if show.load_map is not None:
-            threading.Thread(target=self._load, daemon=True, name="map").start()
+        threading.Thread(target=self._load, daemon=True, name="load").start()
 
     def _load(self) -> None:
-        try:
-            cell_map = self.shown.load_map()
-            self._came.append((cell_map, RoadmapPicture(cell_map)))
-        except PlanningError as error:
-            self.panel.sentences.append(f"cells and edges are not shown: {error}")
+        """Load beside the drawing what takes a while."""
+        show = self.shown
+        if show.load_map is not None:
+            try:
+                cell_map = show.load_map()
+                picture = RoadmapPicture(cell_map)
+                self._came.append(lambda: self._take_map(cell_map, picture))
+            except PlanningError as error:
+                self.panel.sentences.append(f"cells and edges are not shown: {error}")
+        if show.load_parts is not None:
+            parts, missing = show.load_parts()
+            if missing:
+                self.panel.sentences.append(missing)
+            else:
+                self._came.append(lambda: self.stage.set_parts(parts))
 
     def stop(self) -> None:
         """End `run`, from any thread."""
@@ -140,8 +151,9 @@ class Page:
         playback.span(*source.span())
         playback.advance(passed)
         clients = self.server.get_clients()
-        if self._came:
-            self._take_map()
+        while self._came:
+            with self.server.atomic():
+                self._came.popleft()()
         if not clients:
             self.panel.let_go()
         moment = source.at(playback.at)
@@ -160,11 +172,9 @@ class Page:
         self.drawn += 1
         self._place_cameras(moment, clients, waits)
 
-    def _take_map(self) -> None:
-        cell_map, picture = self._came.pop()
-        with self.server.atomic():
-            self.stage.set_map(cell_map, picture)
-            self.panel.map_came(self.shown.layers)
+    def _take_map(self, cell_map: CellMap, picture: RoadmapPicture) -> None:
+        self.stage.set_map(cell_map, picture)
+        self.panel.map_came(self.shown.layers)
 
     def _drag(self, moment: Moment) -> None:
         """Show the arrows at the hand while it is taken, and tell where they are."""

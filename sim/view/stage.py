@@ -64,7 +64,10 @@ class Stage:
         self._person: list = []
         self._sizes = np.zeros((0, 2))
         self._add_light()
-        self._bodies = self._add_robot(parts)
+        self._meshes: list = []
+        self._bodies: dict[int, object] = {}
+        self._nodes["robot"] = scene.add_frame("/robot", show_axes=False)
+        self.set_parts(parts)
 
     def _add_light(self) -> None:
         self.scene.set_up_direction("+z")
@@ -83,20 +86,26 @@ class Stage:
             position=(0.3, 0.0, -0.002),
         )
 
-    def _add_robot(self, parts: list[Part]) -> dict[int, object]:
-        self._nodes["robot"] = self.scene.add_frame("/robot", show_axes=False)
-        bodies = {
-            body: self.scene.add_frame(f"/robot/body_{body}", show_axes=False)
-            for body in sorted({part.body for part in parts})
-        }
+    def set_parts(self, parts: list[Part]) -> None:
+        """Draw the robot of these meshes, in place of those before."""
+        for mesh in self._meshes:
+            mesh.remove()
+        self._meshes = []
+        for body in sorted({part.body for part in parts} - set(self._bodies)):
+            name = f"/robot/body_{body}"
+            self._bodies[body] = self.scene.add_frame(name, show_axes=False)
         for i, part in enumerate(parts):
-            name = f"/robot/body_{part.body}/part_{i}"
             own = part.colour or (looks.ROBOT if part.body else looks.BASE)
             mesh, few = part.mesh, len(part.mesh.faces) < FEW_FACES
-            self.scene.add_mesh_simple(
-                name, mesh.vertices, mesh.faces, color=own, flat_shading=few
+            node = self.scene.add_mesh_simple(
+                f"/robot/body_{part.body}/part_{len(parts)}_{i}",
+                mesh.vertices,
+                mesh.faces,
+                color=own,
+                flat_shading=few,
             )
-        return bodies
+            self._meshes.append(node)
+        self._drawn.pop("robot", None)
 
     def set_map(self, cell_map: CellMap, roadmap: RoadmapPicture) -> None:
         """Take a map, which brings cells and edges; they are drawn once."""
@@ -188,7 +197,7 @@ class Stage:
         self._remove("targets")
         if len(targets) == 0:
             return
-        radius = np.where(targets[:, 4] > 0, 0.022, 0.014)
+        radius = np.where(targets[:, 4] > 0, 0.026, 0.013)
         self._nodes["targets"] = self.scene.add_batched_meshes_simple(
             "/targets",
             *_ball(),

@@ -13,9 +13,8 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.errors import BadInput, PlanningError
-from sim.view.child import HAND, READY
 from sim.view.gate import LOCAL, PORT, is_local, listening, new_token
-from sim.view.mailbox import Mailbox
+from sim.view.mailbox import HAND, READY, Mailbox
 from sim.view.moment import NOBODY, Happenings, Moment, state_of
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 KEPT_ROWS, KEPT_EVENTS = 512, 32  # that a letter tells of
 EVERY_S = 1.0 / 60.0  # a letter is written no more often [s]
 ASK_AGAIN_S = 1.0  # a hold is asked for its reason so often [s]
-OPEN_S = 60.0  # the page has to be there by then [s]
+OPEN_S = 180.0  # the page has to be there by then [s]
 _HAND_ROOM = 64
 
 
