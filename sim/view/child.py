@@ -4,6 +4,7 @@ import os
 import pickle
 import socket
 import sys
+from os import _exit
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,12 +24,12 @@ def main() -> None:
         page = open_page(told)
     except Exception as error:  # the loop's process tells the user
         os.write(1, f"{type(error).__name__}: {error}\n".encode())
-        os._exit(1)
+        _exit(1)
     os.write(1, READY)
     os.nice(10)  # from here on the loop comes first
     parent = os.getppid()
     page.run(lambda: os.getppid() == parent and not _hung_up())
-    os._exit(0)  # viser's threads need not be waited for
+    _exit(0)  # viser's threads need not be waited for
 
 
 def open_page(told: dict) -> "Page":
@@ -63,7 +64,7 @@ def _exactly(size: int) -> bytes:
     while len(data) < size:
         more = os.read(0, size - len(data))
         if not more:
-            os._exit(1)
+            _exit(1)
         data += more
     return data
 

@@ -99,6 +99,7 @@ class Viewer:
         self._path: np.ndarray | None = None
         self._before: np.ndarray | None = None
         self._reason = self._held = ""
+        self._closed = False
         self._down, self._up = Mailbox(), Mailbox(room=_HAND_ROOM)
         self._place: np.ndarray | None = None
         told = {
@@ -153,7 +154,10 @@ class Viewer:
         self.close()
 
     def close(self) -> None:
-        """End the page's process; the last frame shown is drawn before, if it can."""
+        """End the page's process; frames that are shown later go nowhere."""
+        if self._closed:
+            return
+        self._closed = True
         process = self._process
         if process.poll() is None:
             process.stdin.close()
@@ -165,11 +169,13 @@ class Viewer:
         process.stdout.close()
         if not process.stdin.closed:
             process.stdin.close()
+        self._down.close()
+        self._up.close()
 
     @property
     def open(self) -> bool:
         """Whether the page is still there."""
-        return self._process.poll() is None
+        return not self._closed and self._process.poll() is None
 
     def show(
         self,
@@ -199,7 +205,7 @@ class Viewer:
         """
         now = time.perf_counter()
         q = getattr(frame, "q", None) if q is None else q
-        if q is None:
+        if q is None or self._closed:
             return
         answer = getattr(frame, "answer", None) if answer is None else answer
         separation = min(separation, getattr(frame, "separation", np.inf))
@@ -239,15 +245,13 @@ class Viewer:
 
     def hand(self) -> np.ndarray | None:
         """Return where a client drags the person's hand to, (3,) [m], or None."""
-        letter = self._up.take()
+        letter = None if self._closed else self._up.take()
         if letter is not None:
             taken, *place = HAND.unpack(letter)
             self._place = np.array(place) if taken else None
-        return self._place if self.open_or_let_go() else None
-
-    def open_or_let_go(self) -> bool:
-        """Return whether the page is there; a page that ended holds no hand."""
-        return self._place is None or self.open
+        if self._place is not None and not self.open:
+            self._place = None  # a page that ended holds no hand
+        return self._place
 
     def _time(self, frame: object, now: float) -> float:
         index = getattr(frame, "index", None)

@@ -21,11 +21,11 @@ def hand():
     return Hand()
 
 
-@pytest.mark.parametrize("name", ["sweep", "jitter", "crowding"])
+@pytest.mark.parametrize("name", ["jitter", "crowding"])
 def test_a_person_who_was_never_touched_is_the_motion_to_the_byte(name, hand):
     dragged, motion = DraggedPerson(make_motion(name, 3), hand), make_motion(name, 3)
-    for i in range(300):
-        t = i / 97
+    for i in range(150):
+        t = i / 47
         assert dragged.capsules(t).tobytes() == motion.capsules(t).tobytes()
     assert dragged.name == motion.name and dragged.max_speed == motion.max_speed
 
@@ -53,7 +53,7 @@ def test_no_point_is_faster_than_the_bound(name, hand):
     dragged = DraggedPerson(make_motion(name, 2), hand)
     rng = np.random.default_rng(0)
     last, fastest = dragged.capsules(0.0), 0.0
-    for i in range(1, 600):
+    for i in range(1, 400):
         if i % 40 == 0:
             hand.place = rng.uniform([0.1, -0.8, -0.2], [1.2, 0.8, 1.2])
         if i % 170 == 0:
