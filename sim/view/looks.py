@@ -122,5 +122,14 @@ def eye_on(
     across = np.array([toward[1], -toward[0], 0.0])
     radius = 0.5 * float(np.linalg.norm(high - low)) + 0.1
     distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(aspect, 0.3))
-    looks_from = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])
-    return target + distance * looks_from / np.linalg.norm(looks_from), target
+    back = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])
+    back /= np.linalg.norm(back)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    # beside the panel, which is at the right, or at the foot of a narrow window
+    half = distance * np.tan(FOV / 2)
+    if aspect > 1.0:
+        target = target + 0.35 * (min(aspect, 2.0) - 1.0) * half * right
+    elif aspect < 0.8:
+        target = target - 0.45 * half * np.cross(back, right)
+    return target + distance * back, target

@@ -20,7 +20,7 @@ from sim.view.moment import NOBODY, Happenings, Moment, state_of
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-KEPT_ROWS, KEPT_EVENTS = 512, 32  # that a letter tells of
+KEPT_ROWS, KEPT_EVENTS = 256, 32  # that a letter tells of
 EVERY_S = 1.0 / 60.0  # a letter is written no more often [s]
 ASK_AGAIN_S = 1.0  # a hold is asked for its reason so often [s]
 OPEN_S = 180.0  # the page has to be there by then [s]
@@ -189,7 +189,7 @@ class Viewer:
         separation: float = np.inf,
         time_s: float | None = None,
     ) -> None:
-        """Show a frame; costs some microseconds, and some tens where it is drawn.
+        """Show a frame, about 0.1 ms; nothing that it could wait for.
 
         Args:
             frame: A `sim.loop.loop.Frame`, or whatever has some of its attributes;
