@@ -20,6 +20,7 @@ from sim.cli import (
     replay_command,
     run_command,
     two_command,
+    view,
 )
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded
@@ -40,6 +41,7 @@ COMMANDS = {
     "run": run_command.run,
     "demo": run_command.demo,
     "replay": replay_command.replay,
+    "view": view.view,
     "run-two": two_command.run_two,
     "camera": camera_command.camera,
     "bench": bench_command.bench,
