@@ -14,7 +14,7 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.shapes import Box, Capsule, Shape
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
@@ -259,7 +259,7 @@ class _ExactSide:
         scenery = cell_map.scenery
         self.scenery = [
             (
-                obstacles_of([solid_of(row)]),
+                obstacles_of([solid_of(row, scenery.faces)]),
                 name,
                 self._tested_solids(name, scenery.dropped),
             )
@@ -311,9 +311,17 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
     return _Found(distance - kept, distance, what, best.touches)
 
 
-def solid_of(row: np.ndarray) -> Box:
-    """Return a box for a row of `Scenery.solids`: a large one for a half-space."""
+def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
+    """Return the shape of a row of `Scenery.solids`: a large box for a half-space."""
     T = np.eye(4)
+    if row[0] == 2.0:
+        return Capsule.between(row[1:4], row[1:4] + row[4:7], row[7])
+    if row[0] == 3.0:
+        half = row[8] * row[4:7]
+        return Cylinder.between(row[1:4] - half, row[1:4] + half, row[7])
+    if row[0] == 4.0:
+        corners = faces[int(row[5]) : int(row[6]), 4:].reshape(-1, 3)
+        return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     if row[0] == 1.0:
         T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), row[1:4]
         return Box(2.0 * row[13:16], T)

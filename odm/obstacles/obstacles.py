@@ -76,7 +76,7 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
-        self._meshes = [_hull(mesh, k) for k, mesh in enumerate(meshes)]
+        self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
             "capsules": capsules,
@@ -270,7 +270,8 @@ class Hull:
         return self._samples[1]
 
 
-def _hull(mesh: object, k: int) -> Hull:
+def hull_of(mesh: object, k: int = 0) -> Hull:
+    """Return the convex hull of mesh number k, in the mesh's own frame."""
     from scipy.spatial import ConvexHull, QhullError
 
     if not isinstance(mesh, solid.Mesh):
@@ -286,6 +287,28 @@ def _hull(mesh: object, k: int) -> Hull:
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, [0, 2, 1]]
     return Hull(vertices, triangles)
+
+
+MOST_FACES = 200  # of a convex mesh that scenery holds exactly
+
+
+def is_small_hull(mesh: solid.Mesh) -> bool:
+    """Return whether a mesh is convex, but for rounding, and has few faces.
+
+    Then its hull stands for it: it contains the mesh, and has its volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(mesh.faces) > MOST_FACES:
+        return False
+    try:
+        whole = ConvexHull(mesh.vertices)
+    except QhullError:
+        return False
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    middle = a.mean(axis=0)
+    inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
+    return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:
