@@ -39,6 +39,8 @@ class World:
     Attributes:
         capsules: (k, 7) obstacles of the frame, base frame [m].
         boxes: Scenery of the place, world frame.
+        named: Whether they are objects of the planner's scene, exact; else they are
+            set by `set_static`, as samples.
         T_world_base: (4, 4) pose of the base [m].
         extra: Extra clearance [m].
         held: (n, 4) spheres in the hand, tool frame [m]; None for nothing.
@@ -52,12 +54,21 @@ class World:
 
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     boxes: list[Box] = field(default_factory=list)
+    named: bool = False
     others: list[Shape] = field(default_factory=list)
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
     extra: float = 0.0
     held: np.ndarray | None = None
     mode: str = "rho"
     repeat: int = 0
+
+    def furnish(self, planner: ReactivePlanner) -> None:
+        """Let the boxes stand around a planner's robot, and nothing else."""
+        planner.scene.clear()
+        loose = [] if self.named else self.boxes
+        planner.set_static(loose or np.zeros((0, 3)))
+        for k, box in enumerate(self.boxes if self.named else []):
+            planner.scene.add(f"box {k}", box)
 
     def shapes(self) -> list[Shape]:
         """Return what of the obstacles is told as shapes, base frame."""
@@ -211,7 +222,8 @@ class Judge:
         if oracle.extra != world.extra:
             oracle.set_extra_clearance(world.extra)
         if self._boxes is not world.boxes:
-            oracle.set_static(world.boxes or np.zeros((0, 3)))
+            world.furnish(oracle)
+            oracle.scene.settle()
             self._boxes = world.boxes
         self._side = self._plain
         if world.held is not None:

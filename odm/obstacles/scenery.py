@@ -190,12 +190,11 @@ def _shapes_of(
             )
         return [(name, Box(size, _pose(table, k)))]
     if kind in ("mesh", "file"):
+        pose, scale = _pose(table, k), _scale_of(table, k)
         file = _file_of(table, k, kind, folder)
-        pose = _pose(table, k)
+        if kind == "mesh" and not meshes:
+            return []
         if kind == "mesh":
-            scale = _scale_of(table, k) if meshes else 1.0
-            if not meshes:
-                return []
             return [(name, Mesh.from_file(file, scale=scale).moved(pose))]
         try:
             objects = read_scene(file)

@@ -23,7 +23,7 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "clutter, human, handover-recording, approach, attach, workspace, targets, "
+        "clutter, scene, human, handover-recording, approach, attach, workspace, targets, "
         "interrupts or golden.",
         metavar="NAME",
     )
