@@ -234,9 +234,9 @@ class Attacher:
         """
         path, goals = self.path, self.frame.memory.goals
         certified = self.frame.memory.certificates
-        n = max(0, len(path) - 1)
-        begin, end = certified.begin[:n], certified.end[:n]
-        if n and not clear(begin, end - begin).all():
+        ahead = slice(path.segment, max(0, len(path) - 1))
+        begin, end = certified.begin[ahead], certified.end[ahead]
+        if len(begin) and not clear(begin, end - begin).all():
             path.drop()
         path.withdraw()
         self.forget_start()

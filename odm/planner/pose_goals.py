@@ -9,9 +9,9 @@ from odm.approach.tool_line import NearPoses, ToolKinematics
 from odm.checks import MAX_GOALS
 from odm.frame.frame import Frame
 from odm.frame.freedom import check_valid
+from odm.obstacles.grid import bounding_ball
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import is_between
 from roadmap.transforms import check_pose
@@ -163,16 +163,11 @@ class PoseGoals:
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""
         off, turned = best[0], best[1] / 0.3
-        robot = self._robot
-        span = joint_span(robot.tree_i, robot.tree_f, robot.lower, robot.upper)
-        tip, body = robot.T_body_tip[None, :3, 3], np.array([robot.tip_body], np.int32)
-        reach = float(
-            np.max(point_reach(robot.tree_i, robot.tree_f, span, body, tip)[0])
-        )
-        far = float(np.linalg.norm(T[:3, 3] - robot.tree_f[0, 9:12]))
-        if far > reach > 0.0:
+        middle, reach = bounding_ball(self._robot)
+        far = float(np.linalg.norm(T[:3, 3] - middle))
+        if far > reach:
             return (
-                f"it lies {far:.2f} m from the base, beyond the reach of {reach:.2f} "
+                f"it lies {far:.2f} m from the robot, beyond the reach of {reach:.2f} "
                 "m; move it nearer"
             )
         joints = self._tool.at_limits(q)

@@ -23,8 +23,8 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "clutter, scene, human, handover-recording, approach, attach, workspace, targets, "
-        "interrupts or golden.",
+        "clutter, scene, human, handover-recording, approach, attach, workspace, "
+        "targets, interrupts or golden.",
         metavar="NAME",
     )
     map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")

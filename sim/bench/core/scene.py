@@ -1,4 +1,4 @@
-"""`odm bench scene`: changes of the scene, goals by pose, a held object without a layer.
+"""`odm bench scene`: changes of the scene, goals by pose, holding without a layer.
 
 Each change is timed beside the frame after it, since what a call leaves undone the next
 frame would pay. Poses are those of valid configurations drawn at random that are no
