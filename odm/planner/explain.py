@@ -122,8 +122,8 @@ class Reasons:
         )
         if what is None:
             text = (
-                f"no free path leads to goal {g} past what stands still; take something "
-                "away, or give another goal"
+                f"no free path leads to goal {g} past what stands still; take "
+                "something away, or give another goal"
             )
         told = self._searched()
         text += f"; {told}" if told else ""
