@@ -254,10 +254,15 @@ class PlaceItems:
         closed.tested[0] = end
         self._step(edges[free], -1)
 
-    def motions_clear(self, name: str, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return which motions (k, dof) from q keep clear of a thing, (k,) bool."""
+    def motions_clear(
+        self, name: str, q: np.ndarray, dq: np.ndarray, static: StaticTest
+    ) -> np.ndarray:
+        """Return which motions (k, dof) from q keep clear of a thing, (k,) bool.
+
+        `static` is the robot with what it holds now.
+        """
         clear = np.zeros(len(q), np.bool_)
-        clearance, _, cloud, solids = self._test_of(self._things[name])
+        clearance, _, cloud, solids = self._test_of(self._things[name], static)
         q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
         kernels.motions_clear(clearance, cloud, solids, q, dq, clear)
         return clear
@@ -276,10 +281,9 @@ class PlaceItems:
         for name, n in zip(sorted(self._things), tested.tolist(), strict=True):
             self._test(self._things[name], n)
 
-    def _test_of(self, closed: _Closed) -> tuple:
-        arm, radii, tolerance, work, bare = self._static.place_clearance(
-            self._static.work
-        )
+    def _test_of(self, closed: _Closed, static: StaticTest | None = None) -> tuple:
+        static = static or self._static
+        arm, radii, tolerance, work, bare = static.place_clearance(static.work)
         clearance = Clearance(arm, radii, bare, tolerance, work)
         return clearance, self._graph, closed.cloud, closed.thing.solids
 

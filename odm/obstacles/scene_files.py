@@ -1,12 +1,13 @@
 """Scenes of other programs: MoveIt's `.scene` files, and URDFs as scenery."""
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere, check_pose
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, check_pose
 from roadmap.errors import BadInput, BadRobot
 from roadmap.robot.description import Description, Joint, read_description
 from roadmap.robot.meshes import find_mesh
@@ -54,6 +55,78 @@ def read_scene(path: str | Path) -> list[Object]:
         return _urdf_objects(path)
     except BadRobot as error:
         raise BadInput(str(error)) from error
+
+
+def write_scene(path: str | Path, objects: Sequence[Object]) -> Path:
+    """Write objects as a MoveIt `.scene` file, which `read_scene` and RViz read.
+
+    A capsule is written as a cylinder and two spheres, which are together as large.
+
+    Args:
+        path: Its name ends in `.scene`; an old file is replaced, whole or not at all.
+        objects: As `read_scene` returns them.
+
+    Raises:
+        BadInput: The path, or something that no such file can hold.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".scene":
+        raise BadInput(f"{path} would be no scene file; give a name ending in .scene")
+    words = ["scene"]
+    for name, shapes, T in objects:
+        parts = [part for shape in shapes for part in _written(shape, name)]
+        words += [f"* {name}", *_pose_lines(T), str(len(parts))]
+        for lines, pose in parts:
+            words += [*lines, *_pose_lines(pose), "0 0 0 0"]
+        words.append("0")
+    text, fresh = "\n".join([*words, "."]) + "\n", path.with_name(f".{path.name}.new")
+    try:
+        fresh.write_text(text, encoding="utf-8")
+        os.replace(fresh, path)
+    except OSError as error:
+        raise BadInput(
+            f"the scene {path} cannot be written ({error.strerror or error}); choose "
+            "another folder"
+        ) from error
+    return path
+
+
+def _written(shape: Shape, name: str) -> list[tuple[list[str], np.ndarray]]:
+    """Return (lines, pose) of the shapes that stand for one."""
+    T = np.asarray(getattr(shape, "T_base_shape", np.eye(4)))
+    if isinstance(shape, Box):
+        return [(["box", _row(shape.size)], T)]
+    if isinstance(shape, Sphere):
+        return [(["sphere", _row([shape.radius])], T)]
+    if isinstance(shape, Cylinder):
+        return [(["cylinder", _row([shape.radius, shape.length])], T)]
+    if isinstance(shape, Capsule):
+        found = []
+        if shape.length > 0.0:
+            found.append((["cylinder", _row([shape.radius, shape.length])], T))
+        for end in shape.ends():
+            found.append((["sphere", _row([shape.radius])], T.copy()))
+            found[-1][1][:3, 3] = end
+        return found
+    if isinstance(shape, Mesh):
+        sizes = f"{len(shape.vertices)} {len(shape.faces)}"
+        corners = [" ".join(map(str, row)) for row in shape.faces.tolist()]
+        return [(["mesh", sizes, *map(_row, shape.vertices), *corners], T)]
+    raise BadInput(
+        f"{name!r} holds a {type(shape).__name__}, which a .scene file cannot; leave "
+        "it out, or make it of shapes"
+    )
+
+
+def _row(values: object) -> str:
+    return " ".join(repr(float(v)) for v in values)  # type: ignore[attr-defined]
+
+
+def _pose_lines(T: np.ndarray) -> list[str]:
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(np.asarray(T)[:3, :3]).as_quat()
+    return [_row(np.asarray(T)[:3, 3]), _row(turn)]
 
 
 # --- MoveIt ------------------------------------------------------------------------

@@ -716,8 +716,10 @@ class ReactivePlanner:
         been refused; and in any case where all is placed `anew`.
         """
         if new is not None:
-            items = self.carrier.items
-            self.attacher.keep_clear(lambda q, dq: items.motions_clear(new, q, dq))
+            items, static = self.carrier.items, self.static
+            self.attacher.keep_clear(
+                lambda q, dq: items.motions_clear(new, q, dq, static)
+            )
         elif anew or self.attacher.lacks_motions:
             self.attacher.forget_all()
         self.attacher.forget_start()

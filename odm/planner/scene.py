@@ -10,7 +10,7 @@ from odm.close_test.close_test import NO_SOLIDS
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Frame
 from odm.frame.place import Standing, Thing
-from odm.obstacles.scene_files import read_scene
+from odm.obstacles.scene_files import read_scene, write_scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, check_pose
 from odm.obstacles.surfaces import Surface
 from roadmap.arrays import frozen
@@ -168,6 +168,16 @@ class Scene:
             self._stand(self._carrier.things | standing, thing.name)
         return [thing.name for thing in made]
 
+    def save(self, path: str | Path) -> Path:
+        """Write all objects to a MoveIt `.scene` file, which `load` reads back.
+
+        Raises:
+            BadInput: The path, or an object that is a surface of points.
+        """
+        objects = self._objects.values()
+        rows = [(o.name, list(o.parts), o.T_world_object) for o in objects]
+        return write_scene(path, rows)  # type: ignore[arg-type]
+
     def set_static(self, p_world: np.ndarray) -> None:
         """Let (n, 3) points of the world be what `ReactivePlanner.set_static` set."""
         self._p_world_static = p_world
@@ -259,10 +269,11 @@ class Scene:
         self._changed(new, False)
 
     def _new_name(self, name: str) -> str:
-        if not isinstance(name, str) or not 0 < len(name.strip()) <= LONGEST_NAME:
+        text = isinstance(name, str) and name.isprintable() and name == name.strip()
+        if not text or not 0 < len(name) <= LONGEST_NAME:
             raise BadInput(
-                f"an object of the scene cannot be called {name!r}; give a text of 1 "
-                f"to {LONGEST_NAME} characters"
+                f"an object of the scene cannot be called {name!r}; give a line of 1 "
+                f"to {LONGEST_NAME} characters, no blank at its ends"
             )
         if name in self._objects or name == STATIC:
             raise BadInput(

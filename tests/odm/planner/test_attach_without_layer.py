@@ -104,11 +104,19 @@ def test_without_a_search_nothing_would_be_left(small_map):
 
 def test_the_scene_holds_for_what_is_held(small_map):
     planner = odm.ReactivePlanner(small_map)
-    planner.set_goals([OVER])
-    planner.attach(BALLS)
-    assert planner.step(NOBODY, q=HIGH).path.size
     from roadmap.kinematics.forward import tool_pose
 
+    planner.set_goals([OVER])
+    planner.attach(BALLS)
+    path = planner.step(NOBODY, q=HIGH).path
+    T = tool_pose(planner.robot, 0.5 * (path[0] + path[1]))
+    T[:3, 3] += T[:3, :3] @ [0.28, 0.0, 0.0]
+    planner.scene.add("on its way", odm.Sphere(0.06), T)  # of the object, not the arm
+    assert not planner.is_free(path[0], path[1])
+    after = planner.step(NOBODY, q=HIGH)
+    for a, b in zip(after.path, after.path[1:], strict=False):
+        assert planner.is_free(a, b)
+    planner.scene.remove("on its way")
     T = tool_pose(planner.robot, HIGH)
     T[:3, 3] += T[:3, :3] @ [0.28, 0.0, 0.0]
     planner.scene.add("ball", odm.Sphere(0.06), T)

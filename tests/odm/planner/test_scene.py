@@ -2,7 +2,13 @@
 
 import numpy as np
 import pytest
-from shapes_drawn import draw_pose, draw_shapes, smallest_solid_gap
+from shapes_drawn import (
+    KINDS,
+    draw_pose,
+    draw_shape,
+    draw_shapes,
+    smallest_solid_gap,
+)
 from small import AWAY, HOME, NOBODY, POST, draw_valid
 
 import odm
@@ -232,10 +238,29 @@ def test_a_scene_file_is_loaded_whole_or_not_at_all(planner, tmp_path):
     assert planner.is_free(HOME, AWAY)
 
 
+def test_a_scene_that_is_saved_stands_as_it_stood(small_map, tmp_path, rng):
+    one, other = (odm.ReactivePlanner(small_map) for _ in range(2))
+    for k, kind in enumerate(KINDS):
+        one.scene.add(f"a {kind}", draw_shape(kind, rng), draw_pose(rng, spread=0.2))
+    one.scene.add("two", [odm.Sphere(0.1), WALL], OVER)
+    file = one.scene.save(tmp_path / "cell.scene")
+    assert other.scene.load(file) == list(one.scene)
+    for planner in (one, other):
+        planner.scene.settle()
+    assert one.memory.graph.closed.sum() > 20
+    assert np.array_equal(one.memory.graph.closed, other.memory.graph.closed)
+    one.scene.add("points", odm.surface_of(WALL, 0.03))
+    with pytest.raises(BadInput, match="'points' holds a Surface"):
+        one.scene.save(file)
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
-        (lambda s: s.add("", WALL), "cannot be called ''; give a text"),
+        (lambda s: s.add("", WALL), "cannot be called ''; give a line"),
+        (lambda s: s.add("a\nb", WALL), "cannot be called 'a.nb'"),
+        (lambda s: s.save("scene.txt"), "give a name ending in .scene"),
+        (lambda s: s.save("/none/of/these.scene"), "cannot be written"),
         (lambda s: s.add(3, WALL), "cannot be called 3"),
         (lambda s: s.add("there", WALL), "has an object 'there' already; move"),
         (lambda s: s.add("a", np.zeros((3, 3))), "holds a ndarray, which is no shape"),
