@@ -1,4 +1,4 @@
-"""`odm build --scenery`: files of others stand in the recipe, or are told before work."""
+"""`odm build --scenery`: files of others stand in the recipe, or are refused early."""
 
 import pytest
 from small import DATA
