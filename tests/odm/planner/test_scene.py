@@ -79,13 +79,16 @@ def test_a_change_closes_just_what_its_shapes_touch(planner, rng):
 def test_answers_keep_m_from_the_scene_and_from_the_frame(small_map, rng):
     planner = odm.ReactivePlanner(small_map, always_replan=True)
     m, answered = small_map.safety.m, 0
+    drawn = [draw_valid(planner, rng) for _ in range(12)]
     for _ in range(25):
         planner.scene.clear()
         for k, shape in enumerate(draw_shapes(rng, 2, middle=(0, 0, 0.6))):
             planner.scene.add(f"{k}", shape)
-        q = draw_valid(planner, rng)
-        planner.set_goals([draw_valid(planner, rng)])
-        answer = planner.step(NOBODY, q=q)
+        ends = [q for q in drawn if planner.static.motion_free(q, np.zeros_like(q))]
+        if len(ends) < 2:
+            continue
+        planner.set_goals([ends[0]])
+        answer = planner.step(NOBODY, q=ends[1])
         for a, dq in legs(planner.robot, answer.path):
             gap = smallest_solid_gap(small_map, a, dq, placed(planner.scene), 30)
             assert gap >= m - 1e-7
