@@ -220,8 +220,7 @@ def _moveit_object(words: _Words, name: str, moved: bool) -> Object:
         shapes.append(make.moved(pose) if not callable(make) else make(T @ pose, T))
     if moved:
         for _ in range(words.count("the number of subframes", 100_000)):
-            words.line()  # what is left of the line before
-            while words.line() == "":
+            while words.line() == "":  # its name
                 pass
             _moveit_pose(words)
     return name, shapes, T

