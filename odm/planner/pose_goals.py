@@ -13,12 +13,17 @@ from odm.obstacles.grid import bounding_ball
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
+from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.ranges import is_between
 from roadmap.transforms import check_pose
 
 SEEDS = 24  # roadmap nodes, the nearest by tool pose, that descents start from
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
 MOST = 4  # goals that are set where nobody says how many
+_STEPS = 16  # of a descent: from near it takes about 5
+_LONG = 4  # descents of more steps, where no quick one arrives
+_ENOUGH = 12  # solutions of a pose that are looked at
+_GOAL = 2e-7  # [m or rad] what a descent aims at
 _SAME = 0.15  # [rad or m] solutions nearer than that in all joints are one
 _LARGEST = (0.5, np.pi)
 
@@ -83,6 +88,7 @@ class PoseGoals:
         self._frame, self._robot = frame, frame.robot
         self._nodes = np.asarray(frame.cell_map.roadmap.nodes)
         self._tool = ToolKinematics(frame.robot)
+        self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, _STEPS)
         self._near = NearPoses(self._tool.tools(self._nodes))
 
     def solve(
@@ -142,9 +148,15 @@ class PoseGoals:
         starts = self._nodes[near]
         if np.isfinite(self._frame.q).all():
             starts = np.vstack([self._frame.q, starts])
-        for start in starts:
+        long = list(starts[:_LONG])  # from there once more, if all were too short
+        for k, start in enumerate([*starts, *long]):
+            if len(kept) >= _ENOUGH or (kept and k >= len(starts)):
+                break
             q = np.array(start)
-            _, off, turned = self._tool.reach(pose, q)
+            if k < len(starts):
+                off, turned = self._quick.run(pose, q)
+            else:
+                _, off, turned = self._tool.reach(pose, q)
             if off <= tolerance[0] and turned <= tolerance[1]:
                 turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
                 q = np.where(self._robot.continuous, q - turns, q)
