@@ -77,7 +77,7 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
-        self._meshes = [_hull(mesh, k) for k, mesh in enumerate(meshes)]
+        self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
             "capsules": capsules,
@@ -274,17 +274,18 @@ class Hull:
         return self._samples[1]
 
 
-def _hull(mesh: object, k: int) -> Hull:
+def hull_of(mesh: object, k: int = 0) -> Hull:
+    """Return the convex hull of mesh number k, in the mesh's own frame."""
     if not isinstance(mesh, solid.Mesh):
         raise BadInput(f"mesh {k} is a {type(mesh).__name__}; give an odm.Mesh")
-    hull = _hull_of(np.ascontiguousarray(mesh.vertices).tobytes())
+    hull = _hull_of_vertices(np.ascontiguousarray(mesh.vertices).tobytes())
     if hull is None:
         raise BadInput(f"mesh {k} is flat; give a solid")
     return hull
 
 
 @lru_cache(maxsize=256)
-def _hull_of(vertices: bytes) -> Hull | None:
+def _hull_of_vertices(vertices: bytes) -> Hull | None:
     """Return the hull of vertices (n, 3), which keeps its samples; None: it is flat.
 
     Who makes obstacles anew each frame has the same meshes in them, as a rule: their
@@ -304,6 +305,28 @@ def _hull_of(vertices: bytes) -> Hull | None:
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, [0, 2, 1]]
     return Hull(kept, triangles)
+
+
+MOST_FACES = 200  # of a convex mesh that scenery holds exactly
+
+
+def is_small_hull(mesh: solid.Mesh) -> bool:
+    """Return whether a mesh is convex, but for rounding, and has few faces.
+
+    Then its hull stands for it: it contains the mesh, and has its volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(mesh.faces) > MOST_FACES:
+        return False
+    try:
+        whole = ConvexHull(mesh.vertices)
+    except QhullError:
+        return False
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    middle = a.mean(axis=0)
+    inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
+    return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:

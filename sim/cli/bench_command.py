@@ -26,7 +26,8 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "clutter, human, handover, handover-recording, approach, attach, workspace, "
+        "clutter, scene, human, handover, handover-recording, approach, attach, "
+        "workspace, "
         "targets, interrupts or golden.",
         metavar="NAME",
     )
