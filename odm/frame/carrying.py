@@ -39,7 +39,7 @@ class Carrier:
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {
             name: getattr(m, name)
-            for name in ("arm", "work", "graph", "direct", "robot_state")
+            for name in ("arm", "work", "graph", "direct", "robot_state", "tubes")
         }
         if cell_map.payload is None:
             return
@@ -68,11 +68,18 @@ class Carrier:
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
-            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
+            radii=np.zeros(n),
+            bare=np.zeros(n),
+            grown=np.zeros(n),
+            grown_bare=np.zeros(n),
+            motion_bound=motion_bound,
         )
-        exchange(
-            m, {"arm": arm, "work": work, "robot_state": robot_state, **self._groups}
+        tubes = m.tubes._replace(
+            speed=np.zeros((len(m.tubes.count), n)),
+            bend=np.zeros((len(m.tubes.count), n)),
         )
+        groups = {"arm": arm, "work": work, "robot_state": robot_state, "tubes": tubes}
+        exchange(m, {**groups, **self._groups})
         frame.hand_changed()
 
     def detach(self) -> None:
