@@ -148,7 +148,7 @@ class Connector:
             self._root = q
         static = frame.static
         problem = kernels.Problem(
-            frame.memory.table, frame.points, static.still(), static.itself.scratch()
+            frame.memory.table, frame.points, static.still(), static.scratch()
         )
         if not kernels.plant(problem):
             self._asked = -1

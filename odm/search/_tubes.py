@@ -50,9 +50,10 @@ def find_tube(state, q, dq):
     """Return (tube, share, off): that of a motion, or one whose rest it is.
 
     NOT_KEPT where there is none. The motion begins at `share` of the tube's, and is off
-    it by at most `off` [m].
+    it by at most `off` [m]; of several, the one with the least behind.
     """
     tubes, bound = view(state, "tubes"), view(state, "robot_state").motion_bound
+    found, least, off = NOT_KEPT, 2.0, 0.0
     for k in range(tubes.count.shape[0]):
         if tubes.count[k] == 0:
             continue
@@ -65,9 +66,9 @@ def find_tube(state, q, dq):
             continue
         share = nearest_share(tubes.begin[k], tubes.end[k], q)
         at_begin = motion_deviation(tubes.begin[k], tubes.end[k], share, q, bound)
-        if at_begin <= SAME:
-            return k, share, max(at_begin, at_end)
-    return NOT_KEPT, 0.0, 0.0
+        if at_begin <= SAME and share < least:
+            found, least, off = k, share, max(at_begin, at_end)
+    return found, least, off
 
 
 @njit(cache=True, nogil=True)
