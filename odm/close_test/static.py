@@ -60,7 +60,7 @@ class StaticTest:
         self.place_cloud = self._cloud(self.place_points)
         self.set_extra(0.0)
         self.work = self.new_work()
-        self._own = threading.local()  # scratch of each thread that tests motions
+        self.own_scratch = threading.local()  # scratch of each thread that tests motions
 
     def set_place(self, points: np.ndarray) -> int:
         """Take (n, 3) surface points of this place [m]; return how many lie outside."""
@@ -77,7 +77,7 @@ class StaticTest:
         grown = self.scenery.covering_radius + self.safety.m
         other.radii = other.arm.spheres[:, 3] + grown
         other.work = other.new_work()
-        other._own = threading.local()
+        other.own_scratch = threading.local()
         other.set_extra(self.extra)
         return other
 
@@ -159,9 +159,9 @@ class StaticTest:
         radii, place_radii = self.radii, self.place_radii
         if more:
             radii, place_radii = radii + more, place_radii + more
-        if not hasattr(self._own, "work"):
-            self._own.work = self.new_work()
-        work = self._own.work
+        if not hasattr(self.own_scratch, "work"):
+            self.own_scratch.work = self.new_work()
+        work = self.own_scratch.work
         return kernels.Still(
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
@@ -176,9 +176,9 @@ class StaticTest:
 
     def scratch(self) -> SelfWork:
         """Return the scratch of this thread for tests of the robot against itself."""
-        if not hasattr(self._own, "scratch"):
-            self._own.scratch = self.itself.scratch()
-        return self._own.scratch
+        if not hasattr(self.own_scratch, "scratch"):
+            self.own_scratch.scratch = self.itself.scratch()
+        return self.own_scratch.scratch
 
     def new_work(self) -> Work:
         """Return scratch for one thread of tests."""
