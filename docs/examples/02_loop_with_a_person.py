@@ -15,7 +15,6 @@ import numpy as np
 import odm
 import roadmap
 from odm.execution import ExecutionSettings, Executor, Watcher
-from roadmap.kinematics.forward import sphere_centers
 
 RECIPE = Path(__file__).with_name("small_arm.toml")
 PERIOD = 0.01  # [s]
@@ -41,31 +40,28 @@ def two_places(planner: odm.ReactivePlanner) -> np.ndarray:
 
 def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
     """Run the loop and return what happened."""
-    robot, rho = cell_map.robot, cell_map.safety.rho
+    robot = cell_map.robot
     planner = odm.ReactivePlanner(cell_map)
     places = two_places(planner)
     reached = np.mean([roadmap.tool_pose(robot, q)[:3, 3] for q in places], axis=0)
     settings = ExecutionSettings(speed_scale=0.5)
     executor = Executor(robot, planner, places[0].copy(), PERIOD, settings)
-    watcher = Watcher(covering=rho)
-    widest = float(robot.spheres[robot.moving, 3].max())
-    margin = widest + cell_map.safety.m  # the watcher looks at who comes this near
+    watcher, obstacles = Watcher(), odm.Obstacles(capsules=1)
     place, trips, closest, braked = 1, 0, np.inf, 0
     planner.set_goals([places[place]])
 
     for frame in range(round(seconds / PERIOD)):
         now = frame * PERIOD
         capsules = person(now, reached)
-        points = odm.sample_capsules(capsules, spacing=rho)
+        obstacles.capsules = capsules
         set_point, commit = executor.set_point, executor.commit()
 
         # plan from where a new path can begin at the earliest
         answer = planner.step(
-            points, q=commit.q, dq=set_point.dq, stamp=now, now=now, closed=True
+            obstacles, q=commit.q, dq=set_point.dq, stamp=now, now=now
         )
         # where the person can be until the robot stands, and the braking for it
-        centers = sphere_centers(robot, set_point.q)[robot.moving]
-        threat = watcher.look(capsules, points, centers, now, margin=margin)
+        threat = watcher.look(capsules, now)
         executor.update(answer, commit, threat)
         if np.abs(set_point.dq).max() > 0.01:
             closest = min(closest, planner.separation(set_point.q))

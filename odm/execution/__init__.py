@@ -2,9 +2,10 @@
 
 from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.robot_threat import intent_of, intent_threat, limits_threat
-from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.execution.threat import CloudThreat, Threat, ThreatSettings, Watcher
 
 __all__ = [
+    "CloudThreat",
     "ExecutionSettings",
     "Executor",
     "Threat",

@@ -494,10 +494,10 @@ class Executor:
     def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)
         time = self.period + stop.duration
-        _, radius = threat.between(time, time)
+        far = threat.strays(time)
         return (
             f"the person, at up to {threat.fastest:.2f} m/s give or take "
-            f"{100 * radius:.0f} cm, can be in the way of the "
+            f"{100 * far:.0f} cm, can be in the way of the "
             f"{1e3 * time:.0f} ms that a stop takes"
         )
 

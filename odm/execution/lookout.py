@@ -85,12 +85,10 @@ class Lookout:
         if self._wait_s > 1e-9:
             return None
         self._wait_s = _BETWEEN_LOOKS
-        if not len(threat.points) or threat.likely(0.0) is None:
+        if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
-        if not self._is_hit(motion, t, threat):
-            return None
-        points = threat.likely(0.0, *_AHEAD)
-        if self.planner.blocked_leg(commit.q[None], 0.0, points) is None:
+        person = threat.likely(0.0, *_AHEAD)
+        if self.planner.blocked_leg(commit.q[None], 0.0, person) is None:
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]

@@ -354,7 +354,7 @@ def _watch() -> None:
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
-        watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
+        watcher.look(arm, now)
 
 
 def _person() -> None:
