@@ -14,7 +14,13 @@ import numpy as np
 
 import odm
 import roadmap
-from odm.execution import ExecutionSettings, Executor, intent_of, intent_threat
+from odm.execution import (
+    ExecutionSettings,
+    Executor,
+    RobotSpheres,
+    intent_of,
+    intent_threat,
+)
 from odm.obstacles.robot_surface import standing_shapes
 from roadmap.transforms import pose_of
 
@@ -29,17 +35,16 @@ class Arm:
 
     Args:
         cell_map: Its map.
-        other: Surface of the other robot.
+        other: Spheres of the other robot.
         T: (4, 4) base of the other one in its own base frame.
     """
 
     def __init__(
-        self, cell_map: odm.CellMap, other: odm.RobotSurface, T: np.ndarray
+        self, cell_map: odm.CellMap, other: RobotSpheres, T: np.ndarray
     ) -> None:
         """Stand at the first place."""
         self.robot, self.other, self.T = cell_map.robot, other, T
         self.planner = odm.ReactivePlanner(cell_map)
-        other.require(cell_map.safety.rho)
         self.planner.set_static(standing_shapes(other.robot, T))
         self.places, self.place, self.trips = self._two_places(), 1, 0
         self.executor = Executor(
@@ -63,11 +68,9 @@ class Arm:
 
     def decide(self, other: "Arm", now: float) -> float:
         """Plan round the other robot and brake for it; return their distance [m]."""
-        points = self.other.at(other.q, self.T).copy()
+        there = self.other.obstacles(other.q, self.T)
         commit, dq = self.executor.commit(), self.executor.set_point.dq
-        answer = self.planner.step(
-            points, q=commit.q, dq=dq, stamp=now, now=now, closed=True
-        )
+        answer = self.planner.step(there, q=commit.q, dq=dq, stamp=now, now=now)
         # all that the other one may still sweep before it stands
         threat = intent_threat(self.other, intent_of(other.executor), self.T)
         self.executor.update(answer, commit, threat)
@@ -85,9 +88,9 @@ class Arm:
 
 def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
     """Run two of the same robot and return what happened."""
-    surface = odm.RobotSurface(cell_map.robot, cell_map.safety.rho, "moving")
+    spheres = RobotSpheres(cell_map.robot)
     T = T_FIRST_SECOND
-    first, second = Arm(cell_map, surface, T), Arm(cell_map, surface, np.linalg.inv(T))
+    first, second = Arm(cell_map, spheres, T), Arm(cell_map, spheres, np.linalg.inv(T))
     closest = np.inf
     for frame in range(round(seconds / PERIOD)):
         now = frame * PERIOD

@@ -331,8 +331,6 @@ class Executor:
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
-        if self.state == MOVING and not self.at_rest:
-            return False  # nobody slows it: it may be gone before they come
         commit = self.motion.commit(self.t, 0.0)
         scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)

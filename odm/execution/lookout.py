@@ -13,6 +13,9 @@ from odm.execution.threat import Threat
 from roadmap.motion.motion import Commit, Motion
 
 _AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
+# [s] and, to see whether they will meet the robot: at 1 m/s a hand does not get
+# from one side of a link to the other between two of these
+_MEETS = tuple(0.06 * k for k in range(1, 9))
 _BETWEEN_SEARCHES = 0.05  # [s], which take a while
 _BETWEEN_LOOKS = 0.02  # [s]
 
@@ -87,7 +90,7 @@ class Lookout:
         self._wait_s = _BETWEEN_LOOKS
         if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
-        person = threat.likely(0.0, *_AHEAD)
+        person = threat.likely(0.0, *_MEETS)
         if self.planner.blocked_leg(commit.q[None], 0.0, person) is None:
             return None
         self._wait_s = _BETWEEN_SEARCHES
@@ -96,7 +99,7 @@ class Lookout:
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
-        for ahead in _AHEAD[1::2]:
+        for ahead in _MEETS:
             q = motion.at(t + ahead).q[None]
             if self.planner.blocked_leg(q, 0.0, threat.likely(ahead)) is not None:
                 return True

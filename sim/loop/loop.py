@@ -8,7 +8,7 @@ import numpy as np
 
 from odm.execution.executor import RETREATING, ExecutionSettings, Executor
 from odm.execution.kinematic import KinematicMover
-from odm.execution.threat import Watcher
+from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -20,8 +20,9 @@ from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
 # a new path is improved more: for so many frames, so many times as many motions
-NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 6, 3
+NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 3, 8
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
+EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 NOBODY = np.zeros((0, 7))
 
 MOVERS = {"kinematic": KinematicMover, "timed": Executor}
@@ -43,8 +44,8 @@ class LoopSettings:
             frames, is below this [m]: to be touched at rest is the lesser evil.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         improve: Motions the planner may test between two frames to shorten its path;
-            none in a frame that found a new one, which took its time, and three times
-            as many in the next five: its beginning is soon behind the robot.
+            eight times as many in a frame that found a new one and in the next two:
+            its beginning is soon behind the robot.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -185,12 +186,10 @@ class Loop:
         point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
         commit = self.executor.commit()
+        threat = self._threat(capsules, now)
         answer = self.planner.step(
             self._shapes_of(capsules), q=commit.q, dq=point.dq, stamp=now, now=now
         )
-        threat = None
-        if len(capsules) and self.executor.brakes:
-            threat = self._watcher.look(capsules, now)
         self.executor.update(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
@@ -256,6 +255,16 @@ class Loop:
         self.body.follow(before, after, gap)
         return self.body.q
 
+    def _threat(self, capsules: np.ndarray, now: float) -> Threat | None:
+        """Look where the person can be, and tell the planner where they will be."""
+        if not (len(capsules) and self.executor.brakes):
+            return None
+        threat = self._watcher.look(capsules, now)
+        likely = threat.likely(*EXPECTED)
+        if likely is not None:
+            _optional(self.planner, "expect", likely)
+        return threat
+
     def _shapes_of(self, capsules: np.ndarray) -> Obstacles:
         """Return the person's capsules as the planner takes them."""
         if len(capsules) != len(self._shapes):
@@ -285,7 +294,7 @@ class Loop:
     def _improve(self) -> tuple[float, float]:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
-        if self.settings.improve and self._new_path_for < NEW_PATH_FRAMES:
+        if self.settings.improve:
             ahead = self.executor.next_commit()
             times = NEW_PATH_IMPROVE if self._new_path_for > 0 else 1
             most = times * self.settings.improve

@@ -163,6 +163,53 @@ def test_what_is_to_be_wary_of_is_grown_by_calm(small_map):
         assert wary == {cell_at(planner, p + h * d) for d in ball}
 
 
+def test_cells_that_will_be_occupied_are_remembered_as_if_they_were(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    p, here = np.array([[0.5, 0.3, 0.5], [0.4, -0.3, 0.6]]), np.array([0.6, 0.1, 0.4])
+    seen(planner, here, 0.0)
+    planner.expect(np.vstack([p, [9.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]))
+    must = {cell_at(planner, x) for x in (*p, here)}
+    lately, wary = seen(planner, here, 0.01)
+    assert lately == must and must <= wary
+    lately, _ = seen(planner, here, 0.4)
+    assert lately == {cell_at(planner, here)}
+    rod = np.array([[0.5, 0.2, 0.5, 0.5, 0.4, 0.5, 0.04]])
+    planner.expect(odm.Obstacles(capsules=rod))
+    lately, _ = seen(planner, here, 0.41)
+    rim = {cell_at(planner, x) for x in ([0.5, 0.3, 0.541], [0.459, 0.3, 0.5])}
+    assert rim <= lately
+    with pytest.raises(odm.planner.planner.BadInput):
+        planner.expect(np.zeros((3, 2)))
+
+
+def test_a_new_path_keeps_clear_of_where_somebody_will_be(small_map):
+    """What is expected ranks paths; it blocks none, and the path in use is kept."""
+    rng, other = np.random.default_rng(8), 0
+    for _ in range(12):
+        place = rng.uniform([0.5, -0.2, 0.2], [0.8, 0.2, 0.5])
+        ball, paths = ball_at(place, 0.06), []
+        for told in (False, True):
+            planner = odm.ReactivePlanner(small_map)
+            planner.set_goals([AWAY])
+            planner.step(NOBODY, q=HOME, now=0.0, stamp=0.0)
+            planner.reset()
+            if told:
+                planner.expect(ball)
+            answer = planner.step(NOBODY, q=HOME, now=0.01, stamp=0.01)
+            assert answer.status == "replanned"
+            paths.append(answer.path)
+            planner.expect(ball_at(HOME, 0.1))
+            after = planner.step(NOBODY, q=HOME, now=0.02, stamp=0.02)
+            assert after.status == "following"
+        if np.array_equal(*paths):
+            continue
+        other += 1
+        planner.step(ball, q=HOME, now=0.03, stamp=0.03)
+        assert planner.blocked_leg(paths[0]) is not None
+    assert other > 3
+
+
 def test_a_clock_that_is_set_back_begins_anew(small_map):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])
