@@ -342,7 +342,7 @@ def test_beside_a_person_told_as_shapes_it_touches_nobody_while_it_moves(
 ):
     planner = odm.ReactivePlanner(small_map)
     person = before_work_places(make_motion(name, 0), planner.robot, PLACES)
-    settings = LoopSettings(duration_s=4.0, execution=execution, shapes=True)
+    settings = LoopSettings(duration_s=4.0, execution=execution)
     result = run_loop(planner, planner.robot, PLACES, person, settings)
     assert result.contacts == 0  # at rest it may be touched
     assert result.trips > 0 or execution == "timed"
