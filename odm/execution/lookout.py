@@ -66,6 +66,9 @@ class Lookout:
         """Nobody comes."""
         self.planner, self.period = planner, period
         self._wait_s = 0.0
+        safety = planner.cell_map.safety
+        # a motion that keeps m may come so much nearer, and is no reason to leave
+        self._closer = safety.blending + safety.tracking
 
     def evasion(
         self,
@@ -91,7 +94,7 @@ class Lookout:
         if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
         person = threat.likely(0.0, *_MEETS)
-        if self.planner.blocked_leg(commit.q[None], 0.0, person) is None:
+        if self.planner.blocked_leg(commit.q[None], -self._closer, person) is None:
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]
@@ -101,6 +104,7 @@ class Lookout:
         """Whether its motion, as it is, leads to where the person will be."""
         for ahead in _MEETS:
             q = motion.at(t + ahead).q[None]
-            if self.planner.blocked_leg(q, 0.0, threat.likely(ahead)) is not None:
+            there = threat.likely(ahead)
+            if self.planner.blocked_leg(q, -self._closer, there) is not None:
                 return True
         return False
