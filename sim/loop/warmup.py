@@ -217,6 +217,8 @@ def exercise(cell_map: CellMap) -> None:
             _ = answer.reason, answer.retreat
             planner.separation(start)
             planner.blocked_leg(np.stack([start, goal]), 0.1, given)
+            planner.evasion(start, [(0.1, given)], 0.5)
+        planner.expect(shapes)
         _improve_a_detour(planner, start, goal)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
