@@ -91,7 +91,9 @@ class StaticTest:
         self.place_cloud = self._cloud(self.place.points)
         self.set_extra(0.0)
         self.work = self.new_work()
-        self.own_scratch = threading.local()  # scratch of each thread that tests motions
+        self.own_scratch = (
+            threading.local()
+        )  # scratch of each thread that tests motions
 
     def set_place(self, place: Place) -> int:
         """Take what stands at this place; return how many points lie outside."""
