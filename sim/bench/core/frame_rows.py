@@ -10,8 +10,8 @@ from odm import ReactivePlanner
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
 from odm.search import _frame, _step
-from odm.search.touched import bytes_touched
 from sim.bench.clock import Clock
+from sim.bench.core.touched import bytes_touched
 from sim.bench.frames import RATE_HZ, Pair
 from sim.tables.table import value_row
 
