@@ -13,7 +13,6 @@ import numpy as np
 import odm
 import roadmap
 from odm.execution import ExecutionSettings, Executor, Watcher
-from roadmap.kinematics.forward import sphere_centers
 
 plan_once = importlib.import_module("01_plan_once")
 loop = importlib.import_module("03_loop_at_100_hz")
@@ -22,24 +21,23 @@ PERIOD = loop.PERIOD
 
 def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
     """Go to and fro; return trips, frames slowed or braked, and the least distance."""
-    robot, rho = cell_map.robot, cell_map.safety.rho
+    robot = cell_map.robot
     planner = odm.ReactivePlanner(cell_map)
     places = plan_once.two_places(planner)
     reached = np.mean([roadmap.tool_pose(robot, q)[:3, 3] for q in places], axis=0)
     settings = ExecutionSettings(speed_scale=0.5)
     executor = Executor(robot, planner, places[0].copy(), PERIOD, settings)
-    watcher = Watcher(covering=rho)
-    margin = float(robot.spheres[robot.moving, 3].max()) + cell_map.safety.m
+    watcher, obstacles = Watcher(), odm.Obstacles(capsules=1)
     place, trips, closest, braked = 1, 0, np.inf, 0
     planner.set_goals([places[place]])
     for now in np.arange(0.0, seconds, PERIOD):
         capsules = loop.forearm(now, reached)
-        points = odm.sample_capsules(capsules, spacing=rho)
+        obstacles.capsules = capsules
         point, commit = executor.set_point, executor.commit()
-        seen = {"stamp": now, "now": now, "closed": True}
-        answer = planner.step(points, q=commit.q, dq=point.dq, **seen)
-        centers = sphere_centers(robot, point.q)[robot.moving]
-        threat = watcher.look(capsules, points, centers, now, margin=margin)
+        # plan from where a new path can begin at the earliest
+        answer = planner.step(obstacles, q=commit.q, dq=point.dq, stamp=now, now=now)
+        # where the person can be until the robot stands, and the braking for it
+        threat = watcher.look(capsules, now)
         executor.update(answer, commit, threat)
         if np.abs(point.dq).max() > 0.01:
             closest = min(closest, planner.separation(point.q))

@@ -10,20 +10,20 @@ import importlib
 import numpy as np
 
 import odm
-from odm.execution import ExecutionSettings, Executor, intent_of, intent_threat
+from odm import execution as run
 from odm.obstacles.robot_surface import standing_shapes
 from roadmap.transforms import pose_of
 
 plan_once = importlib.import_module("01_plan_once")
 PERIOD = 0.01  # [s]
 T_FIRST_SECOND = pose_of((0.95, 0.0, 0.0), (0.0, 0.0, np.pi))  # face to face
-RULES = ExecutionSettings(speed_scale=0.5, min_retreat_separation=np.inf)
+RULES = run.ExecutionSettings(speed_scale=0.5, min_retreat_separation=np.inf)
 
 
 def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
     """Run two of the same robot to and fro and return what happened."""
     robot, bases = cell_map.robot, (T_FIRST_SECOND, np.linalg.inv(T_FIRST_SECOND))
-    surface = odm.RobotSurface(robot, cell_map.safety.rho, "moving")
+    spheres = run.RobotSpheres(robot)  # they hold the whole robot
     planners, places, executors = [], [], []
     for T in bases:  # of the other one, in the own base frame
         planner = odm.ReactivePlanner(cell_map)
@@ -32,16 +32,15 @@ def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
         planner.set_goals([right])
         planners.append(planner)
         places.append((left, right))
-        executors.append(Executor(robot, planner, left.copy(), PERIOD, RULES))
+        executors.append(run.Executor(robot, planner, left.copy(), PERIOD, RULES))
     trips, closest = [0, 0], np.inf
     for now in np.arange(0.0, seconds, PERIOD):
         for mine, other, T in ((0, 1, bases[0]), (1, 0, bases[1])):
             planner, executor = planners[mine], executors[mine]
-            points = surface.at(executors[other].set_point.q, T).copy()
+            there = spheres.obstacles(executors[other].set_point.q, T)
             commit, point = executor.commit(), executor.set_point
-            seen = {"stamp": now, "now": now, "closed": True}
-            answer = planner.step(points, q=commit.q, dq=point.dq, **seen)
-            threat = intent_threat(surface, intent_of(executors[other]), T)
+            answer = planner.step(there, q=commit.q, dq=point.dq, stamp=now, now=now)
+            threat = run.intent_threat(spheres, run.intent_of(executors[other]), T)
             executor.update(answer, commit, threat)
             closest = min(closest, planner.separation(point.q))
         for k, executor in enumerate(executors):

@@ -95,6 +95,9 @@ class Reasons:
                 "let the robot get out of its way (answer.retreat)"
             )
             return text, self._around(self.q, link, point, None)
+        refused = self._goals_refused()
+        if refused is not None:
+            return refused, NOTHING
         rows = [frame.nearest(q) for q in goals]
         blocked = [g for g, row in enumerate(rows) if row.gap < row.keep]
         if len(blocked) == len(rows):
@@ -117,10 +120,28 @@ class Reasons:
             f"({what} is {in_cm(gap)} from {link} there); move it away, or "
             "give another goal"
         )
+        if what is None:
+            text = (
+                f"no free path leads to goal {g} past what stands still; take "
+                "something away, or give another goal"
+            )
         told = self._searched()
         text += f"; {told}" if told else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
+
+    def _goals_refused(self) -> str | None:
+        """Say why no goal can be reached in this place, whatever moves; or None."""
+        goals = self.attacher.goals
+        whys = []
+        for q in goals:
+            whys.append(self.frame.static.why(q, np.zeros_like(q)))
+            if whys[-1] is None:
+                return None
+        text = f"goal 0 is not free: {whys[0]}"
+        if len(goals) > 1:
+            text += f" (the other {len(goals) - 1} goals are not free either)"
+        return text + "; take that away, or give another goal"
 
     def _around(
         self, q: np.ndarray, link: str | None, point: int, goal: int | None

@@ -26,8 +26,9 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "clutter, human, handover-recording, approach, attach, workspace, targets, "
-        "interrupts or golden.",
+        "clutter, scene, human, handover, handover-recording, approach, attach, "
+        "workspace, "
+        "targets, interrupts or golden.",
         metavar="NAME",
     )
     map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
@@ -45,6 +46,8 @@ class BenchRequest:
     motions: list[str] | None = flag(
         None, "Only these; again for more (motions).", "--motion", metavar="NAME"
     )
+    runs: int | None = flag(None, "Draws of each scene (handover).", min=1)
+    own: bool = flag(False, "Scenes of our own (handover).", "--own")
     reach: Path | None = flag(None, "Reach map (targets).", metavar="DIR")
     distances: list[float] | None = flag(
         None, "Of the person, in m; again for more (targets).", "--distance"

@@ -49,6 +49,11 @@ class BuildRequest:
     )
     name: str | None = flag(None, "Name of the map.", panel=_OWN)
     srdf: str | None = flag(None, "Link pairs not to test.", metavar="SRDF", panel=_OWN)
+    scenery: list[str] | None = flag(
+        None,
+        "What stands around: a MoveIt .scene or a URDF; may be repeated.",
+        metavar="FILE",
+    )
     nodes: int | None = flag(
         None, "Nodes.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
     )
@@ -136,8 +141,13 @@ def recipe_of(request: BuildRequest) -> "Recipe":
         table[section] = table.get(section, {}) | given
     if request.name is not None:
         table["name"] = request.name
-    table["scenery"] = list(table.get("scenery", ()))
+    table["scenery"] = [*table.get("scenery", ()), *_scenery(request.scenery)]
     return parse_recipe(table, table["name"], folder)
+
+
+def _scenery(files: list[str] | None) -> list[dict]:
+    """Return the [[scenery]] tables of files typed here: from the current folder."""
+    return [{"type": "file", "file": str(Path(f).absolute())} for f in files or []]
 
 
 def build_to(

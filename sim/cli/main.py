@@ -13,12 +13,14 @@ from sim.cli import (
     camera_command,
     doctor_command,
     grasps_command,
+    handover_command,
     human_command,
     map_command,
     meet_command,
     replay_command,
     run_command,
     two_command,
+    view,
 )
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded
@@ -39,6 +41,7 @@ COMMANDS = {
     "run": run_command.run,
     "demo": run_command.demo,
     "replay": replay_command.replay,
+    "view": view.view,
     "run-two": two_command.run_two,
     "camera": camera_command.camera,
     "bench": bench_command.bench,
@@ -50,6 +53,7 @@ for name, command in COMMANDS.items():
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
 app.add_typer(grasps_command.app, name="grasps")
+app.add_typer(handover_command.app, name="handover")
 
 
 def main() -> None:

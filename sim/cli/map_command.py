@@ -43,7 +43,7 @@ def info(request: InfoRequest) -> None:
     few approaches; `odm bench tax` measures it.
     """
     from odm import load_map
-    from sim.cli import describe
+    from sim.tables import describe
 
     with Bars("reading the map") as tell:
         cell_map = load_map(request.map_dir)
@@ -89,7 +89,7 @@ def audit(request: AuditRequest) -> None:
     Exit code 0: nothing found; 1: something, with the nearest cases.
     """
     from odm import load_map
-    from sim.cli import describe
+    from sim.tables import describe
 
     cell_map = load_map(request.map_dir)
     by_sequences = request.sequences is not None or request.sabotage == "certificate"

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from odm import CellMap, ReactivePlanner, load_map, sample_capsules
+from odm import CellMap, Obstacles, ReactivePlanner, load_map
 from roadmap.kinematics.forward import tool_pose
 from sim.loop.carried import take_ball
 from sim.loop.loop import Frame, Loop, LoopSettings, run_loop
@@ -147,7 +147,7 @@ def warm_up(
     human = make_motion(motion) if isinstance(motion, str) else motion
     run_loop(planner, planner.robot, places, human, brief)
     tool = tool_pose(planner.robot, places[0])[:3, 3]
-    touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
+    touching = Obstacles(capsules=np.r_[tool, tool, 0.05][None])
     answer = planner.step(touching, q=places[0])
     planner.separation(places[0])
     _ = answer.reason, answer.retreat

@@ -115,6 +115,14 @@ class RunRequest:
         metavar="R",
         limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
+    view: bool = flag(
+        False, "Watch it on a page in the browser, at the clock's pace.", "--view"
+    )
+    port: int | None = flag(None, "Of the page (--view); 0: any.  [8080]")
+    host: str | None = flag(
+        None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
+    )
+    token: str | None = flag(None, "That others have to know (--view); see odm view.")
     json: Json = None
     audit_s: float = 1.0
 
@@ -122,7 +130,7 @@ class RunRequest:
         """Refuse options that do not go together, before any work."""
         from roadmap.errors import BadInput  # not above: --help should be quick
 
-        trouble = self._of_the_person() or self._of_the_targets()
+        trouble = self._of_the_person() or self._of_the_targets() or self._of_the_page()
         if trouble:
             raise BadInput(trouble)
 
@@ -171,6 +179,21 @@ class RunRequest:
         if self.live and self.hand == "left":
             return "the keys move the right arm; leave --side out"
         return ""
+
+    def _of_the_page(self) -> str:
+        """Return what is wrong with the page's options, "" for nothing."""
+        if self.view:
+            from sim.view.gate import LOCAL, PORT, listening
+            from sim.view.viewer import check_viewer
+
+            check_viewer()
+            port = PORT if self.port is None else self.port
+            listening(self.host or LOCAL, port).close()  # or it is refused
+            return ""
+        asked = [n for n in ("port", "host", "token") if getattr(self, n) is not None]
+        if not asked:
+            return ""
+        return f"--{asked[0]} goes with --view; add that or leave it out"
 
     @property
     def quiet(self) -> bool:

@@ -1,7 +1,8 @@
 """The one runner of `odm run`: scripted, recorded or live person, places or targets."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,8 +47,11 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     with Bars() as tell:
         task.open(tell)
         loop = task.loop(person, settings)
-    with recording(request.record, loop, task.cell_map) as recorder:
-        listeners = [task.hear, *([recorder.add] if recorder else [])]
+    with (
+        recording(request.record, loop, task.cell_map) as recorder,
+        watched(request, loop, task.cell_map) as watching,
+    ):
+        listeners = [task.hear, *([recorder.add] if recorder else []), *watching]
 
         def hear(frame: Frame) -> None:
             for listener in listeners:
@@ -75,6 +79,23 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     for path in written if not request.quiet else ():
         print(path)
     return data
+
+
+@contextmanager
+def watched(
+    request: RunRequest, loop: Loop, cell_map: CellMap
+) -> Iterator[list[Callable[[Frame], None]]]:
+    """Yield who shows each frame on a page in the browser: one, or nobody."""
+    if not request.view:
+        yield []
+        return
+    from sim.view.gate import LOCAL, PORT
+    from sim.view.running import Watched
+
+    port = PORT if request.port is None else request.port
+    host = request.host or LOCAL
+    with Watched(loop, cell_map, port, host, request.token) as page:
+        yield [page.hear]
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:

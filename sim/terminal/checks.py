@@ -18,6 +18,7 @@ EXTRAS = {
     "pybullet_data": "sim",
     "matplotlib": "sim",
     "PIL": "sim",
+    "viser": "view",
     "ompl": "bench",
     "pinocchio": "bench",
     "example_robot_data": "robots",

@@ -51,15 +51,14 @@ def test_data_of_the_future_hold_and_the_next_good_frame_goes_on(arm3):
 
 @pytest.mark.parametrize("now", [0.99, 1.0, -3.0])
 def test_a_watcher_whose_clock_does_not_advance_expects_the_worst(now):
-    watcher, centers = Watcher(), np.zeros((1, 3))
-    points = planning.sample_capsules(ARM, 0.03)
-    watcher.look(ARM, points, centers, 1.0)
-    threat = watcher.look(ARM + 0.001, points, centers, now)
-    assert threat.velocity is None
-    _, radius = threat.between(0.0, 0.1)
-    assert radius == pytest.approx(0.1 * ThreatSettings().speed)
+    watcher = Watcher()
+    watcher.look(ARM, 1.0)
+    threat = watcher.look(ARM + 0.001, now)
+    assert not threat.known.any()
+    grown = threat.between(0.0, 0.1)[0].capsules[:, 6] - threat.capsules[:, 6]
+    assert grown == pytest.approx(0.1 * ThreatSettings().speed)
     for passed in (0.01, 0.02):
-        later = watcher.look(ARM + 0.001, points, centers, now + passed)
+        later = watcher.look(ARM + 0.001, now + passed)
     assert later.fastest == pytest.approx(0.0)  # from here on it is followed again
 
 
