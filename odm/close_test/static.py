@@ -1,6 +1,7 @@
 """What never moves: self-collision, the recipe's scenery, this place's scenery."""
 
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
@@ -21,7 +22,7 @@ from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid, grid_for
 from odm.obstacles.scenery import Scenery
 from roadmap.errors import BadInput
-from roadmap.geometry._self_collision import motion_clear
+from roadmap.geometry._self_collision import SelfWork, motion_clear
 from roadmap.geometry.self_collision import MARGIN, TOLERANCE, self_collision
 from roadmap.loading.held_link import extended_collision
 from roadmap.robot.robot import Robot
@@ -90,6 +91,9 @@ class StaticTest:
         self.place_cloud = self._cloud(self.place.points)
         self.set_extra(0.0)
         self.work = self.new_work()
+        self.own_scratch = (
+            threading.local()
+        )  # scratch of each thread that tests motions
 
     def set_place(self, place: Place) -> int:
         """Take what stands at this place; return how many points lie outside."""
@@ -123,6 +127,7 @@ class StaticTest:
         grown = self.scenery.covering_radius + self.safety.m
         other.radii = other.arm.spheres[:, 3] + grown
         other.work = other.new_work()
+        other.own_scratch = threading.local()
         other.set_extra(self.extra)
         return other
 
@@ -145,7 +150,7 @@ class StaticTest:
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            still, scratch = self.still(more), self.itself.scratch()
+            still, scratch = self.still(more), self.scratch()
             kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
@@ -195,7 +200,7 @@ class StaticTest:
     def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say which links the motion q + t dq brings together, or None."""
         pair, t = motion_clear(
-            self.itself.model, q, dq, MARGIN, TOLERANCE, self.itself.scratch()
+            self.itself.model, q, dq, MARGIN, TOLERANCE, self.scratch()
         )
         if pair < 0:
             return None
@@ -209,12 +214,14 @@ class StaticTest:
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
 
     def still(self, more: float = 0.0) -> kernels.Still:
-        """Return all that stands still, with scratch for one thread."""
+        """Return all that stands still, with the scratch of this thread."""
         radii, place_radii, bare = self.radii, self.place_radii, self.place_bare
         if more:
             radii, place_radii = radii + more, place_radii + more
             bare = bare + more
-        work = self.new_work()
+        if not hasattr(self.own_scratch, "work"):
+            self.own_scratch.work = self.new_work()
+        work = self.own_scratch.work
         return kernels.Still(
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
@@ -227,6 +234,12 @@ class StaticTest:
             shapes=NO_SOLIDS,
             place_shapes=self.place.solids,
         )
+
+    def scratch(self) -> SelfWork:
+        """Return the scratch of this thread for tests of the robot against itself."""
+        if not hasattr(self.own_scratch, "scratch"):
+            self.own_scratch.scratch = self.itself.scratch()
+        return self.own_scratch.scratch
 
     def new_work(self) -> Work:
         """Return scratch for one thread of tests."""

@@ -91,8 +91,8 @@ class Reasons:
         if gap < keep:
             text = (
                 f"the start is in contact: {what} is {in_cm(gap)} from {link}, "
-                f"closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away, or "
-                "follow answer.retreat"
+                f"closer than {in_cm(keep)}; move it {_more(keep - gap)} away, or "
+                "let the robot get out of its way (answer.retreat)"
             )
             return text, self._around(self.q, link, point, None)
         refused = self._goals_refused()
@@ -104,7 +104,7 @@ class Reasons:
             gap, keep, link, what, point = rows[0]
             text = (
                 f"goal 0 is blocked: {what} would be {in_cm(gap)} from {link} "
-                f"there, closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away"
+                f"there, closer than {in_cm(keep)}; move it {_more(keep - gap)} away"
             )
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
@@ -178,6 +178,11 @@ class Reasons:
             for k in np.flatnonzero(both):
                 found.update(_unpack(int(blocks[k]), int(both[k]), self.frame))
         return found
+
+
+def _more(length: float) -> str:
+    """Return how far something must be moved [m]: rounded up, never 0.0 cm."""
+    return in_cm(max(np.ceil(1000.0 * length), 1.0) / 1000.0)
 
 
 def _unpack(block: int, word: int, frame: Frame) -> list[tuple[int, int, int]]:

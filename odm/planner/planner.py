@@ -29,6 +29,7 @@ from odm.checks import (
     as_floats,
     check_configuration,
     check_numbers,
+    check_points,
     goals_of,
 )
 from odm.close_test.static import StaticTest
@@ -41,6 +42,7 @@ from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.point_cloud import PointCloud
+from odm.obstacles.surfaces import sample_capsules
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
@@ -56,6 +58,7 @@ from odm.planner.scene import PER_TEST, Scene
 from odm.planner.settings import MOST_EXTRA, PlannerSettings
 from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
+from odm.search import _expected as expected
 from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search.state import Memory
@@ -355,6 +358,28 @@ class ReactivePlanner:
 
     # --- a frame ---------------------------------------------------------------
 
+    def expect(self, what: np.ndarray | Obstacles) -> None:
+        """Say where the obstacles are likely to be soon; call it before `step`.
+
+        New paths keep clear of there where they can, as of where the obstacles have
+        lately been. It decides nothing: a motion is free or blocked by `step` alone.
+
+        Args:
+            what: Points (n, 3) [m], or `odm.Obstacles`, whose capsules and points
+                count. Where `step` has them: in the base frame, or the world's.
+
+        Raises:
+            BadInput: Points of another shape, or a capsule that is none.
+        """
+        self._memory.owner.check()
+        if isinstance(what, Obstacles):
+            surface = sample_capsules(what.capsules, self.cell_map.safety.h)
+            what = np.concatenate([what.points, surface])
+        points = check_points(what, None, None, np.inf)
+        if self.settings.history_s:
+            points = self.frame.world_ahead.points(points)
+            expected.expect(self._memory.table, points)
+
     def step(
         self,
         points: np.ndarray | Obstacles | PointCloud,
@@ -518,6 +543,7 @@ class ReactivePlanner:
         self.connector.reset()
         self._improver.reset()
         recent.forget_recent(self._memory.recent)
+        self._memory.tubes.count[:] = 0
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()
         self.last = None

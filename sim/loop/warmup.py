@@ -218,6 +218,8 @@ def exercise(cell_map: CellMap) -> None:
             _ = answer.reason, answer.retreat
             planner.separation(start)
             planner.blocked_leg(np.stack([start, goal]), 0.1, given)
+            planner.evasion(start, [(0.1, given)], 0.5)
+        planner.expect(shapes)
         _improve_a_detour(planner, start, goal)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
@@ -364,7 +366,7 @@ def _watch() -> None:
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
-        watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
+        watcher.look(arm, now)
 
 
 def _person() -> None:
