@@ -72,25 +72,28 @@ class Thing:
             else:
                 exact.append(part)
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
+        self._solids_at(np.eye(4))  # refuses sizes before samples take their time
         covers = [surface_of(part, rho).points for part in exact]
         self._points = np.concatenate(loose)
         self._samples = np.concatenate([*covers, self._points])
 
     def at(self, T_base_thing: np.ndarray) -> Standing:
         """Return it where its frame has this pose (4, 4) in the base frame."""
-        solids = NO_SOLIDS
-        if len(self._obstacles):
-            room = self._room.of(self._obstacles, T_base_thing)
-            if room is None:
-                raise BadInput(
-                    f"a shape of {self.name!r} is too large or has a size that is not "
-                    "above 0; give metres: a radius of at most 5, a size of at most "
-                    "1000"
-                )
-            solids = joined([room])
+        solids = self._solids_at(T_base_thing)
         R, p = T_base_thing[:3, :3], T_base_thing[:3, 3]
         samples, points = self._samples @ R.T + p, self._points @ R.T + p
         return Standing(self.name, samples, points, solids)
+
+    def _solids_at(self, T_base_thing: np.ndarray) -> Solids:
+        if not len(self._obstacles):
+            return NO_SOLIDS
+        room = self._room.of(self._obstacles, T_base_thing)
+        if room is None:
+            raise BadInput(
+                f"a shape of {self.name!r} is too large or has a size that is not "
+                "above 0; give metres: a radius of at most 5, a size of at most 1000"
+            )
+        return joined([room])
 
 
 def _mesh_points(mesh: shapes.Mesh, rho: float) -> np.ndarray:

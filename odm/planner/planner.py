@@ -270,8 +270,9 @@ class ReactivePlanner:
             tolerance: Of poses: (position [m], angle [rad]), or a position alone, with
                 10 rad a metre; None: 1 mm and 0.01 rad. Solutions are as near as 1e-5
                 where that can be had.
-            most: Of poses: configurations that become goals at most; None: 4, and one
-                of each pose. Each takes milliseconds.
+            most: Of poses: configurations that become goals at most, the best of each
+                pose first; None: as many as there are poses. Each takes milliseconds;
+                where one of a pose is blocked, another may not be.
 
         Returns:
             What was set, what was refused, and why.

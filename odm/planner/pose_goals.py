@@ -19,7 +19,6 @@ from roadmap.transforms import check_pose
 
 SEEDS = 24  # roadmap nodes, the nearest by tool pose, that descents start from
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
-MOST = 4  # goals that are set where nobody says how many
 _STEPS = 16  # of a descent: from near it takes about 5
 _LONG = 4  # descents of more steps, where no quick one arrives
 _ENOUGH = 12  # solutions of a pose that are looked at
@@ -126,7 +125,7 @@ class PoseGoals:
         # the best solution of each pose first, then what is best of the rest
         first = np.unique(index, return_index=True)[1]
         order = np.argsort(~np.isin(np.arange(len(qs)), first), kind="stable")
-        order = order[: min(MAX_GOALS, most or max(MOST, min(len(rows), MAX_GOALS)))]
+        order = order[: min(MAX_GOALS, most or len(rows))]
         chosen = np.sort(order)
         return GoalReport(
             frozen(qs[chosen], np.float64),

@@ -26,7 +26,7 @@ def holding(small_map):
 def test_every_leg_keeps_m_from_arm_and_object(small_map, holding, rng):
     robot, m, found = holding.carrier.robot, small_map.safety.m, 0
     exact = ExactRobot(robot)
-    for _ in range(25):
+    for _ in range(8):
         arm = [Capsule.between(c[:3], c[3:6], c[6]) for c in draw_arm(rng)]
         q = draw_valid(holding, rng)
         answer = holding.step(odm.Obstacles.of(arm), q=q)
@@ -41,7 +41,7 @@ def test_every_leg_keeps_m_from_arm_and_object(small_map, holding, rng):
             for t in np.linspace(0.0, 1.0, 9):
                 place = a + t * difference(robot, a, b)
                 assert exact.self_distance(place).distance > 0.0
-    assert found > 12
+    assert found > 3
 
 
 def test_it_is_told_and_ends_with_detach(small_map):
