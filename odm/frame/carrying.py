@@ -41,7 +41,7 @@ class Carrier:
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {
             name: getattr(m, name)
-            for name in ("arm", "work", "graph", "direct", "robot_state", "tubes")
+            for name in ("arm", "work", "graph", "direct", "robot_state")
         }
         self.things: dict[str, Standing] = {}
         self._bare_items = PlaceItems(m.graph, m.direct, self.bare)
@@ -74,18 +74,10 @@ class Carrier:
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
-            radii=np.zeros(n),
-            bare=np.zeros(n),
-            grown=np.zeros(n),
-            grown_bare=np.zeros(n),
-            motion_bound=motion_bound,
-        )
-        tubes = m.tubes._replace(
-            speed=np.zeros((len(m.tubes.count), n)),
-            bend=np.zeros((len(m.tubes.count), n)),
+            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
         )
         held = self._closed_groups() if layer is None else self._groups
-        groups = {"arm": arm, "work": work, "robot_state": robot_state, "tubes": tubes}
+        groups = {"arm": arm, "work": work, "robot_state": robot_state}
         exchange(m, {**groups, **held})
         self.items.follow(self.things)
         frame.hand_changed()

@@ -15,7 +15,7 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _connect as kernels
-from odm.search._judge import ends_free
+from odm.search._ends import ends_free
 from odm.search._state import NO_ITEM
 
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found

@@ -12,7 +12,7 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _step as step
-from odm.search._judge import ends_free
+from odm.search._ends import ends_free
 
 NEW_GOALS = "new goals"  # and the robot stands
 LINGERS = "lingers"  # the robot has stood for a while

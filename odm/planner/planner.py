@@ -543,7 +543,6 @@ class ReactivePlanner:
         self.connector.reset()
         self._improver.reset()
         recent.forget_recent(self._memory.recent)
-        self._memory.tubes.count[:] = 0
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()
         self.last = None

@@ -323,3 +323,19 @@ def test_a_found_path_is_joined_from_beside_its_start(small_map, hard):
                 joined += planner.memory.trees.drawn.item() == drawn
             planner.path.drop()
     assert joined
+
+
+def test_in_contact_nothing_is_grown_and_nothing_joined(planner, monkeypatch):
+    planner.always_replan = False
+    planner.set_goals([AWAY])
+    at_goal = ball_at(tool_pose(planner.robot, AWAY)[:3, 3], 0.05)
+    assert planner.step(at_goal, q=HOME).status == "holding"
+    looked = []
+    for owner, name in ((planner.static, "still"), (planner.attacher, "attach_start")):
+        monkeypatch.setattr(owner, name, lambda *_a, **_k: looked.append(1))
+    for _ in range(5):  # also where it lingers
+        assert planner.step(at_goal, q=HOME).status == "holding"
+        assert not looked
+    monkeypatch.undo()
+    away = ball_at(np.array([0.0, 0.0, 3.0]), 0.05)
+    assert planner.step(away[:0], q=HOME).status != "holding"

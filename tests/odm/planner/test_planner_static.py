@@ -1,5 +1,7 @@
 """What never moves is heeded: the robot itself, the recipe's scenery, this place's."""
 
+import threading
+
 import numpy as np
 import pytest
 from shapes_drawn import smallest_solid_gap
@@ -146,3 +148,22 @@ def test_a_motion_only_just_not_free_of_a_solid_is_told_with_that_solid(small_ma
         static.work.found[:2] = 10**6  # what another test left there
         told += "floor" in static.why(q, high * dq)
     assert told
+
+
+def test_each_thread_tests_with_scratch_of_its_own(planner):
+    static, seen = planner.static, []
+
+    def look():
+        seen.append((static.still().scenery.work, static.scratch()))
+
+    look()
+    look()
+    thread = threading.Thread(target=look)
+    thread.start()
+    thread.join()
+    (work, itself), again, other = seen
+    assert again[0] is work and again[1] is itself  # nothing is made anew
+    for one, two in zip((*work, *itself), (*other[0], *other[1]), strict=True):
+        assert not np.shares_memory(one, two)
+    loaded = static.carrying(static.robot)
+    assert loaded.still().scenery.work is not work
