@@ -36,7 +36,7 @@ def test_beside_a_person_it_works_and_keeps_away(small_arm):
 
 
 def test_two_robots_work_beside_each_other(small_arm):
-    result = example(3)(small_arm, 6.0)
+    result = example(3)(small_arm, 12.0)
     assert min(result["trips"]) >= 1 and result["closest"] > 0.0
 
 
