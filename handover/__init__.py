@@ -31,9 +31,14 @@ from handover.meet.quality import ArmState, Quality, posture_quality, total_qual
 from handover.meet.settings import MeetSettings, QualitySettings
 from handover.meet.validity import PlannerValidity
 from handover.meet.workspace import InteractionWorkspace, Target
+from handover.plans.motions import PlannedMotion
+from handover.plans.planner import HandoverPlan, plan_handover
+from handover.plans.settings import PlanSettings
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap, load_reach_map
 from handover.reach.rotations import RotationGrid, rotation_grid
+from handover.scenes.load import load_scene, scene_names
+from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from handover.targets.live_targets import LiveTargets, Pursuit
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
@@ -50,12 +55,14 @@ __all__ = [
     "Chain",
     "ChoiceSettings",
     "Constraint",
+    "Fixture",
     "GraspObject",
     "GraspSet",
     "GraspSettings",
     "Hand",
     "HandSpec",
     "Handover",
+    "HandoverPlan",
     "HeldObject",
     "Human",
     "Inside",
@@ -66,6 +73,9 @@ __all__ = [
     "NodeIndex",
     "POSTURES",
     "Part",
+    "PlacedAgent",
+    "PlanSettings",
+    "PlannedMotion",
     "PlannerValidity",
     "Posture",
     "Pursuit",
@@ -74,6 +84,7 @@ __all__ = [
     "ReachMap",
     "ReachSettings",
     "RotationGrid",
+    "Scene",
     "Skeleton",
     "Target",
     "Upright",
@@ -91,11 +102,15 @@ __all__ = [
     "load_hand",
     "load_object",
     "load_reach_map",
+    "load_scene",
     "make_object",
     "mallet",
     "object_names",
+    "plan_handover",
     "posture_quality",
     "rotation_grid",
+    "scene_names",
+    "stand",
     "total_quality",
     "wrench",
 ]

@@ -9,6 +9,7 @@ import numpy as np
 from handover.grasps.hands import HandSpec, hand_spec
 from roadmap import load_robot
 from roadmap.errors import BadInput
+from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 
@@ -19,18 +20,21 @@ class AgentArm:
 
     Attributes:
         side: "left" or "right"; an agent of one arm has a "right" one.
-        robot: Known name of the robot that moves this arm, and no other joint.
-        hand: Name of the hand at its end.
+        robot: Known name of the robot that moves this arm, and no other joint; or a
+            URDF file.
+        hand: Name of the hand at its end, or what is known of one of your own.
+        tip: Link of the tool in a URDF file; None: that of the known robot.
     """
 
     side: str
     robot: str
-    hand: str
+    hand: str | HandSpec
+    tip: str | None = None
 
     @property
     def spec(self) -> HandSpec:
         """What is known of the hand."""
-        return hand_spec(self.hand)
+        return self.hand if isinstance(self.hand, HandSpec) else hand_spec(self.hand)
 
     def load(
         self, locked: Mapping[str, float] | None = None, cover_excess: float = 0.015
@@ -46,7 +50,9 @@ class AgentArm:
         stands = {**hand.preshapes[0], **(locked or {})}
         if self.robot == "panda":  # its fingers may travel, unless a grasp says where
             stands = dict(locked or {})
-        return load_robot(self.robot, locked=stands, cover_excess=cover_excess)
+        return load_robot(
+            self.robot, tip=self.tip, locked=stands, cover_excess=cover_excess
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +76,29 @@ class Agent:
         name: Its name.
         arms: Its arms by side.
         postures: How it can stand, by name.
+        rest: Where joints of its arms and hands stand while they wait [rad or m];
+            others stand where the known robot has them, hands are open.
     """
 
     name: str
     arms: Mapping[str, AgentArm]
     postures: Mapping[str, Posture]
+    rest: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def source(self) -> str:
+        """Known name or URDF file of its whole body."""
+        return next(iter(self.arms.values())).robot
+
+    def waiting(self, posture: str) -> dict[str, float]:
+        """Return joints of arms, hands and body in a posture while it waits."""
+        joints: dict[str, float] = {}
+        for arm in self.arms.values():
+            known = known_robot(arm.robot)
+            joints |= known.locked if known else {}
+        for arm in self.arms.values():
+            joints |= arm.spec.preshapes[0]
+        return {**joints, **self.rest, **self.posture(posture).joints}
 
     def posture(self, name: str) -> Posture:
         """Return a posture.
@@ -117,16 +141,30 @@ def _hubo_postures() -> dict[str, Posture]:
     return postures
 
 
+# arms hang beside the column, elbows a little bent to the front
+_HANGING = {1: 1.5708, 2: 1.45, 3: -1.5708, 4: 0.2}
+# the maker's "ready" posture
+_PANDA_READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
 _AGENTS = {
     agent.name: agent
     for agent in (
-        Agent("crichton", _arms("crichton", "sdh"), {"fixed": Posture()}),
+        Agent(
+            "crichton",
+            _arms("crichton", "sdh"),
+            {"fixed": Posture(pose_of((0.0, 0.0, 0.001)))},
+            {
+                f"{side}_arm_{k}_joint": -value if (side, k) == ("right", 4) else value
+                for side in ("left", "right")
+                for k, value in _HANGING.items()
+            },
+        ),
         Agent("drchubo", _arms("drchubo", "hubo"), _hubo_postures()),
         Agent(
             "panda",
             {"right": AgentArm("right", "panda", "panda")},
             # on a table 0.72 m high, as the one of Crichton's scenes
-            {"fixed": Posture(pose_of((0.0, 0.0, 0.72)))},
+            {"fixed": Posture(pose_of((0.0, 0.0, 0.721)))},
+            {f"panda_joint{k}": v for k, v in enumerate(_PANDA_READY, 1)},
         ),
     )
 }

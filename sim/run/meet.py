@@ -120,7 +120,7 @@ class MeetTask:
             person = scripted_person(asked.motion, asked.seed, asked.distances)
             if asked.hand == "left":
                 raise BadInput(
-                    "a scripted person moves the right arm only; leave --hand out, or "
+                    "a scripted person moves the right arm only; leave --side out, or "
                     "play a recording with --motion mocap"
                 )
             return person

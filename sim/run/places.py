@@ -21,7 +21,7 @@ from sim.people.human_motion import HumanMotion, make_motion
 from sim.people.scenes import before_work_places
 from sim.run.report import print_report
 from sim.run.request import RunRequest
-from sim.terminal.output import Bars
+from sim.terminal.progress import Bars
 
 DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 
@@ -122,7 +122,11 @@ def person_of(request: RunRequest) -> HumanMotion:
     stand = request.stand
     if stand is not None:
         stand = (stand[0], stand[1], math.radians(stand[2]))
-    settings = MocapSettings(stand=stand, base_height=request.base_height)
+    settings = MocapSettings(
+        stand=stand,
+        base_height=request.base_height,
+        accept_defects=request.accept_defects,
+    )
     return load_mocap(request.file, mapping=request.mapping, settings=settings)
 
 

@@ -1,0 +1,244 @@
+"""An agent's whole body, exact: every link's solids and where they are for all joints.
+
+Read from its URDF alone, without sphere cover: what scenes are drawn and checked with.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from odm.obstacles import shapes
+from roadmap.errors import BadInput
+from roadmap.geometry.solids import Solid, solid_of
+from roadmap.loading.body_tree import drive
+from roadmap.robot.description import MOVABLE, Description, read_description
+from roadmap.robot.known import known_robot, robot_file
+from roadmap.robot.robot import BOX, CYLINDER, SPHERE
+from roadmap.transforms import pose_of
+
+
+@dataclass(frozen=True, eq=False)
+class AgentBody:
+    """Links, joints and solids of a URDF.
+
+    Attributes:
+        file: The URDF.
+        description: What it says.
+        joints: Names of the joints that can be set; those that follow are left out.
+        limits: Joint -> lower and upper end [rad or m].
+        links: Names of all links, parents first; the first is the base.
+        solids: Of all links; `link` counts `links`, poses are in the link's frame [m].
+        neighbours: Pairs of links that are not tested against each other: no third link
+            with geometry lies between them on the way from one to the other. Links
+            welded together by fixed joints count as one.
+    """
+
+    file: Path
+    description: Description
+    joints: tuple[str, ...]
+    limits: Mapping[str, tuple[float, float]]
+    links: tuple[str, ...]
+    solids: tuple[Solid, ...]
+    neighbours: frozenset[tuple[str, str]]
+
+    def checked(self, joints: Mapping[str, float], whose: str) -> dict[str, float]:
+        """Return a value for every joint, in order.
+
+        Raises:
+            BadInput: A joint it does not have, or a value outside its limits.
+        """
+        for name, value in joints.items():
+            if name not in self.joints:
+                raise BadInput(
+                    f"{whose} has no joint {name!r} that can be set; its joints are "
+                    f"{', '.join(self.joints)}"
+                )
+            low, high = self.limits[name]
+            if not low - 1e-3 <= value <= high + 1e-3:
+                raise BadInput(
+                    f"{whose} has {name} at {value!r}, outside its limits {low:.6g} to "
+                    f"{high:.6g}; give a value within them, in rad or m"
+                )
+        stand = {name: float(np.clip(0.0, *self.limits[name])) for name in self.joints}
+        return stand | {name: float(value) for name, value in joints.items()}
+
+    def frames(self, joints: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Return T_base_link, (4, 4) [m], of every link."""
+        poses = {self.description.root: np.eye(4)}
+        for link in self.links[1:]:
+            joint = self.description.parent_joint(link)
+            T = poses[joint.parent] @ joint.T_parent_joint
+            if joint.kind in MOVABLE:
+                driver, factor, offset = drive(self.description, joint)
+                value = factor * joints[driver] + offset
+                T = T @ _moved(joint.kind, joint.axis, value)
+            poses[link] = T
+        return poses
+
+    def shapes(
+        self, joints: Mapping[str, float], T_world_base: np.ndarray
+    ) -> list[tuple[str, shapes.Shape]]:
+        """Return every solid as (link, shape in the world frame)."""
+        poses = self.frames(joints)
+        return [
+            (
+                self.links[solid.link],
+                _shape(solid, T_world_base @ poses[self.links[solid.link]]),
+            )
+            for solid in self.solids
+        ]
+
+
+@cache
+def agent_body(source: str) -> AgentBody:
+    """Return the body of a known robot, or of a URDF file.
+
+    Raises:
+        BadRobot: There is none of that name, or it cannot be used; says why.
+    """
+    file, known = robot_file(source), known_robot(source)
+    description = read_description(file, known.endless if known else ())
+    links = [description.root]
+    for link in links:
+        links += [joint.child for joint in description.children(link)]
+    movable = [j for j in description.joints.values() if j.kind in MOVABLE]
+    names = [j.name for j in movable if j.mimic is None]
+    limits = {
+        j.name: (-np.pi, np.pi)
+        if j.lower is None or j.upper is None
+        else (j.lower, j.upper)
+        for j in movable
+    }
+    found = []
+    for k, name in enumerate(links):
+        link = description.links[name]
+        for shape in link.collisions or link.visuals:
+            found.append(solid_of(shape, link, k, np.eye(4), (file, ()))[0])
+    solid = {links[s.link] for s in found}
+    return AgentBody(
+        file,
+        description,
+        tuple(names),
+        limits,
+        tuple(links),
+        tuple(found),
+        _neighbours(description, links, solid),
+    )
+
+
+def _neighbours(
+    description: Description, links: list[str], solid: set[str]
+) -> frozenset[tuple[str, str]]:
+    """Return pairs of links with geometry that no third one lies between.
+
+    Links welded together stand in one group; a group without geometry counts as none.
+    """
+    group = {links[0]: links[0]}
+    for link in links[1:]:
+        joint = description.parent_joint(link)
+        group[link] = link if joint.kind in MOVABLE else group[joint.parent]
+    full = {group[link] for link in solid}
+    up = {}
+    for link in dict.fromkeys(group.values()):
+        joint = description.parent_joint(link)
+        up[link] = None if joint is None else group[joint.parent]
+    joined = {(g, g) for g in full}
+    near: dict[str, str | None] = {}  # nearest group with geometry above
+    for link in up:
+        above = up[link]
+        while above is not None and above not in full:
+            above = up[above]
+        near[link] = above
+        if link in full and above is not None:
+            joined |= {(link, above), (above, link)}
+    for a in full:  # two that hang on one empty group
+        for b in full:
+            empty = up[a] == up[b] and up[a] is not None and up[a] not in full
+            if a != b and empty:
+                joined.add((a, b))
+    return frozenset(
+        (a, b) for a in solid for b in solid if (group[a], group[b]) in joined
+    )
+
+
+def _moved(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
+    """Return what a joint does, (4, 4)."""
+    T = np.eye(4)
+    axis = axis / np.linalg.norm(axis)
+    if kind == "prismatic":
+        T[:3, 3] = value * axis
+        return T
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    T[:3, :3] += np.sin(value) * cross + (1.0 - np.cos(value)) * cross @ cross
+    return T
+
+
+def _shape(solid: Solid, T_world_link: np.ndarray) -> shapes.Shape:
+    T = T_world_link @ solid.T_body_solid
+    # rotations that are multiplied twenty times lose digits
+    u, _, vt = np.linalg.svd(T[:3, :3])
+    T[:3, :3] = u @ vt
+    if solid.kind == BOX:
+        return shapes.Box(solid.size, T)
+    if solid.kind == CYLINDER:
+        return shapes.Cylinder(*solid.size[:2], T)
+    if solid.kind == SPHERE:
+        return shapes.Sphere(solid.size[0], T)
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(solid.points)
+    a, b, c = (solid.points[hull.simplices[:, k]] for k in range(3))
+    inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    faces = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
+    return shapes.Mesh(solid.points, faces, T)
+
+
+def reach_pose(
+    body: AgentBody,
+    joints: Mapping[str, float],
+    arm: tuple[str, ...],
+    link: str,
+    T_base_link: np.ndarray,
+) -> dict[str, float]:
+    """Return all joints with one arm moved so that a link is at a pose.
+
+    Damped least squares from `joints`, for postures that a scene draws: the same input
+    gives the same bytes.
+
+    Raises:
+        BadInput: It ends more than 0.1 mm or 0.1 mrad away, or outside a limit.
+    """
+    from scipy.spatial.transform import Rotation
+
+    q = np.array([joints[name] for name in arm])
+    limits = np.array([body.limits[name] for name in arm])
+
+    def error(q: np.ndarray) -> np.ndarray:
+        now = body.frames({**joints, **dict(zip(arm, q, strict=True))})[link]
+        spin = Rotation.from_matrix(T_base_link[:3, :3] @ now[:3, :3].T).as_rotvec()
+        return np.concatenate([T_base_link[:3, 3] - now[:3, 3], spin])
+
+    for _ in range(100):
+        now = error(q)
+        if np.abs(now).max() < 1e-6:
+            break
+        steps = 1e-6 * np.eye(len(q))
+        J = np.stack([(now - error(q + step)) / 1e-6 for step in steps], axis=1)
+        dq = J.T @ np.linalg.solve(J @ J.T + 1e-4 * (now @ now) * np.eye(6), now)
+        q = np.clip(q + np.clip(dq, -0.3, 0.3), *limits.T)
+    if np.abs(error(q)).max() > 1e-4:
+        raise BadInput(
+            f"no posture of {', '.join(arm)} brings {link} to "
+            f"{np.round(T_base_link[:3, 3], 3).tolist()} m; it ends "
+            f"{np.abs(error(q)[:3]).max():.3f} m away: move it nearer"
+        )
+    return {**joints, **dict(zip(arm, q.tolist(), strict=True))}
+
+
+def upright(x: float, y: float, z: float, yaw: float = 0.0) -> np.ndarray:
+    """Return the pose (4, 4) of something that stands upright, turned by `yaw`."""
+    return pose_of((x, y, z), (0.0, 0.0, yaw))

@@ -1,0 +1,95 @@
+"""Whether a scene can begin: exact distances between all that is there at the start."""
+
+from itertools import combinations
+
+import numpy as np
+
+from handover.scenes.scene import PlacedAgent, Scene
+from odm.audit import _exact as kernels
+from odm.audit.exact import Obstacles, obstacles_of
+from odm.obstacles.shapes import Shape
+from roadmap.errors import BadInput
+
+_CAP = 0.05  # [m] distances beyond are not resolved
+
+
+def start_distances(scene: Scene) -> list[tuple[float, str, str]]:
+    """Return (distance, one, other) of all that is nearer than 5 cm, nearest first.
+
+    Both agents as they wait, with themselves and each other, the object at its start,
+    and furniture; pairs of furniture and neighbouring links are left out. 0 is contact.
+    """
+    giver, receiver = _links(scene.giver), _links(scene.receiver)
+    thing = {scene.obj.name: obstacles_of(scene.object_shapes(scene.T_world_start))}
+    fixed = {
+        f"{fixture.name}": obstacles_of([fixture.shape]) for fixture in scene.scenery
+    }
+    found = _between(giver, receiver)
+    for group in (giver, receiver, thing):
+        found += _between(group, fixed)
+    for group in (giver, receiver):
+        found += _between(group, thing)
+    for agent, group in ((scene.giver, giver), (scene.receiver, receiver)):
+        found += _within(agent, group)
+    return sorted(found)
+
+
+def check_start(scene: Scene) -> None:
+    """Refuse a scene in which something is in collision before anything moves.
+
+    Raises:
+        BadInput: Names both, and what would help.
+    """
+    found = start_distances(scene)
+    if found and found[0][0] <= 0.0:
+        _, one, other = found[0]
+        raise BadInput(
+            f"the start of {scene.name} (seed {scene.seed}) is in collision: {one} "
+            f"meets {other}; move one of them by more than their overlap, or give the "
+            "agent another posture"
+        )
+
+
+def _links(placed: PlacedAgent) -> dict[str, Obstacles]:
+    groups: dict[str, list[Shape]] = {}
+    for link, shape in placed.shapes():
+        groups.setdefault(link, []).append(shape)
+    return {
+        f"{placed.agent.name}/{link}": obstacles_of(shapes)
+        for link, shapes in groups.items()
+    }
+
+
+def _between(
+    some: dict[str, Obstacles], others: dict[str, Obstacles]
+) -> list[tuple[float, str, str]]:
+    found = []
+    for one, a in some.items():
+        for other, b in others.items():
+            distance = _distance(a, b)
+            if distance < _CAP:
+                found.append((distance, one, other))
+    return found
+
+
+def _within(
+    placed: PlacedAgent, group: dict[str, Obstacles]
+) -> list[tuple[float, str, str]]:
+    found = []
+    for one, other in combinations(group, 2):
+        links = one.partition("/")[2], other.partition("/")[2]
+        if links in placed.body.neighbours:
+            continue
+        distance = _distance(group[one], group[other])
+        if distance < _CAP:
+            found.append((distance, one, other))
+    return found
+
+
+def _distance(a: Obstacles, b: Obstacles) -> float:
+    use = np.ones(len(a.frames), bool)
+    found = np.empty(2, np.int64)
+    best, _ = kernels.nearest_pair(
+        a.convexes, use, a.frames, b.convexes, b.frames, _CAP, found
+    )
+    return float(best)

@@ -1,0 +1,47 @@
+"""`load_scene`: a scene by name, drawn by seed, or one of your own from a TOML file."""
+
+import difflib
+from pathlib import Path
+
+from handover.scenes.clearance import check_start
+from handover.scenes.paper import PAPER_SCENES
+from handover.scenes.scene import Scene
+from handover.scenes.scene_file import read_scene
+from roadmap.errors import BadInput
+from roadmap.ranges import check_number
+
+_SCENES = dict(PAPER_SCENES)
+
+
+def scene_names() -> list[str]:
+    """Return the names that `load_scene` takes in place of a file."""
+    return sorted(_SCENES)
+
+
+def load_scene(source: str | Path, seed: int = 0) -> Scene:
+    """Return a scene.
+
+    Args:
+        source: One of `scene_names()`, or the path of a TOML file; see
+            `docs/handover.md`.
+        seed: What its random parts are drawn with: same seed, same bytes. A file has
+            none of them.
+
+    Raises:
+        BadInput: No such name or file, a file with a missing or unknown part, or a
+            start in collision; says what would help.
+    """
+    check_number("seed", seed, 0, 2**31, whole=True)
+    if str(source) in _SCENES:
+        scene = _SCENES[str(source)](int(seed))
+    elif Path(source).suffix == ".toml" or Path(source).is_file():
+        scene = read_scene(Path(source), int(seed))
+    else:
+        near = difflib.get_close_matches(str(source), scene_names(), n=1)
+        hint = f"did you mean {near[0]!r}? Give" if near else "give"
+        raise BadInput(
+            f"there is no scene {str(source)!r}; {hint} one of "
+            f"{', '.join(scene_names())} or the path of a .toml file"
+        )
+    check_start(scene)
+    return scene

@@ -1,0 +1,287 @@
+"""The plan of a hand-over as plain JSON, to be played or checked without this project.
+
+What each entry means is written in `docs/handover.md`, "The plan as a file".
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from handover.scenes.scene import PlacedAgent, Scene
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.errors import BadInput
+from roadmap.unfinished import beside
+
+FORMAT, VERSION = "odm hand-over plan", 1
+WHO = ("giver", "receiver")
+
+
+@dataclass(frozen=True, eq=False)
+class TimedMotion:
+    """A motion of one agent, in points that are joined by straight lines.
+
+    Attributes:
+        name: reach, pick, carry, offer, take, release, place, retreat, ...
+        who: "giver" or "receiver".
+        joints: (k,) names of the joints that it moves.
+        times: (n,) growing, on the plan's clock [s].
+        positions: (n, k) [rad or m].
+    """
+
+    name: str
+    who: str
+    joints: Sequence[str]
+    times: np.ndarray
+    positions: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Hold:
+    """The object is fixed to a link for a time.
+
+    Attributes:
+        who: "giver", "receiver" or "world"; the world's link is "".
+        link: The link.
+        T_link_object: (4, 4); of the world T_world_object [m].
+        begin, end: On the plan's clock [s]; an end of None: to the end.
+        touching: Links of `who` that may touch the object meanwhile: the hand's.
+    """
+
+    who: str
+    link: str
+    T_link_object: np.ndarray
+    begin: float
+    end: float | None = None
+    touching: Sequence[str] = field(default_factory=tuple)
+
+
+def hand_links(placed: PlacedAgent, side: str) -> tuple[str, ...]:
+    """Return the links of the hand of an arm: its root and all beyond."""
+    description = placed.body.description
+    links = [placed.agent.arms[side].spec.root]
+    for link in links:
+        links += [joint.child for joint in description.children(link)]
+    return tuple(links)
+
+
+def plan_record(
+    scene: Scene,
+    motions: Sequence[TimedMotion],
+    holds: Sequence[Hold],
+    **more: object,
+) -> dict:
+    """Return a plan as plain data.
+
+    Args:
+        scene: What was planned.
+        motions: In order of time; those of one agent do not overlap.
+        holds: In order of time; they leave no gap. Where two overlap, both hold.
+        more: Further entries as plain data: report, alternatives, ...
+
+    Raises:
+        BadInput: Motions or holds that contradict each other; says which.
+    """
+    record = {
+        "format": FORMAT,
+        "version": VERSION,
+        "units": "m, rad, s, kg",
+        "scene": {"name": scene.name, "seed": scene.seed},
+        "giver": _agent(scene.giver),
+        "receiver": _agent(scene.receiver),
+        "object": {
+            "name": scene.obj.name,
+            "mass_kg": scene.obj.mass_kg,
+            "parts": [_shape(part) for part in scene.obj.parts],
+            "T_world_start": scene.T_world_start.tolist(),
+            "T_world_goal": scene.T_world_goal.tolist(),
+        },
+        "scenery": [{"name": f.name, **_shape(f.shape)} for f in scene.scenery],
+        "motions": [_motion(motion) for motion in motions],
+        "holds": [_hold(hold) for hold in holds],
+        **more,
+    }
+    check_record(record)
+    return record
+
+
+def write_plan(path: str | Path, record: Mapping) -> Path:
+    """Write a plan as JSON, whole or not at all; `record` is `plan_record`'s."""
+    check_record(record)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with beside(path) as made:
+        made.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
+        os.replace(made, path)
+    return path
+
+
+def read_plan(path: str | Path) -> dict:
+    """Return a plan's record from its JSON file.
+
+    Raises:
+        BadInput: No such file, no plan, or one that contradicts itself.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"there is no plan {path}; make one with `odm handover plan`")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path} is no JSON file ({error}); make it again") from error
+    check_record(record)
+    return record
+
+
+def check_record(record: Mapping) -> None:
+    """Refuse a record that is no plan.
+
+    Raises:
+        BadInput: Another format or version, times that do not grow, motions of one
+            agent that overlap or jump, a time without a hold.
+    """
+    told = isinstance(record, Mapping) and (record.get("format"), record.get("version"))
+    if told != (FORMAT, VERSION):
+        raise BadInput(
+            f"this is no {FORMAT} of version {VERSION} but {told!r}; make it again "
+            "with `odm handover plan`"
+        )
+    end = 0.0
+    for who in WHO:
+        end = max(end, _check_motions(record, who))
+    reached = 0.0
+    for hold in record["holds"]:
+        if hold["begin"] > reached + 1e-9:
+            raise BadInput(
+                f"nothing holds the object from {reached:g} to {hold['begin']:g} s; "
+                "let the holds of the plan meet"
+            )
+        until = np.inf if hold["end"] is None else hold["end"]
+        reached = max(reached, until)
+    if reached < end - 1e-9:
+        raise BadInput(
+            f"nothing holds the object after {reached:g} s, but the plan ends at "
+            f"{end:g} s; let the last hold end with it"
+        )
+
+
+def duration(record: Mapping) -> float:
+    """Return when the last motion of a plan ends [s]."""
+    return max((m["times"][-1] for m in record["motions"]), default=0.0)
+
+
+def joints_at(record: Mapping, who: str, t: float) -> dict[str, float]:
+    """Return all joints of an agent of a plan at a time [s]."""
+    joints = dict(record[who]["joints"])
+    for motion in record["motions"]:
+        if motion["who"] != who or t < motion["times"][0]:
+            continue
+        rows = np.array(motion["positions"], float)
+        for name, row in zip(motion["joints"], rows.T, strict=True):
+            joints[name] = float(np.interp(t, motion["times"], row))
+    return joints
+
+
+def change_time(record: Mapping) -> float | None:
+    """Return when the receiver begins to hold the object [s]; None: never."""
+    begins = [h["begin"] for h in record["holds"] if h["who"] == "receiver"]
+    return min(begins, default=None)
+
+
+def object_at(record: Mapping, scene: Scene, t: float) -> np.ndarray:
+    """Return T_world_object, (4, 4) [m], of a plan at a time [s]."""
+    for hold in record["holds"]:
+        if hold["begin"] - 1e-9 <= t and (hold["end"] is None or t <= hold["end"]):
+            T = np.array(hold["T_link_object"])
+            if hold["who"] == "world":
+                return T
+            placed = getattr(scene, hold["who"])
+            joints = joints_at(record, hold["who"], t)
+            return placed.link_pose(hold["link"], joints) @ T
+    raise BadInput(f"nothing holds the object at {t:g} s; give a time within the plan")
+
+
+def _check_motions(record: Mapping, who: str) -> float:
+    end, joints = 0.0, dict(record[who]["joints"])
+    for motion in record["motions"]:
+        if motion["who"] not in WHO:
+            raise BadInput(
+                f"{motion['name']} is a motion of {motion['who']!r}; give giver or "
+                "receiver"
+            )
+        if motion["who"] != who:
+            continue
+        name, times = motion["name"], np.array(motion["times"], float)
+        rows = np.array(motion["positions"], float)
+        if rows.shape != (len(times), len(motion["joints"])) or len(times) < 1:
+            raise BadInput(
+                f"{name} has {len(times)} times and positions of shape {rows.shape} "
+                f"for {len(motion['joints'])} joints; give a row for each time"
+            )
+        if not (np.isfinite(times).all() and np.isfinite(rows).all()):
+            raise BadInput(f"{name} holds NaN or infinity; give finite numbers")
+        if (np.diff(times) <= 0).any() or times[0] < end - 1e-9:
+            raise BadInput(
+                f"times of {name} do not grow, or begin at {times[0]:g} s before the "
+                f"last motion of the {who} ends at {end:g} s; let them follow"
+            )
+        for joint, value in zip(motion["joints"], rows[0], strict=True):
+            if joint not in joints:
+                raise BadInput(f"{name} moves {joint!r}, which the {who} does not have")
+            if abs(joints[joint] - value) > 1e-6:
+                raise BadInput(
+                    f"{name} begins with {joint} at {value:.6g}, where the {who} has "
+                    f"it at {joints[joint]:.6g}; let each begin where the last ended"
+                )
+        joints |= dict(zip(motion["joints"], rows[-1].tolist(), strict=True))
+        end = float(times[-1])
+    return end
+
+
+def _agent(placed: PlacedAgent) -> dict:
+    return {
+        "name": placed.agent.name,
+        "urdf": str(placed.body.file),
+        "T_world_base": placed.T_world_base.tolist(),
+        "joints": dict(placed.joints),
+        "arms": list(placed.arms),
+    }
+
+
+def _motion(motion: TimedMotion) -> dict:
+    return {
+        "name": motion.name,
+        "who": motion.who,
+        "joints": list(motion.joints),
+        "times": np.asarray(motion.times, float).tolist(),
+        "positions": np.asarray(motion.positions, float).tolist(),
+    }
+
+
+def _hold(hold: Hold) -> dict:
+    return {
+        "who": hold.who,
+        "link": hold.link,
+        "T_link_object": np.asarray(hold.T_link_object, float).tolist(),
+        "begin": float(hold.begin),
+        "end": None if hold.end is None else float(hold.end),
+        "touching": list(hold.touching),
+    }
+
+
+def _shape(shape: Shape) -> dict:
+    """Return a shape at its pose as plain data."""
+    at = {"pose": shape.T_base_shape.tolist()}
+    if isinstance(shape, Box):
+        return {"type": "box", "size": shape.size.tolist(), **at}
+    if isinstance(shape, Sphere):
+        return {"type": "sphere", "radius": shape.radius, **at}
+    if isinstance(shape, Mesh):
+        corners = {"vertices": shape.vertices.tolist(), "faces": shape.faces.tolist()}
+        return {"type": "mesh", **corners, **at}
+    kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
+    assert isinstance(shape, Capsule | Cylinder)
+    return {"type": kind, "radius": shape.radius, "length": shape.length, **at}

@@ -1,0 +1,211 @@
+"""A scene of one's own, read from TOML: agents, object, start, goal and furniture."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from handover.grasps.agents import Agent, AgentArm, Posture, load_agent
+from handover.grasps.hands import HandSpec
+from handover.grasps.objects import GraspObject, load_object
+from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.errors import BadInput
+from roadmap.ranges import is_between
+from roadmap.transforms import pose_of
+
+_PARTS = {"giver", "receiver", "object", "start", "goal"}
+_KEYS = {
+    "the file": _PARTS | {"name", "scenery"},
+    "an agent": {
+        *("agent", "urdf", "arms", "posture", "position", "rpy", "joints", "use"),
+    },
+    "an arm": {"tip", "hand"},
+    "a hand": {
+        *("name", "root", "palm", "fingers", "closed", "preshapes"),
+        *("palm_position", "palm_rpy"),
+    },
+    "[object]": {"name", "file", "mass_kg", "scale"},
+    "[start]": {"position", "rpy"},
+    "[goal]": {"position", "rpy", "held"},
+}
+_SHAPES = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "mesh": ("file",),
+}
+
+
+def read_scene(path: Path, seed: int = 0) -> Scene:
+    """Read a scene from a TOML file; see `docs/handover.md` for its parts.
+
+    Args:
+        path: The file; paths in it start from its folder.
+        seed: Kept with the scene; nothing is random in a file.
+
+    Raises:
+        BadInput: No such file, no TOML, a part that is missing or unknown.
+    """
+    if not path.is_file():
+        raise BadInput(f"there is no scene file {path}; correct its path")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path} is no TOML file ({error}); correct it") from error
+    _known(table, "the file", path)
+    for part in sorted(_PARTS - set(table)):
+        raise BadInput(f"{path} has no part [{part}]; add it")
+    parts = {name: _table(table[name], f"[{name}]", path) for name in _PARTS}
+    goal = _known(parts["goal"], "[goal]", path)
+    held = goal.get("held", False)
+    if not isinstance(held, bool):
+        raise BadInput(f"{path}: held of [goal] is {held!r}; give true or false")
+    return Scene(
+        str(table.get("name", path.stem)),
+        seed,
+        _placed(parts["giver"], "[giver]", path),
+        _placed(parts["receiver"], "[receiver]", path),
+        _object(_known(parts["object"], "[object]", path), path),
+        _pose(_known(parts["start"], "[start]", path), "[start]", path, needed=True),
+        _pose(goal, "[goal]", path, needed=True),
+        _scenery(table.get("scenery", []), path),
+        held,
+    )
+
+
+def _known(table: dict, what: str, path: Path) -> dict:
+    unknown = sorted(set(table) - _KEYS[what])
+    if unknown:
+        raise BadInput(
+            f"{path}: {what} has no key {unknown[0]!r}; known keys: "
+            f"{', '.join(sorted(_KEYS[what]))}"
+        )
+    return table
+
+
+def _table(value: object, what: str, path: Path) -> dict:
+    if not isinstance(value, dict):
+        raise BadInput(f"{path}: {what} is {value!r}; write a table")
+    return value
+
+
+def _pose(table: Mapping, what: str, path: Path, needed: bool = False) -> np.ndarray:
+    if needed and "position" not in table:
+        raise BadInput(f"{path}: {what} has no position; give three metres")
+    found = []
+    for key, unit in (("position", "metres"), ("rpy", "radians")):
+        value = table.get(key, (0.0, 0.0, 0.0))
+        listed = isinstance(value, list | tuple) and len(value) == 3
+        if not listed or not all(is_between(v, -100.0, 100.0) for v in value):
+            raise BadInput(
+                f"{path}: {key} of {what} is {value!r}; give three {unit}, none beyond "
+                "100 either way"
+            )
+        found.append(value)
+    return pose_of(*found)
+
+
+def _placed(table: dict, what: str, path: Path) -> PlacedAgent:
+    _known(table, "an agent", path)
+    if ("agent" in table) == ("urdf" in table):
+        raise BadInput(f"{path}: {what} needs either agent or urdf; give one of both")
+    agent = load_agent(table["agent"]) if "agent" in table else _own(table, what, path)
+    posture = table.get("posture", next(iter(agent.postures)))
+    joints = _numbers(table.get("joints", {}), f"joints of {what}", path)
+    arms = tuple(table.get("use", ()))
+    return stand(agent, _pose(table, what, path), posture, joints, arms or None)
+
+
+def _own(table: dict, what: str, path: Path) -> Agent:
+    """Return an agent of the user's, from a URDF."""
+    urdf = path.parent / str(table["urdf"])
+    arms = {}
+    for side, entry in _table(table.get("arms", {}), f"arms of {what}", path).items():
+        named = f"the {side} arm of {what}"
+        entry = _known(_table(entry, named, path), "an arm", path)
+        for key in ("tip", "hand"):
+            if key not in entry:
+                raise BadInput(f"{path}: {named} has no {key}; name it")
+        hand = entry["hand"]
+        if isinstance(hand, dict):
+            hand = _hand(hand, str(urdf), named, path)
+        arms[side] = AgentArm(side, str(urdf), hand, str(entry["tip"]))
+    if not arms:
+        raise BadInput(
+            f"{path}: {what} has a urdf and no arm; give [{what.strip('[]')}.arms."
+            'right] with tip = "LINK" and hand = "NAME"'
+        )
+    return Agent(urdf.stem, arms, {"fixed": Posture()})
+
+
+def _hand(table: dict, urdf: str, whose: str, path: Path) -> HandSpec:
+    _known(table, "a hand", path)
+    for key in ("root", "palm", "fingers", "closed", "preshapes"):
+        if key not in table:
+            raise BadInput(f"{path}: the hand of {whose} has no {key}; add it")
+    at = {key: table.get(f"palm_{key}", (0.0, 0.0, 0.0)) for key in ("position", "rpy")}
+    what = f"the hand of {whose}"
+    return HandSpec(
+        str(table.get("name", f"{Path(urdf).stem}_hand")),
+        urdf,
+        str(table["root"]),
+        str(table["palm"]),
+        tuple(tuple(finger) for finger in table["fingers"]),
+        _numbers(table["closed"], f"closed of {what}", path),
+        tuple(_numbers(s, f"preshapes of {what}", path) for s in table["preshapes"]),
+        _pose(at, f"the palm of {whose}", path),
+    )
+
+
+def _numbers(table: object, what: str, path: Path) -> dict[str, float]:
+    for name, value in _table(table, what, path).items():
+        if not is_between(value, -1e3, 1e3):
+            raise BadInput(f"{path}: {what}: {name} is {value!r}; give rad or m")
+    return {name: float(value) for name, value in table.items()}
+
+
+def _object(table: dict, path: Path) -> GraspObject:
+    if ("name" in table) == ("file" in table):
+        raise BadInput(f"{path}: [object] needs either name or file; give one of both")
+    if "name" in table:
+        return load_object(table["name"], table.get("mass_kg"), table.get("scale", 1.0))
+    file = path.parent / str(table["file"])
+    return load_object(file, table.get("mass_kg"), table.get("scale", 1.0))
+
+
+def _scenery(tables: object, path: Path) -> tuple[Fixture, ...]:
+    if not isinstance(tables, list):
+        raise BadInput(f"{path}: scenery is {tables!r}; write tables [[scenery]]")
+    found = []
+    for k, table in enumerate(tables):
+        kind = _table(table, f"scenery {k}", path).get("type")
+        if kind not in _SHAPES:
+            raise BadInput(
+                f"{path}: scenery {k} has the type {kind!r}; choose one of "
+                f"{', '.join(_SHAPES)}"
+            )
+        keys = {"type", "name", "position", "rpy", *_SHAPES[kind]}
+        keys |= {"scale"} if kind == "mesh" else set()
+        unknown = sorted(set(table) - keys)
+        missing = sorted(set(_SHAPES[kind]) - set(table))
+        if unknown or missing:
+            word = f"has no key {unknown[0]!r}" if unknown else f"lacks {missing[0]!r}"
+            raise BadInput(
+                f"{path}: scenery {k} ({kind}) {word}; its keys: "
+                f"{', '.join(sorted(keys))}"
+            )
+        T = _pose(table, f"scenery {k}", path)
+        name = str(table.get("name", f"{kind} {k}"))
+        found.append(Fixture(name, _shape(kind, table, T, path)))
+    return tuple(found)
+
+
+def _shape(kind: str, table: dict, T: np.ndarray, path: Path) -> Shape:
+    if kind == "mesh":
+        file = path.parent / str(table["file"])
+        return Mesh.from_file(file, table.get("scale", 1.0)).moved(T)
+    make = {"box": Box, "sphere": Sphere, "cylinder": Cylinder, "capsule": Capsule}
+    return make[kind](*(table[key] for key in _SHAPES[kind]), T)
