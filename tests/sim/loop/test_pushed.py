@@ -125,8 +125,8 @@ class Pushable:
         executor = self.executor
         executor.locate(executor.set_point.q if q is None else q)
         commit = executor.commit()
-        points = np.zeros((0, 3)) if threat is None else threat.points
-        self.answer = self.planner.step(points, q=commit.q)
+        rows = np.zeros((0, 7)) if threat is None else threat.capsules
+        self.answer = self.planner.step(odm.Obstacles(capsules=rows), q=commit.q)
         executor.update(self.answer, commit, threat)
         self.reasons.add(executor.reason)
         executor.advance()
