@@ -54,7 +54,6 @@ def open_page(told: dict) -> "Page":
         lambda: robot_parts(robot, told["source"], told["locked"]),
         None if packed is None else (lambda: pickle.loads(packed)),
         tell if told["drag"] else None,
-        ("blocked",),
     )
     return Page(show, socket.socket(fileno=told["door"]), told["host"], told["token"])
 

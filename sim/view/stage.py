@@ -110,7 +110,7 @@ class Stage:
     def set_map(self, cell_map: CellMap, roadmap: RoadmapPicture) -> None:
         """Take a map, which brings cells and edges; they are drawn once."""
         self.cell_map, self.roadmap = cell_map, roadmap
-        self._lines("edges", roadmap.segments, looks.FREE_EDGE, 1.0)
+        self._lines("edges", roadmap.segments, looks.FREE_EDGE, 0.6)
 
     def show(self, layer: str, on: bool) -> None:
         """Show or hide a layer."""
@@ -257,7 +257,7 @@ class Stage:
     def _blocked(self, cells: np.ndarray) -> None:
         blocked = self.roadmap.blocked(cells)
         segments = self.roadmap.segments[blocked]
-        self._lines("blocked", segments, looks.BLOCKED_EDGE, 1.6)
+        self._lines("blocked", segments, looks.BLOCKED_EDGE, 0.8)
 
     def _lines(
         self, layer: str, segments: np.ndarray, colour: tuple, pixels: float
