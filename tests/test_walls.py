@@ -31,6 +31,7 @@ ORDER = {
         "loop",
         "record",
         "draw",
+        "view",
         "run",
         "two",
         "keyboard",
