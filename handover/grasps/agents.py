@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from handover.grasps.hands import HandSpec, hand_spec
+from handover.human.anthropometry import ARM_JOINTS
+from handover.human.human import Human
+from handover.human.postures import POSTURES
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.robot.known import known_robot
@@ -145,6 +148,29 @@ def _hubo_postures() -> dict[str, Posture]:
 _HANGING = {1: 1.5708, 2: 1.45, 3: -1.5708, 4: 0.2}
 # the maker's "ready" posture
 _PANDA_READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+
+
+def _person_postures() -> dict[str, Posture]:
+    """Return how a person of 1.75 m stands, sits and kneels: as `handover.Human`."""
+    found = {}
+    for name in ("standing", "sitting", "kneeling"):
+        posture = POSTURES[name]
+        T = Human(1.75, name, thickness="mean").T_world_pelvis.copy()
+        # knees rest on the thighs' round ends, which are thicker than the shanks
+        T[2, 3] += 0.029 if posture.support == "knees" else 0.001
+        legs = zip(
+            ("left", "right"), (posture.left_leg, posture.right_leg), strict=True
+        )
+        joints = {}
+        for side, (hip, knee, sole) in legs:
+            angles = {"hip": hip, "knee": -knee, "ankle": sole - 90.0}
+            joints |= {f"{side}_{j}": np.radians(v) for j, v in angles.items()}
+            for joint, angle in zip(ARM_JOINTS, posture.arm, strict=True):
+                joints[f"{side}_{joint.replace(' ', '_')}"] = np.radians(angle)
+        found[name] = Posture(T, joints)
+    return found
+
+
 _AGENTS = {
     agent.name: agent
     for agent in (
@@ -159,6 +185,7 @@ _AGENTS = {
             },
         ),
         Agent("drchubo", _arms("drchubo", "hubo"), _hubo_postures()),
+        Agent("person", _arms("person", "person"), _person_postures()),
         Agent(
             "panda",
             {"right": AgentArm("right", "panda", "panda")},

@@ -97,6 +97,30 @@ def _hubo(side: str, n: int) -> HandSpec:
     return _hand(f"hubo_{side}", "drchubo", side, n, (1.6, 1.7), shapes)
 
 
+def _person(side: str) -> HandSpec:
+    fingers = (*_fingers(side, 3), (f"{side}_thumb_flexion", f"{side}_thumb_bend"))
+    shapes = tuple(
+        {
+            **_shape(side, 3, flexion, bend),
+            f"{side}_thumb_flexion": thumb,
+            f"{side}_thumb_bend": 0.0,
+        }
+        for flexion, bend, thumb in ((0.2, 0.1, -0.8), (0.7, 0.3, -0.3))
+    )
+    ends = (1.57, 1.8)
+    closed = {j: e for f in fingers[:3] for j, e in zip(f, ends, strict=True)}
+    closed |= dict(zip(fingers[3], (1.2, 1.4), strict=True))
+    return HandSpec(
+        f"person_{side}",
+        f"person_{side}",
+        f"{side}_hand",
+        f"{side}_palm",
+        fingers,
+        closed,
+        shapes,
+    )
+
+
 _PANDA = HandSpec(
     "panda",
     "panda",
@@ -113,6 +137,7 @@ _HANDS = {
         *(_sdh(side) for side in ("left", "right")),
         _hubo("left", 3),
         _hubo("right", 4),
+        *(_person(side) for side in ("left", "right")),
         _PANDA,
     )
 }

@@ -106,7 +106,8 @@ def arms_in_order(
     """Return the arms that reach a thing, the best first, and why (section IV-A).
 
     Args:
-        limbs, mounts: The arms by side, and what they hang on, world frame [m].
+        limbs: The arms by side.
+        mounts: What they hang on, world frame [m].
         point: (3,) the thing's middle, world frame [m].
         size: How far it reaches from there [m]: an arm that only comes so near to the
             middle is taken after those that reach it.

@@ -3,12 +3,19 @@
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
+from handover.grasps._closing import clearance
 from handover.grasps.build import Progress, build_grasps
+from handover.grasps.closing import Target, is_outside, target_of
 from handover.grasps.grasp_set import GraspSet, load_grasps
+from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject
 from roadmap.errors import BadInput, BadMap
 
+_KEPT = 5e-5  # [m] between an open hand and the object
+_FAR, _STEP = 0.02, 5e-4  # [m] longest and shortest step along a line
 FOLDER = Path("maps/built/grasps")
 _ALIKE = {"sdh_right": "sdh_left"}  # the same hand on the other arm
 
@@ -47,6 +54,38 @@ def grasps_for(
     made = build_grasps(thing, hand.name, progress=progress)
     made.save(path)
     return made
+
+
+@lru_cache(maxsize=4096)
+def line_clear(grasps: GraspSet, g: int, length: float) -> bool:
+    """Return whether an open hand comes straight to a grasp without cutting the object.
+
+    Along the approach, by conservative advancement on exact distances.
+
+    Args:
+        grasps: The set.
+        g: The grasp.
+        length: Of the line that ends in it [m].
+    """
+    hand, target = load_hand(grasps.hand), _target(grasps.thing)
+    T, back = grasps.T_object_palm[g].copy(), 0.0
+    use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
+    state = hand.state(T, grasps.preshape[g])
+    if not is_outside(hand, state, target, _KEPT):
+        return False
+    while back < length:
+        T[:3, 3] = grasps.T_object_palm[g][:3, 3] - back * T[:3, 2]
+        state = hand.state(T, grasps.preshape[g])
+        gap = clearance(hand.arrays, state, use, target.mesh, _FAR, found)
+        if gap < _KEPT:
+            return False
+        back += max(gap - _KEPT, _STEP)
+    return True
+
+
+@lru_cache(maxsize=16)
+def _target(thing: GraspObject) -> Target:
+    return target_of(thing)
 
 
 def _stored(path: Path, fingerprint: str) -> GraspSet | None:

@@ -7,6 +7,7 @@ import numpy as np
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
 from handover.plans.choose import Pair, Tuple
+from handover.plans.grasps import line_clear
 from handover.plans.limb import Limb
 from handover.plans.mover import TOLERANCE, Mover
 from handover.plans.settings import PlanSettings
@@ -109,10 +110,10 @@ class MotionPlanner:
         giver.put_other(self.home["receiver"])
         giver.put_object(scene.T_world_start)
         q_open = _with_hand(giver.limb, chosen.q_start, grasps.preshape[g])
-        pre, line = self._line_to(giver, q_open, "the pick")
+        pre, line = self._line_to(giver, q_open, "the pick", (grasps, g))
         giver.put_object(scene.T_world_start)
         reach = self._reach("giver", giver, home, pre, "reach")
-        close = np.array([q_open, chosen.q_start])
+        close = _closing(giver.limb, q_open, chosen.q_start)
         giver.put_object(scene.T_world_start)
         giver.let_touch()
         self._prove(giver, close, "closing the giver's hand")
@@ -140,13 +141,14 @@ class MotionPlanner:
         receiver.put_object(chosen.T_world_handover)
         shut = chosen.q_receiver
         q_open = _with_hand(receiver.limb, shut, grasps.preshape[chosen.grasp_receiver])
-        pre, line = self._line_to(receiver, q_open, "the take")
+        held = grasps, chosen.grasp_receiver
+        pre, line = self._line_to(receiver, q_open, "the take", held)
         home = self.home["receiver"]
         receiver.put_object(chosen.T_world_handover)
         reach = self._reach("receiver", receiver, home, pre, "reach for the object")
         receiver.put_object(chosen.T_world_handover)
         receiver.let_touch()
-        close = np.array([q_open, shut])
+        close = _closing(receiver.limb, q_open, shut)
         self._prove(receiver, close, "closing the receiver's hand")
         return [
             _Piece("approach", "receiver", reach, False),
@@ -161,7 +163,8 @@ class MotionPlanner:
         q_open = _with_hand(
             giver.limb, chosen.q_giver, grasps.preshape[chosen.grasp_giver]
         )
-        return self._let_go("giver", giver, chosen.q_giver, q_open, "release")
+        held = grasps, chosen.grasp_giver
+        return self._let_go("giver", held, chosen.q_giver, q_open, "release")
 
     def _place(self, chosen: Tuple) -> list[_Piece]:
         """Receiver: bring the object to the goal; let go where that carries it."""
@@ -179,17 +182,24 @@ class MotionPlanner:
         path = self._between("receiver", receiver, chosen.q_receiver, down[0], "place")
         receiver.put_object(scene.T_world_goal)
         q_open = _with_hand(receiver.limb, chosen.q_goal, grasps.preshape[g])
-        last = self._let_go("receiver", receiver, chosen.q_goal, q_open, "let go")
+        held = grasps, g
+        last = self._let_go("receiver", held, chosen.q_goal, q_open, "let go")
         return [_Piece("place", "receiver", np.vstack([path, down[1:]]), True), *last]
 
     def _let_go(
-        self, who: str, mover: Mover, shut: np.ndarray, q_open: np.ndarray, name: str
+        self,
+        who: str,
+        held: tuple[GraspSet, int],
+        shut: np.ndarray,
+        q_open: np.ndarray,
+        name: str,
     ) -> list[_Piece]:
+        mover = self.pair.giver if who == "giver" else self.pair.receiver
         T = mover.T_world_object
         mover.let_touch()
-        opening = np.array([shut, q_open])
+        opening = _closing(mover.limb, q_open, shut)[::-1]
         self._prove(mover, opening, f"opening the {who}'s hand")
-        pre, line = self._line_to(mover, q_open, f"the {who}'s retreat")
+        pre, line = self._line_to(mover, q_open, f"the {who}'s retreat", held)
         mover.put_object(T)
         back = self._reach(who, mover, self.home[who], pre, f"the {who}'s way home")
         return [
@@ -200,13 +210,16 @@ class MotionPlanner:
     # --- pieces -------------------------------------------------------------------
 
     def _line_to(
-        self, mover: Mover, q_open: np.ndarray, what: str
+        self, mover: Mover, q_open: np.ndarray, what: str, held: tuple[GraspSet, int]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return where a straight line of the palm to q begins, and its corners.
 
-        The hand may touch the object on the line, and not where it begins.
+        On the line hand and object are tested against each other by exact distances of
+        the object's own mesh, where it begins and elsewhere by those of its hull.
         """
         T, trouble = mover.T_world_object, ""
+        if not line_clear(*held, self.settings.back):
+            raise Blocked(f"no straight line for {what}: the hand would cut the object")
         away = -mover.palm(q_open)[:3, 2]
         for share in _SHORTER:
             line = self._line(mover, q_open, away, share * self.settings.back)
@@ -301,6 +314,25 @@ class MotionPlanner:
         trouble = self._blocked(mover, path)
         if trouble:
             raise Blocked(f"{what}: {trouble}")
+
+
+def _closing(limb: Limb, q_open: np.ndarray, q_shut: np.ndarray) -> np.ndarray:
+    """Return corners of a hand that closes as its grasp was made.
+
+    All fingers at once, in each the joints one after the other, base first: on that way
+    no finger overlaps the object.
+    """
+    corners, at = [q_open], limb.joints.index
+    for k in range(max(len(finger) for finger in limb.spec.fingers)):
+        q = corners[-1].copy()
+        for finger in limb.spec.fingers:
+            if k < len(finger):
+                q[at(finger[k])] = q_shut[at(finger[k])]
+        corners.append(q)
+    corners.append(q_shut)
+    path = np.array(corners)
+    moves = np.abs(np.diff(path, axis=0)).max(axis=1) > _SAME
+    return path[np.r_[True, moves]] if moves.any() else path[[0, -1]]
 
 
 def home_of(placed: PlacedAgent, limb: Limb) -> np.ndarray:

@@ -6,9 +6,12 @@ are put elsewhere by writing a pose.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
 from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
@@ -111,7 +114,7 @@ class Mover:
         groups += still
         self.names = tuple(g[0] for g in groups)
         balls = [_group_ball(g, limb, other, self._first_other) for g in groups]
-        self._object_ball = balls[self.object_group]
+        self._object_ball = np.array(balls[self.object_group])
         pairs, reach, margin, first = self._pairs(groups, balls, placed)
         parts = [p for g in groups for p in g[2]]
         ends = np.cumsum([0, *(len(p[1]) for p in parts)])
@@ -133,7 +136,7 @@ class Mover:
             first=first,
         )
         self._margin = margin
-        self._object_rows = np.flatnonzero((pairs == self.object_group).any(axis=1))
+        self._rows = _object_rows(pairs, self.object_group, limb, other)
 
     def _pairs(self, groups, balls, placed) -> tuple:
         """Return pairs, reach, margins, and how many depend on the hand alone."""
@@ -168,15 +171,14 @@ class Mover:
         rows = [*rows_hand, *rows_arm]
         pairs = np.array([r[:2] for r in rows])
         margin = np.array([r[2] for r in rows])
-        reach = np.zeros((len(rows), limb.dof))
+        reach, reaches = np.zeros((len(rows), limb.dof)), group_reaches(limb)
         for p, (a, b) in enumerate(pairs):
             if a == thing:
                 continue  # when it is held
-            if b == thing or b > thing:
-                reach[p] = _group_reach(limb, a)
+            reach[p] = reaches[a]
             if b <= hand:  # joints below a carry both
                 body = limb.parts[limb.groups[a][1]].body
-                reach[p] = _group_reach(limb, b) * (np.arange(limb.dof) >= body)
+                reach[p] = reaches[b] * (np.arange(limb.dof) >= body)
         return pairs, reach, margin, first
 
     # --- where things are ---------------------------------------------------------
@@ -191,21 +193,17 @@ class Mover:
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
         self.T_world_object = np.asarray(T_world_object, float)
-        space, thing = self.space, self.object_group
+        space, rows = self.space, self._rows
         space.tree_i[self._object] = -1, -1, 0
         space.tree_f[self._object, :12] = flat_pose(self.T_world_object)
         space.margin[:] = self._margin
-        for p in self._object_rows:
-            a, b = space.pairs[p]
-            if a == thing:
-                space.margin[p] = _OFF  # neither moves
-            elif b == thing:
-                space.reach[p] = _group_reach(self.limb, a)
+        space.margin[rows.still] = _OFF  # neither moves
+        space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
         self.T_world_object = None
-        space, thing, limb = self.space, self.object_group, self.limb
+        space, rows, limb = self.space, self._rows, self.limb
         T = limb.T_body_palm @ T_palm_object
         space.tree_i[self._object] = limb.palm, -1, 0
         space.tree_f[self._object, :12] = flat_pose(T)
@@ -213,21 +211,13 @@ class Mover:
         center = T[:3, :3] @ self._object_ball[:3] + T[:3, 3] - limb.T_body_palm[:3, 3]
         far = np.linalg.norm(center) + self._object_ball[3]
         reach = np.where(limb.palm_reach > 0.0, limb.palm_reach + far, 0.0)
-        for p in self._object_rows:
-            a, b = space.pairs[p]
-            space.reach[p] = reach
-            if b == thing and a == self.hand_group:
-                space.margin[p] = _OFF
-            elif b == thing:
-                body = limb.parts[limb.groups[a][1]].body
-                space.reach[p] = reach * (np.arange(limb.dof) >= body)
+        space.reach[rows.still] = reach
+        space.reach[rows.limb] = reach * rows.beyond
+        space.margin[rows.hand] = _OFF
 
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
-        other_hand = self.object_group + len(self.other.groups)
-        for p in self._object_rows:
-            if set(self.space.pairs[p]) & {self.hand_group, other_hand}:
-                self.space.margin[p] = _OFF
+        self.space.margin[self._rows.touching] = _OFF
 
     # --- questions ------------------------------------------------------------------
 
@@ -271,6 +261,39 @@ class Mover:
     def scratch(self) -> kernels.Scratch:
         """Working memory of one thread."""
         return self._scratch
+
+
+class _Rows(NamedTuple):
+    """Which pairs have to do with the object."""
+
+    still: np.ndarray  # it and what stands
+    limb: np.ndarray  # a group of the arm and it
+    group: np.ndarray  # that group
+    beyond: np.ndarray  # (n, dof) joints that do not carry both
+    hand: np.ndarray  # the hand and it
+    touching: np.ndarray  # it and either hand
+
+
+def _object_rows(pairs: np.ndarray, thing: int, limb: Limb, other: Limb) -> _Rows:
+    rows = np.flatnonzero(pairs[:, 1] == thing)
+    group = pairs[rows, 0]
+    body = np.array([limb.parts[limb.groups[a][1]].body for a in group])
+    hands = {thing - 1, thing + len(other.groups)}
+    either = [set(pair) & hands and thing in pair for pair in pairs.tolist()]
+    return _Rows(
+        still=np.flatnonzero(pairs[:, 0] == thing),
+        limb=rows,
+        group=group,
+        beyond=np.arange(limb.dof) >= body[:, None],
+        hand=rows[group == thing - 1],
+        touching=np.flatnonzero(np.array([bool(e) for e in either])),
+    )
+
+
+@lru_cache(maxsize=16)
+def group_reaches(limb: Limb) -> np.ndarray:
+    """Return (n groups, dof) how far a unit of each joint moves a group [m]."""
+    return np.array([limb.reach[a:b].max(axis=0) for _, a, b in limb.groups])
 
 
 def mount_pose(placed: PlacedAgent, limb: Limb) -> np.ndarray:
@@ -357,11 +380,6 @@ def _extent(limb: Limb) -> list[float]:
     return found
 
 
-def _group_reach(limb: Limb, group: int) -> np.ndarray:
-    _, begin, end = limb.groups[group]
-    return limb.reach[begin:end].max(axis=0)
-
-
 def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple]:
     """Return the links of an agent that are no part of its arm, world frame."""
     frames, T = limb.model.frames(placed.joints), placed.T_world_base
@@ -377,12 +395,14 @@ def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple
 
 
 def _object_parts(scene: Scene, body: int) -> list[tuple]:
-    found = []
-    for part in scene.obj.parts:
-        T = part.T_base_shape
-        points = part.vertices @ T[:3, :3].T + T[:3, 3]
-        found.append((body, hull_points(points), 0.0))
-    return found
+    return [(body, points, 0.0) for points in _hulls(scene.obj)]
+
+
+@lru_cache(maxsize=16)
+def _hulls(thing: GraspObject) -> tuple[np.ndarray, ...]:
+    """Return the corners of the hulls of an object's parts, its frame [m]."""
+    moved = [(part.vertices, part.T_base_shape) for part in thing.parts]
+    return tuple(hull_points(v @ T[:3, :3].T + T[:3, 3]) for v, T in moved)
 
 
 def shape_points(shape: Shape) -> tuple[np.ndarray, float]:

@@ -7,10 +7,11 @@ from handover.scenes.clearance import check_start
 from handover.scenes.paper import PAPER_SCENES
 from handover.scenes.scene import Scene
 from handover.scenes.scene_file import read_scene
+from handover.scenes.varied import varied
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
-_SCENES = dict(PAPER_SCENES)
+_SCENES = {**PAPER_SCENES, "varied": varied}
 
 
 def scene_names() -> list[str]:

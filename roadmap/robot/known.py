@@ -95,6 +95,16 @@ _AGENTS = {
     )
     for side in _SIDES
 } | {f"drchubo_{side}": _hubo(side) for side in _SIDES}
+_AGENTS |= {
+    f"person_{side}": KnownRobot(
+        "maps",
+        "person.urdf",
+        f"{side}_palm",
+        _other_arm(side, {"shoulder_flexion": 0.09, "elbow_flexion": 0.35}),
+        travel=(),
+    )
+    for side in _SIDES
+}
 
 _ROBOTS = {
     "panda": KnownRobot(

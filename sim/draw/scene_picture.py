@@ -83,7 +83,9 @@ def triangles_of(shape: shapes.Shape) -> np.ndarray:
 
 
 def _joined(found: object) -> np.ndarray:
-    return np.concatenate([triangles_of(shape) for shape in found])
+    return np.concatenate(
+        [np.empty((0, 3, 3)), *(triangles_of(shape) for shape in found)]
+    )
 
 
 def _draw(

@@ -9,8 +9,8 @@ base links against furniture (they stand on it and never move), links of one age
 are neighbours (no third link with geometry lies between them in the URDF; links welded
 by fixed joints count as one), and the object against the links that the file lets touch
 it while they hold it. Moments lie so dense that nothing moves farther than `STEP`
-between two. python-fcl's distances of round solids are up to 0.4 mm too large; its contacts are
-not, so whatever is nearer than 2 mm is asked for contact.
+between two. python-fcl's distances of round solids are up to 0.4 mm too large; its
+contacts are not, so whatever is nearer than 2 mm is asked for contact.
 """
 
 import json

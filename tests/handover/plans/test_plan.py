@@ -18,7 +18,7 @@ from handover.scenes.plan_file import object_at
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
-FEW = GraspSettings(samples=24, rolls=6)
+FEW = GraspSettings(samples=16, rolls=6)
 QUICK = PlanSettings(tuples=1, shorten=20)
 
 

@@ -1,0 +1,201 @@
+"""Scenes: seeds, ranges of the paper, starts, files, and what is refused."""
+
+import numpy as np
+import pytest
+
+import handover
+from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
+from handover.scenes.body import agent_body, upright
+from handover.scenes.clearance import check_start, start_distances
+from handover.scenes.paper import PAPER_SCENES, butler, kneeling, stool
+from handover.scenes.person import arm_joint, person_urdf
+from handover.scenes.scene import Scene
+from roadmap.errors import BadInput, PlanningError
+from roadmap.kinematics.forward import tool_pose
+from roadmap.robot.known import own_file
+
+TEA = """
+[giver]
+agent = "crichton"
+[receiver]
+agent = "drchubo"
+posture = "standing"
+position = [0.9, 0.0, 0.001]
+rpy = [0.0, 0.0, 3.14159]
+use = ["left"]
+[object]
+name = "cup"
+[start]
+position = [0.5, 0.0, 0.751]
+[goal]
+position = [0.6, 0.0, 1.0]
+held = true
+"""
+BOARD = """
+[[scenery]]
+type = "box"
+size = [0.3, 1.0, 0.03]
+position = [0.5, 0.0, 0.7349]
+"""
+
+
+def written(folder, text):
+    path = folder / "tea.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("name", sorted(PAPER_SCENES))
+def test_same_seed_same_scene_and_a_free_start(name):
+    first, again, other = (handover.load_scene(name, s) for s in (3, 3, 4))
+    for a in ("T_world_start", "T_world_goal"):
+        assert (getattr(first, a) == getattr(again, a)).all()
+    assert dict(first.receiver.joints) == dict(again.receiver.joints)
+    assert (first.T_world_goal != other.T_world_goal).any()
+    assert start_distances(first)[0][0] > 0.0
+
+
+def test_draws_stay_within_the_papers_ranges():
+    scenes = [butler(seed) for seed in range(25)]
+    x, y = np.array([s.receiver.T_world_base[:2, 3] for s in scenes]).T
+    yaw = [np.arctan2(*s.receiver.T_world_base[1::-1, 0]) for s in scenes]
+    off = (np.array(yaw) - np.arctan2(-y, -x) + np.pi) % (2 * np.pi) - np.pi
+    heights = np.array([s.T_world_goal[2, 3] for s in scenes])
+    assert np.ptp(x) < 1e-12 and 1.0 < np.ptp(y) <= 1.6
+    assert 15.0 < np.degrees(np.ptp(off)) <= 30.0
+    assert 0.03 < np.ptp(heights) <= 0.06
+    steps = {round(stool(s).receiver.T_world_base[2, 3] - 0.798, 6) for s in range(12)}
+    assert steps == {0.2, 0.4, 0.6}
+    goals = np.array([kneeling(s).T_world_goal for s in range(12)])
+    middle = (0.9, 0.1, 0.25)
+    assert np.linalg.norm(goals[:, :3, 3] - middle, axis=1).max() <= 0.03 + 1e-12
+    roll = np.degrees(np.arctan2(goals[:, 2, 1], goals[:, 2, 2]))
+    assert 15.0 < np.ptp(roll) and 10.0 <= roll.min() and roll.max() <= 50.0
+
+
+def test_the_tray_is_where_the_right_hand_holds_it_and_the_cup_goes_on_it():
+    scene = butler(11)
+    tray = next(f.shape for f in scene.scenery if f.name == "tray")
+    up = scene.T_world_goal[2, 3] - tray.T_base_shape[2, 3] - 0.5 * tray.length
+    assert 0.0 < up < 0.002
+    near = {
+        one.split("/")[1]: d
+        for d, one, other in start_distances(scene)
+        if other == "tray"
+    }
+    fingers = [d for link, d in near.items() if "right_finger" in link]
+    assert len(fingers) == 8 and min(fingers) > 0.0 and max(fingers) < 0.02
+    assert scene.T_world_start[2, 2] == pytest.approx(-1.0)  # upside down
+    assert scene.receiver.arms == ("left",)
+
+
+def test_the_body_agrees_with_the_robot_that_plans(panda):
+    q = np.clip(np.linspace(0.2, -0.5, 7), panda.lower, panda.upper)
+    body = agent_body("panda")
+    joints = body.checked(dict(zip(panda.joint_names, q, strict=True)), "panda")
+    assert body.frames(joints)[panda.tip_name] == pytest.approx(
+        tool_pose(panda, q), abs=1e-9
+    )
+
+
+def test_the_person_is_a_human_with_fingers():
+    assert own_file("person.urdf").read_text() == person_urdf()
+    body = agent_body("person_left")
+    human = handover.Human(1.75, T_world_pelvis=np.eye(4))
+    rng = np.random.default_rng(0)
+    for side in ("left", "right"):
+        q = rng.uniform(*ARM_RANGES.T)
+        names = [arm_joint(side, name) for name in ARM_JOINTS]
+        frames = body.frames(body.checked(dict(zip(names, q, strict=True)), "person"))
+        T = human.with_arm(side, q).T_world_hand(side)
+        hand, palm = frames[f"{side}_hand"], frames[f"{side}_palm"]
+        wrist = T[:3, 3] - human.skeleton.arms[0, 2] * T[:3, 2]
+        assert hand[:3, 3] == pytest.approx(wrist, abs=1e-6)
+        assert palm[:3, 2] == pytest.approx(T[:3, 0], abs=1e-6)
+        assert palm[:3, 0] == pytest.approx(T[:3, 2], abs=1e-6)
+
+
+@pytest.mark.parametrize("posture", ["standing", "sitting", "kneeling"])
+def test_a_person_waits_without_touching_anything(posture):
+    placed = handover.stand(handover.load_agent("person"), upright(1.2, 0, 0), posture)
+    scene = butler(0)
+    scene = Scene(
+        "x", 0, scene.giver, placed, scene.obj, scene.T_world_start, scene.T_world_goal,
+        tuple(f for f in scene.scenery if f.name == "floor"),
+    )  # fmt: skip
+    check_start(scene)
+
+
+def test_a_scene_of_ones_own(tmp_path):
+    scene = handover.load_scene(written(tmp_path, TEA + BOARD))
+    assert scene.name == "tea" and scene.goal_held
+    assert scene.receiver.arms == ("left",)
+    assert [f.name for f in scene.scenery] == ["box 0"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[goal]\nposition = [0.6, 0.0, 1.0]\nheld = true", "", r"no part \[goal\]"),
+        ("[start]\nposition = [0.5, 0.0, 0.751]", "[start]", "start.* has no position"),
+        ('agent = "crichton"', "", "needs either agent or urdf"),
+        ('agent = "crichton"', 'agent = "crichtom"', "did you mean 'crichton'"),
+        ('name = "cup"', 'name = "cupp"', "no object 'cupp'"),
+        ('posture = "standing"', 'posture = "flying"', "no posture 'flying'"),
+        ('use = ["left"]', 'use = ["third"]', "third"),
+        ("held = true", "hold = true", "no key 'hold'"),
+        ("0.751]", '"high"]', "three metres"),
+        ('agent = "crichton"', 'urdf = "no.urdf"', "a urdf and no arm"),
+        ("[giver]", "[giver]\njoints = {elbow = 1.0}", "no joint 'elbow'"),
+        (
+            "[giver]",
+            "[giver]\njoints = {left_arm_2_joint = 90.0}",
+            "outside its limits",
+        ),
+    ],
+)
+def test_a_file_that_is_wrong_says_where(tmp_path, old, new, told):
+    assert old in TEA
+    with pytest.raises(PlanningError, match=told):
+        handover.load_scene(written(tmp_path, TEA.replace(old, new, 1)))
+
+
+def test_a_start_in_collision_is_refused(tmp_path):
+    deep = TEA.replace("0.751", "0.740") + BOARD
+    with pytest.raises(BadInput, match="cup meets box 0"):
+        handover.load_scene(written(tmp_path, deep))
+
+
+def test_unknown_scenes_and_hands_are_listed(tmp_path):
+    with pytest.raises(BadInput, match="did you mean 'butler'"):
+        handover.load_scene("butlr")
+    with pytest.raises(BadInput, match="butler, kneeling"):
+        handover.load_scene("nothing")
+    with pytest.raises(BadInput, match="no scene file"):
+        handover.load_scene(tmp_path / "no.toml")
+    with pytest.raises(BadInput, match="seed"):
+        handover.load_scene("butler", -1)
+
+
+@pytest.mark.parametrize(
+    ("make", "scale", "told"),
+    [
+        ("whole", 200.0, "20 m long"),
+        ("open", 1.0, "closed|open|hole"),
+        ("empty", 1.0, "faces|empty|read"),
+    ],
+)
+def test_meshes_that_are_no_objects(tmp_path, make, scale, told):
+    import trimesh
+
+    mesh = trimesh.creation.box((0.06, 0.06, 0.1))
+    if make == "open":
+        mesh.update_faces(np.arange(len(mesh.faces)) > 1)
+    file = tmp_path / "thing.stl"
+    if make == "empty":
+        file.write_bytes(b"solid x\nendsolid x\n")
+    else:
+        mesh.export(file)
+    text = TEA.replace('name = "cup"', f'file = "thing.stl"\nscale = {scale}')
+    with pytest.raises(PlanningError, match=told):
+        handover.load_scene(written(tmp_path, text))
