@@ -31,6 +31,9 @@ from handover.meet.quality import ArmState, Quality, posture_quality, total_qual
 from handover.meet.settings import MeetSettings, QualitySettings
 from handover.meet.validity import PlannerValidity
 from handover.meet.workspace import InteractionWorkspace, Target
+from handover.plans.motions import PlannedMotion
+from handover.plans.planner import HandoverPlan, plan_handover
+from handover.plans.settings import PlanSettings
 from handover.reach.reach_build import ReachSettings, build_reach_map
 from handover.reach.reach_map import ReachMap, load_reach_map
 from handover.reach.rotations import RotationGrid, rotation_grid
@@ -59,6 +62,7 @@ __all__ = [
     "Hand",
     "HandSpec",
     "Handover",
+    "HandoverPlan",
     "HeldObject",
     "Human",
     "Inside",
@@ -70,6 +74,8 @@ __all__ = [
     "POSTURES",
     "Part",
     "PlacedAgent",
+    "PlanSettings",
+    "PlannedMotion",
     "PlannerValidity",
     "Posture",
     "Pursuit",
@@ -100,6 +106,7 @@ __all__ = [
     "make_object",
     "mallet",
     "object_names",
+    "plan_handover",
     "posture_quality",
     "rotation_grid",
     "scene_names",

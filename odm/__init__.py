@@ -8,10 +8,13 @@ from odm.cell_map.payload import CarriedObject, carried_object
 from odm.cell_map.recipe import Recipe, load_recipe
 from odm.checks import AVOID, CONTACT, OBJECT
 from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.robot_surface import RobotSurface, robot_surface
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
 from odm.planner.planner import PlannerSettings, ReactivePlanner
+from odm.planner.pose_goals import GoalReport
+from odm.planner.scene import Scene
 
 __all__ = [
     "AVOID",
@@ -27,11 +30,14 @@ __all__ = [
     "Cylinder",
     "DepthCamera",
     "Freedom",
+    "GoalReport",
     "Mesh",
     "PlannerSettings",
+    "PointCloud",
     "ReactivePlanner",
     "Recipe",
     "RobotSurface",
+    "Scene",
     "SeenSettings",
     "SeenSpace",
     "Sphere",

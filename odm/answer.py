@@ -7,6 +7,8 @@ import numpy as np
 
 FOLLOWING, REPLANNED, HOLDING = "following", "replanned", "holding"
 WHOLE, VISIBLE = "whole surface", "visible surface"
+# how motions heed what is held
+LAYER, CLOSE_TEST = "payload layer", "close test"
 # what found a path
 IN_USE, STRAIGHT, ROADMAP, SEARCH = "path in use", "straight", "roadmap", "search"
 
@@ -55,6 +57,8 @@ class Answer:
         frame: Number of the frame, from 1 on; `step` counts every one that it takes.
         stage: What found the path: "path in use" (it is still free), "straight",
             "roadmap", or "search" beyond the roadmap; None when holding.
+        held: How it heeds what is in the hand: "payload layer", or "close test" alone
+            where the map has none (slower); None with nothing there.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """
@@ -68,6 +72,7 @@ class Answer:
         "certified",
         "frame",
         "goal",
+        "held",
         "path",
         "stage",
         "status",
@@ -95,6 +100,7 @@ class Answer:
         self.certified = certified
         self.frame = frame
         self.stage: str | None = None  # who answers says it
+        self.held: str | None = None
         self._times = times
         self._counted = counted
         self._explain = explain

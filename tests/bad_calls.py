@@ -53,7 +53,11 @@ def calls(odm, planner, hand, home):
         return answer.reason if question is None else question()
 
     def in_motion(points, velocity, age):
-        threat = Threat(points, velocity, age, ThreatSettings())
+        balls = np.hstack([points, points, np.full((len(points), 1), 0.01)])
+        known = np.full(len(points), np.inf if velocity is None else 0.0)
+        velocity = np.zeros_like(points) if velocity is None else velocity
+        rates = np.stack([velocity, velocity], axis=1)
+        threat = Threat(balls, rates, known, age, ThreatSettings())
         return BrakingTest(planner).passes(still, 0.0, 0.0, still, threat)
 
     def refilled():

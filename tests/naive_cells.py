@@ -1,5 +1,7 @@
 """Slow twins of the cell kernels, written from the definitions and nothing else."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from roadmap.kinematics.forward import body_frames
@@ -41,14 +43,18 @@ def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
     return found
 
 
-def item_cells(cell_map, item) -> set[tuple[int, int, int]]:
+@lru_cache(maxsize=8192)
+def item_cells(cell_map, item) -> frozenset[tuple[int, int, int]]:
     """Return the cells in the list of an item (node, or n_nodes + edge)."""
     cells = cell_map.arm_cells
     part = slice(int(cells.ptr[item]), int(cells.ptr[item + 1]))
-    return words_to_cells(cells.block[part], cells.mask[part], cell_map.grid.blocks)
+    return frozenset(
+        words_to_cells(cells.block[part], cells.mask[part], cell_map.grid.blocks)
+    )
 
 
-def edge_cells(cell_map, edge) -> set[tuple[int, int, int]]:
+@lru_cache(maxsize=8192)
+def edge_cells(cell_map, edge) -> frozenset[tuple[int, int, int]]:
     """Return all cells an edge sweeps: its own list and those of its nodes."""
     a, b = cell_map.roadmap.edges[edge]
     own = item_cells(cell_map, cell_map.roadmap.n_nodes + edge)

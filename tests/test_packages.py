@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ORDER = ["roadmap", "odm", "handover", "sim"]
 PLANNER = ["roadmap", "odm"]
 ONLY_IN_SIM = {"pybullet", "pybullet_data", "matplotlib", "PIL", "typer", "rich"}
+ONLY_IN_SIM |= {"viser"}
 ONLY_IN_SIM |= {"ompl", "pinocchio"}
 # to load a map and to plan takes numpy and numba only; numba itself imports scipy's
 # own __init__, which is small

@@ -23,7 +23,7 @@ ORDER = {
         "cameras",
         "audit",
     ],
-    "handover": ["human", "reach", "meet", "targets", "grasps", "scenes"],
+    "handover": ["human", "reach", "meet", "targets", "grasps", "scenes", "plans"],
     "sim": [
         "terminal",
         "tables",
@@ -31,6 +31,7 @@ ORDER = {
         "loop",
         "record",
         "draw",
+        "view",
         "run",
         "two",
         "keyboard",

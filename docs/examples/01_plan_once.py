@@ -1,4 +1,4 @@
-"""Plan once: build or load a map, block the way of the tool, get another path.
+"""Plan once: a map, a goal, a ball in the way, another path.
 
     python docs/examples/01_plan_once.py [MAP]
 
@@ -14,18 +14,15 @@ import odm
 import roadmap
 
 RECIPE = Path(__file__).with_name("small_arm.toml")
-NOBODY = np.zeros((0, 3))  # a frame without points
-RADIUS = 0.06  # of the ball that is put into the way [m]
 
 
 def two_places(planner: odm.ReactivePlanner) -> tuple[np.ndarray, np.ndarray]:
-    """Return two free configurations whose tools are far from each other."""
-    cell_map = planner.cell_map
-    free = [q for q in cell_map.roadmap.nodes[:200] if planner.is_free(q, q)]
-    tools = np.array([roadmap.tool_pose(cell_map.robot, q)[:3, 3] for q in free])
-    apart = np.linalg.norm(tools[:, None] - tools[None], axis=2)
-    i, j = np.unravel_index(apart.argmax(), apart.shape)
-    return free[i].copy(), free[j].copy()
+    """Return free configurations whose tools are far to the left and to the right."""
+    nodes = planner.cell_map.roadmap.nodes
+    tools = np.array([roadmap.tool_pose(planner.robot, q)[:3, 3] for q in nodes])
+    order = np.argsort(np.where(tools[:, 0] > 0.25, tools[:, 1], 0.0))
+    free = [nodes[k] for k in order if planner.is_free(nodes[k], nodes[k])]
+    return free[0].copy(), free[-1].copy()
 
 
 def main(cell_map: odm.CellMap) -> list[odm.Answer]:
@@ -33,21 +30,16 @@ def main(cell_map: odm.CellMap) -> list[odm.Answer]:
     planner = odm.ReactivePlanner(cell_map)
     start, goal = two_places(planner)
     planner.set_goals([goal])
+    free = planner.step(np.zeros((0, 3)), q=start)  # a frame without obstacles
+    print(f"nobody there: {free.status}, {len(free.path) - 1} legs")
 
-    for _ in range(2):  # the first frame loads compiled code
-        free = planner.step(NOBODY, q=start)
-    tell("nobody there", free)
-
-    # a ball where the tool would be halfway; obstacles are points on closed surfaces,
-    # no farther from each other than the map allows
+    # a ball where the tool would be halfway
     middle = len(free.path) // 2
     halfway = 0.5 * (free.path[middle - 1] + free.path[middle])
     p = roadmap.tool_pose(cell_map.robot, halfway)[:3, 3]
-    ball = np.concatenate([p, p, [RADIUS]])[None]  # a capsule (1, 7) of no length
-    points = odm.sample_capsules(ball, spacing=cell_map.safety.rho)
-
-    around = planner.step(points, q=start, closed=True)
-    tell(f"a ball at {p.round(2)} m", around)
+    ball = odm.Obstacles(spheres=np.array([[*p, 0.06]]))
+    around = planner.step(ball, q=start)
+    print(f"a ball at {p.round(2)} m: {around.status}, {len(around.path) - 1} legs")
 
     # the same frame answers questions, too
     straight = planner.is_free(start, halfway)
@@ -56,19 +48,12 @@ def main(cell_map: odm.CellMap) -> list[odm.Answer]:
     return [free, around]
 
 
-def tell(what: str, answer: odm.Answer) -> None:
-    """Print an answer in a line."""
-    took = 1e6 * answer.latency_s["total"]
-    if answer.status == "holding":
-        print(f"{what}: holding, {answer.reason}")
-        return
-    turns = len(answer.path) - 1
-    length = np.linalg.norm(np.diff(answer.path, axis=0), axis=1).sum()
-    print(f"{what}: {turns} legs, {length:.2f} rad, answered in {took:.0f} us")
+def the_map() -> odm.CellMap:
+    """Return the map that was named, or a small one that is built in seconds."""
+    if len(sys.argv) > 1:
+        return odm.load_map(sys.argv[1])
+    return odm.build_map(odm.load_recipe(RECIPE))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        main(odm.load_map(sys.argv[1]))
-    else:
-        main(odm.build_map(odm.load_recipe(RECIPE)))
+    main(the_map())

@@ -31,6 +31,7 @@ _RANGES = {
     "samples": (1, 5000, ""),
     "rolls": (1, 72, ""),
     "gap": (5e-4, 0.1, "m"),
+    "tips": (0.01, 1.0, "m"),
     "back": (1e-3, 0.2, "m"),
     "friction": (0.01, 2.0, ""),
     "edges": (3, 32, ""),
@@ -52,6 +53,8 @@ class GraspSettings:
             error of 1 mm, and more.
         back: Where no grasp holds, it goes back by this much and tries again, until
             fingers can no longer reach past the point [m].
+        tips: The farthest palm that holds is kept beside the first one, where it is
+            farther by at least this [m]: fingertips alone hold what lies on a table.
         friction: Coefficient: 0.5 is about that of rubber pads on painted wood, wet.
         edges: Of the pyramid inside each friction cone.
         tolerance: Fingers stop at most this far from the surface [m].
@@ -64,6 +67,7 @@ class GraspSettings:
     samples: int = 90
     rolls: int = 8
     gap: float = 0.005
+    tips: float = 0.04
     back: float = 0.02
     friction: float = 0.5
     edges: int = 5
@@ -171,26 +175,37 @@ def _spacing(settings: GraspSettings) -> float:
 def _above(
     work: _Work, point: np.ndarray, normal: np.ndarray
 ) -> tuple[list[_Grasp], Counter]:
-    """Return the grasps above a point, one a turn at most, and what was refused."""
-    grasps, counts = [], Counter()
+    """Return the grasps above a point, two a turn at most, and what was refused."""
+    grasps, counts, settings = [], Counter(), work.settings
     for roll in range(work.settings.rolls):
         R = _facing(normal, 2.0 * np.pi * roll / work.settings.rolls)
-        grasp, why = _first_that_holds(work, point, normal, R)
+        gaps = np.arange(settings.gap, 0.8 * work.hand.reach, settings.back)
+        grasp, k, why = _first_that_holds(work, point, normal, R, gaps)
         if grasp is None:
             counts[why] += 1
-        else:
-            grasps.append(grasp)
+            continue
+        grasps.append(grasp)
+        end = 0.95 * work.hand.longest  # fingers need not hold beyond their middle
+        far = np.arange(settings.gap, end, settings.back)
+        far = far[far >= gaps[k] + settings.tips - 1e-9][::-1]
+        tip, _, _ = _first_that_holds(work, point, normal, R, far)
+        if tip is not None:
+            grasps.append(tip)
     return grasps, counts
 
 
 def _first_that_holds(
-    work: _Work, point: np.ndarray, normal: np.ndarray, R: np.ndarray
-) -> tuple[_Grasp | None, str]:
-    """Go back along the normal until a preshape holds; return why none does."""
+    work: _Work, point: np.ndarray, normal: np.ndarray, R: np.ndarray, gaps: np.ndarray
+) -> tuple[_Grasp | None, int, str]:
+    """Try palms at gaps along the normal until a preshape holds.
+
+    Returns:
+        (grasp or None, index of its gap, why none holds).
+    """
     settings, hand = work.settings, work.hand
     why, T = "the hand is in the object or touches nothing", np.eye(4)
     T[:3, :3] = R
-    for gap in np.arange(settings.gap, 0.8 * hand.reach, settings.back):
+    for k, gap in enumerate(gaps):
         T[:3, 3] = point + gap * normal
         closed = []
         for shape in range(len(hand.preshapes)):
@@ -200,8 +215,8 @@ def _first_that_holds(
                 closed.append((state, shape))
         grasp = _best_held(work, closed)
         if grasp is not None:
-            return grasp, ""
-    return None, why
+            return grasp, k, ""
+    return None, -1, why
 
 
 def _best_held(work: _Work, closed: list[tuple[object, int]]) -> _Grasp | None:

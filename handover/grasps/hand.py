@@ -37,6 +37,7 @@ class Hand:
         fingers: Indices of each finger's joints, in the order in which they close.
         pairs: (r, 2) links that must not touch each other.
         reach: Farthest point before the palm of the first open hand [m].
+        longest: The same of all open hands [m].
     """
 
     spec: HandSpec
@@ -48,6 +49,7 @@ class Hand:
     fingers: tuple[tuple[int, ...], ...]
     pairs: np.ndarray
     reach: float
+    longest: float
 
     def state(self, T_object_palm: np.ndarray, values: np.ndarray) -> kernels.HandState:
         """Return the hand with its palm at a pose (4, 4), joints at values (k,)."""
@@ -92,7 +94,7 @@ def make_hand(spec: HandSpec) -> Hand:
     fingers = tuple(tuple(index[n] for n in finger) for finger in spec.fingers)
     hand = Hand(
         spec, spec.joints, tuple(links), arrays, closed, shapes, fingers,
-        np.empty((0, 2), np.int64), 0.0,
+        np.empty((0, 2), np.int64), 0.0, 0.0,
     )  # fmt: skip
     return _finished(hand, description)
 
@@ -101,8 +103,7 @@ def _finished(hand: Hand, description: Description) -> Hand:
     """Return the hand with its reach, and the pairs of links that can be apart."""
     states = [hand.state(np.eye(4), values) for values in hand.preshapes]
     solids, found = hand.arrays.solids, np.empty(2, np.int64)
-    f = states[0].frames
-    tops = f[:, 11] + np.einsum("mk,mk->m", f[:, 6:9], solids.ball[:, :3])
+    reaches = [_farthest(state.frames, solids.ball) for state in states]
     pairs = []
     for a, b in combinations(np.unique(solids.owner).tolist(), 2):
         one = np.array([[a, b]])
@@ -117,9 +118,14 @@ def _finished(hand: Hand, description: Description) -> Hand:
             continue
         pairs.append((a, b))
     rows = np.array(pairs, np.int64).reshape(-1, 2)
-    reach = float((tops + solids.ball[:, 3]).max())
-    fields = {**vars(hand), "pairs": rows, "reach": reach}
-    return Hand(**fields)
+    fields = {**vars(hand), "pairs": rows, "reach": reaches[0]}
+    return Hand(**{**fields, "longest": max(reaches)})
+
+
+def _farthest(frames: np.ndarray, balls: np.ndarray) -> float:
+    """Return the farthest place before the palm of balls on frames (n, 12) [m]."""
+    tops = frames[:, 11] + np.einsum("mk,mk->m", frames[:, 6:9], balls[:, :3])
+    return float((tops + balls[:, 3]).max())
 
 
 def _links_from(description: Description, root: str) -> list[str]:

@@ -97,6 +97,7 @@ class LiveTargets:
         self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
         self.offers = TargetOffers(planner, self.finder)
+        self._targets: dict[int, Target] = {}
         self._pursued: Goal | None = None
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
@@ -123,6 +124,11 @@ class LiveTargets:
         answer = self.planner.step(points, q=q, **options)
         self.note(answer, q)
         return answer
+
+    @property
+    def targets(self) -> tuple[Target, ...]:
+        """Targets of the last frame, best first; empty before the first one."""
+        return tuple(self._targets.values())
 
     def look(self, human: Human, q: np.ndarray) -> None:
         """Rank the targets of a person and set the planner's goals, if they change."""

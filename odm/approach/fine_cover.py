@@ -106,7 +106,7 @@ class FineTest:
             self.robot = with_payload(self.robot, thing.spheres, thing.shell, [])
         cell_map = frame.cell_map
         self.static = StaticTest(
-            self.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
+            self.robot, frame.static.scenery, cell_map.safety, cell_map.grid, threads=1
         )
         self.arm = arm_of(self.robot)
         self.static.set_extra(frame.extra)
@@ -123,8 +123,8 @@ class FineTest:
     def follow(self) -> None:
         """Take over the frame's scenery of the place and how points are sampled."""
         frame = self.frame
-        if self._place is not frame.static.place_points:
-            self._place = frame.static.place_points
+        if self._place is not frame.static.place:
+            self._place = frame.static.place
             self.static.set_place(self._place)
         if self._sampled != frame.sampled:
             self._sampled = frame.sampled

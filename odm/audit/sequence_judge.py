@@ -14,7 +14,7 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.shapes import Box, Capsule, Shape
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
@@ -39,6 +39,8 @@ class World:
     Attributes:
         capsules: (k, 7) obstacles of the frame, base frame [m].
         boxes: Scenery of the place, world frame.
+        named: Whether they are objects of the planner's scene, exact; else they are
+            set by `set_static`, as samples.
         T_world_base: (4, 4) pose of the base [m].
         extra: Extra clearance [m].
         held: (n, 4) spheres in the hand, tool frame [m]; None for nothing.
@@ -52,12 +54,21 @@ class World:
 
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     boxes: list[Box] = field(default_factory=list)
+    named: bool = False
     others: list[Shape] = field(default_factory=list)
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
     extra: float = 0.0
     held: np.ndarray | None = None
     mode: str = "rho"
     repeat: int = 0
+
+    def furnish(self, planner: ReactivePlanner) -> None:
+        """Let the boxes stand around a planner's robot, and nothing else."""
+        planner.scene.clear()
+        loose = [] if self.named else self.boxes
+        planner.set_static(loose or np.zeros((0, 3)))
+        for k, box in enumerate(self.boxes if self.named else []):
+            planner.scene.add(f"box {k}", box)
 
     def shapes(self) -> list[Shape]:
         """Return what of the obstacles is told as shapes, base frame."""
@@ -211,7 +222,8 @@ class Judge:
         if oracle.extra != world.extra:
             oracle.set_extra_clearance(world.extra)
         if self._boxes is not world.boxes:
-            oracle.set_static(world.boxes or np.zeros((0, 3)))
+            world.furnish(oracle)
+            oracle.scene.settle()
             self._boxes = world.boxes
         self._side = self._plain
         if world.held is not None:
@@ -259,7 +271,7 @@ class _ExactSide:
         scenery = cell_map.scenery
         self.scenery = [
             (
-                obstacles_of([solid_of(row)]),
+                obstacles_of([solid_of(row, scenery.faces)]),
                 name,
                 self._tested_solids(name, scenery.dropped),
             )
@@ -311,9 +323,17 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
     return _Found(distance - kept, distance, what, best.touches)
 
 
-def solid_of(row: np.ndarray) -> Box:
-    """Return a box for a row of `Scenery.solids`: a large one for a half-space."""
+def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
+    """Return the shape of a row of `Scenery.solids`: a large box for a half-space."""
     T = np.eye(4)
+    if row[0] == 2.0:
+        return Capsule.between(row[1:4], row[1:4] + row[4:7], row[7])
+    if row[0] == 3.0:
+        half = row[8] * row[4:7]
+        return Cylinder.between(row[1:4] - half, row[1:4] + half, row[7])
+    if row[0] == 4.0:
+        corners = faces[int(row[5]) : int(row[6]), 4:].reshape(-1, 3)
+        return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     if row[0] == 1.0:
         T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), row[1:4]
         return Box(2.0 * row[13:16], T)

@@ -372,8 +372,8 @@ class Sequence:
         self.judge.changed()
 
     def scenery(self) -> None:
-        """Put a box somewhere for good, or take it away."""
-        self.world.boxes = []
+        """Put a box somewhere, by name or for good in turn, or take it away."""
+        self.world.boxes, self.world.named = [], not self.world.named
         if self.rng.random() < 0.6:
             size = self.rng.uniform(0.05, 0.3, 3)
             p = self.draw_arm()[0, :3]
@@ -382,7 +382,7 @@ class Sequence:
         self._set_scenery()
 
     def _set_scenery(self) -> None:
-        self.planner.set_static(self.world.boxes or np.zeros((0, 3)))
+        self.world.furnish(self.planner)
         self.judge.changed()
 
     def stale_frame(self) -> None:

@@ -43,6 +43,9 @@ class Work(NamedTuple):
     # sphere, point, tests, evaluations
     found: np.ndarray = array("i8", "4", FRAME)
     value: np.ndarray = array("f8", "2", FRAME)  # t and distance of what was found
+    # body, level and index of an interval that it was found free in, by its chords?
+    log: np.ndarray = array("i4", "512 4", FRAME)
+    logged: np.ndarray = array("i8", "1", FRAME)  # more than there is room for: lost
 
 
 class Clearance(NamedTuple):

@@ -57,10 +57,17 @@ def prepare_motion(clearance, dq):
 
     Returns False where a radius is not finite: nothing can be proved then.
     """
-    arm, radii, bare, tolerance, work = clearance
+    arm, work = clearance.arm, clearance.work
     motion_bounds(
         arm.tree_i, arm.tree_f, arm.reach, dq, work.rates, work.speed, work.bend
     )
+    return bound_bodies(clearance)
+
+
+@njit(cache=True, nogil=True)
+def bound_bodies(clearance):
+    """Fill the bounds of bodies from those of their spheres; see `prepare_motion`."""
+    arm, radii, bare, tolerance, work = clearance
     for b in range(arm.tree_i.shape[0]):
         fastest = 0.0
         bend = 0.0
@@ -331,6 +338,7 @@ def is_finite(q, dq):
 @njit(cache=True, nogil=True)
 def begin_intervals(arm, work):
     """Let the whole motion be the only interval, with all bodies that have spheres."""
+    work.logged[0] = 0
     work.stack[0, 0] = 0
     work.stack[0, 1] = 0
     for b in range(arm.tree_i.shape[0]):
@@ -347,6 +355,16 @@ def split_interval(work, top):
     work.stack[top, 1] = 2 * index + 1
     work.stack[top + 1, 0] = level + 1
     work.stack[top + 1, 1] = 2 * index
+
+
+@njit(cache=True, nogil=True)
+def log_piece(work, b, level, index, by_chord):
+    """Note that a body was found free in an interval; see `Work.log`."""
+    k = work.logged[0]
+    if k < work.log.shape[0]:
+        work.log[k, 0], work.log[k, 1], work.log[k, 2] = b, level, index
+        work.log[k, 3] = by_chord
+    work.logged[0] = k + 1
 
 
 @njit(cache=True, nogil=True)
@@ -370,8 +388,19 @@ def motion_clear(clearance, q, dq, cloud, solids, escape):
         work.value[0] = 0.0
         work.value[1] = 0.0
         return False
-    top = 0
     begin_intervals(arm, work)
+    return intervals_clear(clearance, q, dq, cloud, solids, escape)
+
+
+@njit(cache=True, nogil=True)
+def intervals_clear(clearance, q, dq, cloud, solids, escape):
+    """Test the interval of a motion that is on the stack; see `motion_clear`.
+
+    The motion was prepared. Where it is clear, work.log has the pieces that prove it.
+    """
+    arm, work = clearance.arm, clearance.work
+    points, shapes = cloud.counts[N_LISTED] > 0, solids.count[0] > 0
+    top = 0
     while top >= 0:
         level, index = work.stack[top, 0], work.stack[top, 1]
         dt = 1.0 / (1 << level)
@@ -397,11 +426,12 @@ def motion_clear(clearance, q, dq, cloud, solids, escape):
                 work.value[0] = t
                 return False
             mask[b] = state == 1
-            if state == 1:
-                if level >= work.early[b]:
-                    chords = True
-                else:
-                    open_ = True
+            if state == 0:
+                log_piece(work, b, level, index, 0)
+            elif level >= work.early[b]:
+                chords = True
+            else:
+                open_ = True
         if chords:
             verdict = chords_clear(clearance, q, dq, top, cloud, solids, escape)
             if verdict == 2:
@@ -443,6 +473,7 @@ def chords_clear(clearance, q, dq, top, cloud, solids, escape):
                 free = body_chord(clearance, b, f, g, dt, cloud, escape)
             if free:
                 mask[b] = False
+                log_piece(work, b, level, index, 1)
             elif level < work.bottom[b]:
                 result = 1
             else:

@@ -1,6 +1,7 @@
 """Motions against what stands still: exact solids, points, and the robot itself.
 
-The scenery's half-spaces and boxes are exact; the robot is its sphere cover.
+The scenery's half-spaces, boxes, round shapes and convex meshes are exact; the robot is
+its sphere cover.
 """
 
 import math
@@ -18,19 +19,26 @@ from odm.close_test._close import (
 )
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids as Shapes
+from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
+PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0  # first number of a row
+FAR = 1.0  # [m] from a hull, where a ball around it is near enough to the truth
 FINE_LENGTH = 1e-3  # [m] an interval is given up once no sphere moves by more
 MAX_DEPTH = 20
+NO_FACES = np.zeros((0, 13))
+NO_FACES.setflags(write=False)
 
 
 class Solids(NamedTuple):
     """Exact scenery, and the distance that the spheres keep from it."""
 
-    rows: np.ndarray  # (n, 17) see `solid_distance`
+    rows: np.ndarray  # (n, 16) see `solid_distance`
     skip: np.ndarray  # (n_bodies, n) pairs that are left out
     margin: float  # [m]
+    # (f, 13) of convex meshes: outward normal, offset, three corners
+    faces: np.ndarray = NO_FACES
 
 
 class Still(NamedTuple):
@@ -44,19 +52,36 @@ class Still(NamedTuple):
     cloud: Cloud  # points of the recipe's scenery
     place: Clearance
     place_cloud: Cloud  # points of the scenery of this place
-    shapes: Shapes  # none: what stands still is points and rows of `solids`
+    shapes: Shapes  # none: the recipe's scenery is points and rows of `solids`
+    place_shapes: Shapes  # of this place
 
 
 @njit(cache=True, nogil=True)
-def solid_distance(x, y, z, solid):
-    """Return the distance of a point from a solid (17,), 0 inside a box.
+def solid_distance(x, y, z, solid, faces):
+    """Return the distance of a point from a solid (16,); inside it is 0, or negative.
 
-    Row of a half-space: 0, normal (3), offset: solid where n.x <= offset (negative
-    distance inside). Row of a box: 1, centre (3), rotation (9, row-major), half sizes.
+    Row of a half-space: 0, normal (3), offset: solid where n.x <= offset. Of a box: 1,
+    centre (3), rotation (9, row-major), half sizes. Of a capsule: 2, end a (3), b - a
+    (3), radius, |b - a|^2. Of a cylinder: 3, centre (3), unit axis (3), radius, half
+    length. Of a convex mesh: 4, centre (3) and radius of a ball around it, first and
+    last of its `faces`; farther than FAR from that ball, it is the ball's distance.
     """
-    if solid[0] == 0.0:
+    kind = solid[0]
+    if kind == PLANE:
         return solid[1] * x + solid[2] * y + solid[3] * z - solid[4]
+    if kind != BOX and not abs(x + y + z) < math.inf:
+        return math.nan
+    if kind == ROD:
+        rod = (solid[1], solid[2], solid[3], solid[4], solid[5], solid[6])
+        return rod_distance((*rod, solid[7], solid[8]), x, y, z)
+    if kind == CYLINDER:
+        return cylinder_gap(solid[1:], x, y, z)[0]
     ux, uy, uz = x - solid[1], y - solid[2], z - solid[3]
+    if kind == HULL:
+        far = math.sqrt(ux * ux + uy * uy + uz * uz) - solid[4]
+        if far > FAR:
+            return far
+        return hull_distance(faces, int(solid[5]), int(solid[6]), x, y, z)
     total = 0.0
     for k in range(3):
         along = solid[4 + k] * ux + solid[7 + k] * uy + solid[10 + k] * uz
@@ -67,9 +92,28 @@ def solid_distance(x, y, z, solid):
 
 
 @njit(cache=True, nogil=True)
+def hull_distance(faces, first, last, x, y, z):
+    """Return the distance of a point from a convex mesh, negative inside.
+
+    It is the farthest plane's inside. Outside, the nearest place lies on a face whose
+    plane has the point in front of it.
+    """
+    best, nearest2 = -math.inf, math.inf
+    for f in range(first, last):
+        face = faces[f]
+        over = face[0] * x + face[1] * y + face[2] * z - face[3]
+        best = max(best, over)
+        if not over <= 0.0:
+            px, py, pz = triangle_place(face, x, y, z)
+            d2 = (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2
+            nearest2 = min(nearest2, d2)
+    return math.sqrt(nearest2) if best > 0.0 else best
+
+
+@njit(cache=True, nogil=True)
 def body_near_solids(arm, b, f, half, solids, work):
     """Test body b against all solids; 0 free, 1 open, 2 in contact."""
-    rows, skip, margin = solids
+    rows, skip, margin, faces = solids
     result = 0
     bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
     wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
@@ -78,14 +122,14 @@ def body_near_solids(arm, b, f, half, solids, work):
     reach = arm.bound[b, 3] + work.body_radius[b] + margin
     reach += work.body_speed[b] * half
     for k in range(rows.shape[0]):
-        if skip[b, k] or solid_distance(wx, wy, wz, rows[k]) >= reach:
+        if skip[b, k] or solid_distance(wx, wy, wz, rows[k], faces) >= reach:
             continue
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
             cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
             cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
             cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            d = solid_distance(cx, cy, cz, rows[k]) - s[3] - margin
+            d = solid_distance(cx, cy, cz, rows[k], faces) - s[3] - margin
             if not d >= 0.0:  # a NaN is contact
                 work.found[0] = i
                 work.found[1] = k
@@ -159,9 +203,9 @@ def motion_free(still, q, dq, scratch):
     pair, _ = keeps_apart(still.itself, q, dq, still.margin, still.tolerance, scratch)
     if pair >= 0:
         return False
-    shapes = still.shapes
-    if not motion_clear(still.scenery, q, dq, still.cloud, shapes, False):
+    if not motion_clear(still.scenery, q, dq, still.cloud, still.shapes, False):
         return False
+    shapes = still.place_shapes
     return motion_clear(still.place, q, dq, still.place_cloud, shapes, False)
 
 

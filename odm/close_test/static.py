@@ -1,29 +1,61 @@
 """What never moves: self-collision, the recipe's scenery, this place's scenery."""
 
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from odm.close_test import _static as kernels
 from odm.close_test._arm import Clearance, Work, make_work
+from odm.close_test._close import FIRST_SOLID
 from odm.close_test.arm import arm_of
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import _world_frame as layers
 from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid, grid_for
 from odm.obstacles.scenery import Scenery
 from roadmap.errors import BadInput
-from roadmap.geometry._self_collision import motion_clear
+from roadmap.geometry._self_collision import SelfWork, motion_clear
 from roadmap.geometry.self_collision import MARGIN, TOLERANCE, self_collision
 from roadmap.loading.held_link import extended_collision
 from roadmap.robot.robot import Robot
 
 _CHUNK = 128
+ONLINE_TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges
+
+
+class Place(NamedTuple):
+    """What stands at this place beside the recipe's scenery, base frame.
+
+    Attributes:
+        points: (n, 3) points that cover surfaces within the map's rho [m].
+        solids: Shapes that are tested by their exact distance.
+        names: What a point or solid is called: (first index, name) in order, of each.
+    """
+
+    points: np.ndarray
+    solids: Solids
+    point_names: tuple[tuple[int, str], ...] = ()
+    solid_names: tuple[tuple[int, str], ...] = ()
+
+    def name(self, found: int) -> str:
+        """Return the name of a point's index, or of FIRST_SOLID - k for solid k."""
+        k, names = found, self.point_names
+        if found <= FIRST_SOLID:
+            k, names = FIRST_SOLID - found, self.solid_names
+        told = [name for first, name in names if first <= k]
+        return told[-1] if told else SET_STATIC
+
+
+SET_STATIC = "the scenery set by set_static"
+NOWHERE = Place(np.zeros((0, 3)), NO_SOLIDS)
 
 
 class StaticTest:
@@ -55,26 +87,47 @@ class StaticTest:
         self.skip = _skipped(robot, scenery)
         self.radii = self.arm.spheres[:, 3] + scenery.covering_radius + safety.m
         self.cloud = self._cloud(scenery.points)
-        self.place_points = np.zeros((0, 3))
-        self.place_cloud = self._cloud(self.place_points)
+        self.place = NOWHERE
+        self.place_cloud = self._cloud(self.place.points)
         self.set_extra(0.0)
         self.work = self.new_work()
+        self.own_scratch = (
+            threading.local()
+        )  # scratch of each thread that tests motions
 
-    def set_place(self, points: np.ndarray) -> int:
-        """Take (n, 3) surface points of this place [m]; return how many lie outside."""
-        self.place_points = points
-        self.place_cloud = self._cloud(points, self.extra)
+    def set_place(self, place: Place) -> int:
+        """Take what stands at this place; return how many points lie outside."""
+        self.place = place
+        self.place_cloud = self._cloud(place.points, self.extra)
         return int(self.place_cloud.counts[2])
 
-    def carrying(self, loaded: Robot) -> "StaticTest":
-        """Return the same test of the robot with a payload; points are shared."""
+    def share_place(self, other: "StaticTest") -> None:
+        """Take what stands at this place from another test with the same grid."""
+        self.place, self.place_cloud = other.place, other.place_cloud
+        self.set_extra(other.extra)
+
+    def carrying(self, loaded: Robot, fenced: bool = False) -> "StaticTest":
+        """Return the same test of the robot with a payload; points are shared.
+
+        Args:
+            loaded: The robot with what it holds.
+            fenced: Its tool's body must stay so far inside the grid that whatever could
+                be too near to it lies inside, too: the grid was made for a robot that
+                holds nothing.
+        """
         other = copy(self)
         other.robot, other.arm = loaded, arm_of(loaded)
         other.itself = extended_collision(self.itself, loaded)
-        other.skip = _skipped(loaded, self.scenery)
+        if fenced:
+            other.scenery = _fenced(self.scenery, self.grid, self.safety)
+        other.skip = _skipped(loaded, other.scenery)
+        if fenced:
+            held = np.arange(len(loaded.tree_i)) == loaded.tip_body
+            other.skip[~held, -6:] = True  # the other bodies stay inside anyway
         grown = self.scenery.covering_radius + self.safety.m
         other.radii = other.arm.spheres[:, 3] + grown
         other.work = other.new_work()
+        other.own_scratch = threading.local()
         other.set_extra(self.extra)
         return other
 
@@ -83,6 +136,7 @@ class StaticTest:
         self.extra = extra
         grown = self.safety.rho + self.safety.m + extra
         self.place_radii = self.arm.spheres[:, 3] + grown
+        self.place_bare = self.arm.spheres[:, 3] + self.safety.m + extra
 
     def motions_free(
         self, q: np.ndarray, dq: np.ndarray, more: float = 0.0
@@ -96,7 +150,7 @@ class StaticTest:
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            still, scratch = self.still(more), self.itself.scratch()
+            still, scratch = self.still(more), self.scratch()
             kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
@@ -117,28 +171,36 @@ class StaticTest:
         if text is not None:
             return text
         work = self.work
-        solids = kernels.Solids(self.scenery.solids, self.skip, self.safety.m)
+        solids = self._solids(0.0)
         if not kernels.motion_clear_of_solids(self.arm, q, dq, solids, work):
             name = self.scenery.names[work.found[1]]
             return f"{self.link_of(work.found[0])} would touch {name}"
-        for cloud, radii, name in (
-            (self.cloud, self.radii, "a scenery mesh"),
-            (self.place_cloud, self.place_radii, "the scenery set by set_static"),
-        ):
-            test = CloseTest(self.arm, radii, self.tolerance, work)
-            if not test.clear(q, dq, cloud):
-                return f"{self.link_of(work.found[0])} would touch {name}"
+        test = CloseTest(self.arm, self.radii, self.tolerance, work)
+        if not test.clear(q, dq, self.cloud):
+            return f"{self.link_of(work.found[0])} would touch a scenery mesh"
+        if not self.clear_of_place(q, dq):
+            name = self.place.name(int(work.found[1]))
+            return f"{self.link_of(work.found[0])} would touch {name}"
         return None
 
     def clear_of_place(self, q: np.ndarray, dq: np.ndarray) -> bool:
         """Return whether the motion q + t dq is clear of this place's scenery."""
-        test = CloseTest(self.arm, self.place_radii, self.tolerance, self.work)
-        return test.clear(q, dq, self.place_cloud)
+        test = CloseTest(*self.place_clearance(self.work))
+        return test.clear(q, dq, self.place_cloud, solids=self.place.solids)
+
+    def place_clearance(self, work: Work) -> tuple:
+        """Return what a close test against this place's scenery works with."""
+        radii, bare = self.place_radii, self.place_bare
+        return self.arm, radii, self.tolerance, work, bare
+
+    def _solids(self, more: float) -> kernels.Solids:
+        kept, scenery = self.safety.m + more, self.scenery
+        return kernels.Solids(scenery.solids, self.skip, kept, scenery.faces)
 
     def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say which links the motion q + t dq brings together, or None."""
         pair, t = motion_clear(
-            self.itself.model, q, dq, MARGIN, TOLERANCE, self.itself.scratch()
+            self.itself.model, q, dq, MARGIN, TOLERANCE, self.scratch()
         )
         if pair < 0:
             return None
@@ -152,22 +214,32 @@ class StaticTest:
         return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
 
     def still(self, more: float = 0.0) -> kernels.Still:
-        """Return all that stands still, with scratch for one thread."""
-        radii, place_radii = self.radii, self.place_radii
+        """Return all that stands still, with the scratch of this thread."""
+        radii, place_radii, bare = self.radii, self.place_radii, self.place_bare
         if more:
             radii, place_radii = radii + more, place_radii + more
-        work = self.new_work()
+            bare = bare + more
+        if not hasattr(self.own_scratch, "work"):
+            self.own_scratch.work = self.new_work()
+        work = self.own_scratch.work
         return kernels.Still(
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
-            solids=kernels.Solids(self.scenery.solids, self.skip, self.safety.m + more),
+            solids=self._solids(more),
             scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
             cloud=self.cloud,
-            place=Clearance(self.arm, place_radii, place_radii, self.tolerance, work),
+            place=Clearance(self.arm, place_radii, bare, self.tolerance, work),
             place_cloud=self.place_cloud,
             shapes=NO_SOLIDS,
+            place_shapes=self.place.solids,
         )
+
+    def scratch(self) -> SelfWork:
+        """Return the scratch of this thread for tests of the robot against itself."""
+        if not hasattr(self.own_scratch, "scratch"):
+            self.own_scratch.scratch = self.itself.scratch()
+        return self.own_scratch.scratch
 
     def new_work(self) -> Work:
         """Return scratch for one thread of tests."""
@@ -186,6 +258,24 @@ class StaticTest:
             )
         occupancy.sort_points(points, cloud)
         return cloud
+
+
+def _fenced(scenery: Scenery, grid: WorkspaceGrid, safety: Safety) -> Scenery:
+    """Return the scenery with the six sides of the grid as half-spaces.
+
+    A sphere of radius r that keeps m from them, has all that is within r + rho + m of
+    it inside the grid, and the cells of its online motions too.
+    """
+    rows = np.zeros((6, 16))
+    inside = safety.rho + max(0.5 * safety.mu, ONLINE_TOLERANCE) + 1e-4
+    for a in range(3):
+        rows[2 * a, 1 + a], rows[2 * a, 4] = 1.0, grid.origin[a] + inside
+        rows[2 * a + 1, 1 + a], rows[2 * a + 1, 4] = -1.0, -(grid.upper[a] - inside)
+    return replace(
+        scenery,
+        solids=np.concatenate([scenery.solids, rows]),
+        names=(*scenery.names, *["the edge of the map's grid"] * 6),
+    )
 
 
 def _skipped(robot: Robot, scenery: Scenery) -> np.ndarray:
@@ -218,7 +308,7 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
         for k in range(len(scenery.solids)):
             skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
             skip[body, k] = False
-            solids = kernels.Solids(scenery.solids, skip, safety.m)
+            solids = kernels.Solids(scenery.solids, skip, safety.m, scenery.faces)
             touching = all(
                 not kernels.motion_clear_of_solids(arm, q, still, solids, work)
                 for q in sample

@@ -331,8 +331,6 @@ class Executor:
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
-        if self.state == MOVING and not self.at_rest:
-            return False  # nobody slows it: it may be gone before they come
         commit = self.motion.commit(self.t, 0.0)
         scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
@@ -494,10 +492,10 @@ class Executor:
     def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)
         time = self.period + stop.duration
-        _, radius = threat.between(time, time)
+        far = threat.strays(time)
         return (
             f"the person, at up to {threat.fastest:.2f} m/s give or take "
-            f"{100 * radius:.0f} cm, can be in the way of the "
+            f"{100 * far:.0f} cm, can be in the way of the "
             f"{1e3 * time:.0f} ms that a stop takes"
         )
 

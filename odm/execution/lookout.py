@@ -13,6 +13,9 @@ from odm.execution.threat import Threat
 from roadmap.motion.motion import Commit, Motion
 
 _AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
+# [s] and, to see whether they will meet the robot: at 1 m/s a hand does not get
+# from one side of a link to the other between two of these
+_MEETS = tuple(0.06 * k for k in range(1, 9))
 _BETWEEN_SEARCHES = 0.05  # [s], which take a while
 _BETWEEN_LOOKS = 0.02  # [s]
 
@@ -63,6 +66,9 @@ class Lookout:
         """Nobody comes."""
         self.planner, self.period = planner, period
         self._wait_s = 0.0
+        safety = planner.cell_map.safety
+        # a motion that keeps m may come so much nearer, and is no reason to leave
+        self._closer = safety.blending + safety.tracking
 
     def evasion(
         self,
@@ -85,12 +91,10 @@ class Lookout:
         if self._wait_s > 1e-9:
             return None
         self._wait_s = _BETWEEN_LOOKS
-        if not len(threat.points) or threat.likely(0.0) is None:
+        if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
-        if not self._is_hit(motion, t, threat):
-            return None
-        points = threat.likely(0.0, *_AHEAD)
-        if self.planner.blocked_leg(commit.q[None], 0.0, points) is None:
+        person = threat.likely(0.0, *_MEETS)
+        if self.planner.blocked_leg(commit.q[None], -self._closer, person) is None:
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]
@@ -98,8 +102,9 @@ class Lookout:
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
-        for ahead in _AHEAD[1::2]:
+        for ahead in _MEETS:
             q = motion.at(t + ahead).q[None]
-            if self.planner.blocked_leg(q, 0.0, threat.likely(ahead)) is not None:
+            there = threat.likely(ahead)
+            if self.planner.blocked_leg(q, -self._closer, there) is not None:
                 return True
         return False

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm.execution.executor import Executor
-from odm.obstacles.robot_surface import RobotSurface
+from odm.execution.robot_spheres import RobotSpheres
+from odm.execution.threat import age_of
+from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
 
@@ -60,35 +62,40 @@ class IntentThreat:
     """Everything another robot may still sweep; in the place of a `Threat`.
 
     Attributes:
-        points: (k, 3) its surface at places along its path [m].
-        radius: What moves between two of them stays within this of a point [m].
+        swept: Spheres that hold it at all times of its intent.
+        spread: The most that any of them was grown by for its motion [m].
         fastest: The highest speed of any of its points now, at most [m/s].
     """
 
-    points: np.ndarray
-    radius: float
+    swept: Obstacles
+    spread: float
     fastest: float
 
-    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Return points and radius: the same at all times, whoever is late."""
-        return self.points, self.radius
+    def between(self, begin: float, end: float) -> tuple[Obstacles, float]:
+        """Return what it may sweep, and 0: the same at all times, whoever is late."""
+        return self.swept, 0.0
+
+    def strays(self, time: float) -> float:
+        """Return how far it may be from the places that stand for its way [m]."""
+        return self.spread
 
 
 def intent_threat(
-    surface: RobotSurface, intent: Intent, T_base_other: np.ndarray
+    spheres: RobotSpheres, intent: Intent, T_base_other: np.ndarray
 ) -> IntentThreat:
     """Return what a robot with an intent may sweep.
 
     Within a time of `half` from the middle of a piece joint j moves by at most
-    |dq_j| half + a_j half^2 / 2, and a point by the sum over j times its motion bound.
+    |dq_j| half + a_j half^2 / 2, and the centre of a sphere by the sum over j times its
+    motion bound. So a sphere that is larger by that sum holds it all the time.
 
     Args:
-        surface: The other robot's moving links.
+        spheres: The other robot's moving links.
         intent: From `intent_of`.
         T_base_other: (4, 4) its base in the frame of the robot that asks.
     """
-    limit = surface.robot.max_acceleration
-    clouds, radius, fastest = [], 0.0, 0.0
+    limit = np.asarray(spheres.robot.max_acceleration)
+    rows, spread, fastest = [np.zeros((0, 4))], 0.0, 0.0
     for stretch in intent:
         span = max(stretch.end - stretch.begin, 0.0)
         n = int(np.clip(np.ceil(span / _STEP), 1, _MOST))
@@ -96,11 +103,13 @@ def intent_threat(
         for k in range(n):
             point = stretch.motion.at(stretch.begin + (2 * k + 1) * half)
             speed = np.abs(point.dq)
-            moved = speed * half + 0.5 * limit * half * half
-            clouds.append(surface.at(point.q, T_base_other).copy())
-            radius = max(radius, _most(surface, moved))
-            fastest = max(fastest, _most(surface, speed))
-    return IntentThreat(np.concatenate(clouds), radius, fastest)
+            grown = spheres.moved(speed * half + 0.5 * limit * half * half)
+            placed = spheres.at(point.q, T_base_other)
+            placed[:, 3] += grown
+            rows.append(placed)
+            spread = max(spread, float(grown.max(initial=0.0)))
+            fastest = max(fastest, float(spheres.moved(speed).max(initial=0.0)))
+    return IntentThreat(Obstacles(spheres=np.concatenate(rows)), spread, fastest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +117,7 @@ class LimitsThreat:
     """Where a robot can be that tells only its joints; in the place of a `Threat`.
 
     Attributes:
-        surface: Its moving links.
+        spheres: Its moving links.
         T_base_other: (4, 4) its base in the frame of the robot that asks.
         q, dq: (dof,) measured [rad or m, by seconds].
         age: Age of both [s]; None or NaN where it is not known.
@@ -116,7 +125,7 @@ class LimitsThreat:
         acceleration: (dof,) bound on its joints' accelerations [rad/s2 or m/s2].
     """
 
-    surface: RobotSurface
+    spheres: RobotSpheres
     T_base_other: np.ndarray
     q: np.ndarray
     dq: np.ndarray
@@ -124,34 +133,45 @@ class LimitsThreat:
     speed_scale: float
     acceleration: np.ndarray
 
-    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Return points (n, 3) and the radius of balls that hold it meanwhile [m].
+    def between(self, begin: float, end: float) -> tuple[Obstacles, float]:
+        """Return spheres that hold it at all times from begin to end [s], and 0.
 
         At tau in [begin, end] joint j is within |dq_j| half + a_j end^2 / 2 of
-        q + dq middle, and never farther from q than its velocity limit takes it. The
-        radius is infinite where the age is not known.
+        q + dq middle, and never farther from q than its velocity limit takes it. Each
+        sphere is larger by how far its centre gets with that. Infinite instead of 0
+        where the age is not known.
         """
-        if self.age is None or not 0.0 <= self.age < math.inf:
-            return self.surface.at(self.q, self.T_base_other).copy(), math.inf
+        age = age_of(self.age)
+        if not math.isfinite(age + begin + end):
+            return self.spheres.obstacles(self.q, self.T_base_other), math.inf
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
-        begin, end = begin + self.age, end + self.age
+        begin, end = begin + age, end + age
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        by_speed = np.abs(self.dq) * half + 0.5 * self.acceleration * end * end
-        ahead = self.dq * middle
-        fastest = self.speed_scale * self.surface.robot.max_velocity
-        by_limit = fastest * end + np.abs(ahead)
-        moved = np.minimum(by_speed, by_limit)
-        points = self.surface.at(self.q + ahead, self.T_base_other)
-        return points.copy(), _most(self.surface, moved)
+        rows = self.spheres.at(self.q + self.dq * middle, self.T_base_other)
+        rows[:, 3] += self._grown(middle, half, end)
+        return Obstacles(spheres=rows), 0.0
+
+    def strays(self, time: float) -> float:
+        """Return how far it may be by then from where its speed leads [m]."""
+        end = max(time, 0.0) + age_of(self.age)
+        if not end < math.inf:
+            return math.inf
+        return float(self._grown(end, 0.0, end).max(initial=0.0))
 
     @property
     def fastest(self) -> float:
         """The highest speed of any of its points now, at most [m/s]."""
-        return _most(self.surface, np.abs(self.dq))
+        return float(self.spheres.moved(self.dq).max(initial=0.0))
+
+    def _grown(self, middle: float, half: float, end: float) -> np.ndarray:
+        by_speed = np.abs(self.dq) * half + 0.5 * self.acceleration * end * end
+        fastest = self.speed_scale * self.spheres.robot.max_velocity
+        by_limit = fastest * end + np.abs(self.dq * middle)
+        return self.spheres.moved(np.minimum(by_speed, by_limit))
 
 
 def limits_threat(
-    surface: RobotSurface,
+    spheres: RobotSpheres,
     T_base_other: np.ndarray,
     q: np.ndarray,
     dq: np.ndarray,
@@ -163,7 +183,7 @@ def limits_threat(
     Raises:
         BadInput: It moves faster than it is said to, or its state is not finite.
     """
-    robot = surface.robot
+    robot = spheres.robot
     q, dq = np.asarray(q, float), np.asarray(dq, float)
     for name, value in (("q", q), ("dq", dq)):
         if value.shape != (robot.dof,) or not np.isfinite(value).all():
@@ -179,9 +199,4 @@ def limits_threat(
             "to keep to; give its true share of the limits"
         )
     acceleration = np.asarray(robot.max_acceleration)
-    return LimitsThreat(surface, T_base_other, q, dq, age, speed_scale, acceleration)
-
-
-def _most(surface: RobotSurface, moved: np.ndarray) -> float:
-    """Return how far any point gets where joint j moves by `moved[j]`, at most."""
-    return float((surface.motion_bounds @ moved).max(initial=0.0))
+    return LimitsThreat(spheres, T_base_other, q, dq, age, speed_scale, acceleration)

@@ -1,7 +1,7 @@
 """The test behind every set-point: can the robot stop before the person is there?
 
-The path up to the end of a stop is tested against the person's points, grown by how far
-the person can come meanwhile (design, step 7).
+The path up to the end of a stop is tested against the shapes that hold the person at
+all times of it (design, step 7; `odm.execution.threat` proves that they do).
 """
 
 import math
@@ -46,14 +46,14 @@ class BrakingTest:
             stop: The stop on the same path.
             threat: Where the person, or another robot, can be.
             closer: How much nearer than m the robot may come [m].
-            off: How far from the motion any point of the robot may be [m]: the points
-                are grown by that, too.
+            off: How far from the motion any point of the robot may be [m]: so much more
+                distance is kept.
         """
         closer = closer - off
         before = max(begin - t, 0.0)  # the stop; a motion may be over
-        points, radius = threat.between(0.0, before + stop.duration)
+        there, more = threat.between(0.0, before + stop.duration)
         path = motion.path_from(t, stop.length)
-        if self.planner.blocked_leg(path, radius - closer, points) is None:
+        if self.planner.blocked_leg(path, more - closer, there) is None:
             return True
         if not self._clear(motion, t, begin, 0.0, threat, closer):
             return False
@@ -73,8 +73,8 @@ class BrakingTest:
         for k in range(n):
             a = begin + (end - begin) * k / n
             b = begin + (end - begin) * (k + 1) / n
-            points, radius = threat.between(later + a - begin, later + b - begin)
+            there, more = threat.between(later + a - begin, later + b - begin)
             corners = motion.path_from(a, motion.place(b))
-            if self.planner.blocked_leg(corners, radius - closer, points) is not None:
+            if self.planner.blocked_leg(corners, more - closer, there) is not None:
                 return False
         return True

@@ -11,39 +11,42 @@ v = (p(0) - p(-W)) / W. The true velocity *now* differs from the true mean by at
 a W / 2, and the measured mean from that by at most 2 e / W. So after a time t the end
 is within
 
-    e + (2 e / W + a W / 2) t + a t^2 / 2
+    R(t) = e + (2 e / W + a W / 2) t + a t^2 / 2
 
 of p(0) + v t; it gets there if it speeds up by a all the time. The window is the frame
 that makes the second term least, W = 2 sqrt(e / a) if there is one; without noise the
-frame before. What lies between the ends is between their errors, too.
+frame before. At all times from b to c, the end is within R(c) + |v| (c - b) / 2 of
+where v leads it by the middle of them.
 
-The surface. A point of a capsule is moved with it as with a rigid body, by its axis
-alone: a turn of the capsule about itself does not move its surface. A body that turns
-by w and grows by g along its axis is carried to a copy that is longer across, by
-k = sqrt(1 + w^2 t^2) + |g| t at most. So samples that cover it within rho are within
-k rho of each other afterwards, and the true surface lies at most (k - 1) r inside the
-copy's: (k - 1) (rho + r) more. Radii are taken not to change.
+The capsule. It is all points within its radius r of the segment between its ends. Let
+each end be within R of where it is expected. A place of the axis, (1 - s) a + s b, is
+within (1 - s) R + s R = R of the same place of the expected axis. So every point of the
+true capsule is within r + R of the expected axis: the expected capsule with the radius
+r + R holds it, inside and surface, whatever it does between its ends: turn, stretch, or
+spin about itself. Nothing is sampled, so nothing is added for samples; and each part
+grows by its own R. Radii are taken not to change.
 
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
 expected there; see `odm.execution._threat.follow`. Its velocity counts from the third
-frame on that agrees. Where one is not known, the balls have the radius e + speed * t.
+frame on that agrees. Where one is not known, R is e + speed * t about p(0).
 """
 
 import math
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from odm.execution._threat import Tracks, follow, near_points, velocities
+from odm.execution._threat import Tracks, follow
+from odm.obstacles.obstacles import Obstacles
 from roadmap.ranges import check_settings
 
 _DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
 _CONFIRMED = 3  # frames that agree on a velocity
+_MOST_GROWTH = 4.0  # [m] who may be farther away may be anywhere
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,6 @@ class ThreatSettings:
             trembles by 2 cm at 5 Hz has 20. Between `acceleration` and this a person
             does more than is assumed of them: their velocity counts, but the balls may
             be too small.
-        horizon_s: Only points that can reach the robot within this time are kept [s]; a
-            stop that takes longer is tested against all of them.
     """
 
     speed: float = 2.0
@@ -74,7 +75,6 @@ class ThreatSettings:
     noise: float = 0.0
     max_plausible_speed: float = 5.0
     max_plausible_acceleration: float = 60.0
-    horizon_s: float = 0.5
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -88,127 +88,177 @@ class ThreatSettings:
             "noise": (0.0, 1.0, "m"),
             "max_plausible_speed": (0.0, 1e3, "m/s"),
             "max_plausible_acceleration": (0.0, 1e4, "m/s2"),
-            "horizon_s": (0.0, 60.0, "s"),
         }
         check_settings(self, ranges)
 
 
 class Moving(Protocol):
-    """Who moves near a robot: a person (`Threat`), or another robot."""
+    """Who moves near a robot: a person (`Threat`), a cloud, or another robot."""
 
-    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Return points (n, 3) and the radius [m] of balls that hold them meanwhile."""
+    def between(self, begin: float, end: float) -> tuple[np.ndarray | Obstacles, float]:
+        """Return shapes or points, and how much more distance holds all meanwhile [m].
+
+        Infinite where they can be anywhere.
+        """
+
+    def strays(self, time: float) -> float:
+        """Return how far they may be from where they are expected by then [m]."""
 
     @property
     def fastest(self) -> float:
-        """The highest speed of any of the points [m/s]."""
+        """The highest speed of any of them [m/s]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Threat:
-    """A person's points that are near enough to matter, and how they move.
+    """A person's capsules and how their ends move.
 
     Attributes:
-        points: (n, 3) points of the person's surface [m].
-        velocity: (n, 3) velocity of each [m/s], 0 for those of parts whose velocity is
-            not known; None where none is.
-        age: Age of the data [s]; None or NaN: not known, and no ball is large enough.
+        capsules: (k, 7) ends a and b and radius [m].
+        velocity: (k, 2, 3) velocity of each end [m/s], 0 where it is not known.
+        error: (k,) bound on the errors of the velocities [m/s]; infinite for a part
+            whose velocity is not known.
+        age: Age of the data [s]; None or NaN: not known, and nothing holds the person.
         settings: What a person is able to do.
-        drift: (n, 3) mean velocity of each in the last fifth of a second [m/s]; None
-            takes `velocity`.
-        error: Bound on the errors of the velocities that are known [m/s].
-        lost: Whether there are points whose velocity is not known.
-        turn, stretch: The fastest turn of a part, and its growth by its length [1/s].
-        thick: Largest radius of the parts, and covering radius of the points [m].
-        everywhere: Returns the same for all points, near or not; for times later than
-            `settings.horizon_s`.
+        drift: (k, 2, 3) mean velocity of each end in the last fifth of a second [m/s];
+            None takes `velocity`.
         unknown: A part whose velocity is not known is no faster [m/s]: as fast as
             the settings say, or as any part was lately, which may be this one.
     """
 
-    points: np.ndarray
-    velocity: np.ndarray | None
+    capsules: np.ndarray
+    velocity: np.ndarray
+    error: np.ndarray
     age: float | None
     settings: ThreatSettings
     drift: np.ndarray | None = None
-    error: float = 0.0
-    lost: bool = False
-    turn: float = 0.0
-    stretch: float = 0.0
-    thick: float = 0.0
-    everywhere: "Callable[[], Threat] | None" = None
     unknown: float = 0.0
 
-    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Return points (n, 3) and the radius [m] of balls that hold the person.
+    @cached_property
+    def known(self) -> np.ndarray:
+        """(k,) whether the velocity of a part is known."""
+        return np.isfinite(self.error)
 
-        The balls around the points, grown by the points' covering radius, hold the
-        person's whole surface at all times from `begin` to `end` seconds from now, if
-        the points covered it; see the module. The radius is infinite where the times
-        or the age are not known.
+    def between(self, begin: float, end: float) -> tuple[Obstacles, float]:
+        """Return capsules that hold the person at all times, and 0.
+
+        From `begin` to `end` seconds from now; see the module. Infinite instead of 0
+        where the times or the age are not known, or are too long.
         """
-        age = self._age
-        known = math.isfinite(age + begin + end)
+        age = age_of(self.age)
+        room = self._room
+        if not math.isfinite(age + begin + end):
+            return room, math.inf
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
-        if not (known and end < math.inf):
-            return self.points, math.inf
-        if end > self.settings.horizon_s and self.everywhere is not None:
-            return self._all.between(begin, end)
         begin, end = begin + age, end + age
-        unknown = self.settings.noise + self._unknown * end
-        if self.velocity is None:
-            return self.points, unknown
-        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        radius = self._gained(end) + half * self.fastest
-        if self.lost:
-            radius = max(radius, unknown)
-        return self.points + middle * self.velocity, radius
+        growth = self._growth(end) + 0.5 * (end - begin) * self._speeds
+        if not growth.max(initial=0.0) <= _MOST_GROWTH:
+            return room, math.inf
+        rows = room.capsules
+        rows[:, :6] = self._ends + (0.5 * (begin + end)) * self._rates
+        rows[:, 6] = self.capsules[:, 6] + growth
+        return room, 0.0
+
+    def strays(self, time: float) -> float:
+        """Return how far a part may be from where its velocity leads it by then [m]."""
+        age = age_of(self.age)
+        if not age + time < math.inf:
+            return math.inf
+        return float(self._growth(max(time, 0.0) + age).max(initial=0.0))
 
     @property
     def is_dated(self) -> bool:
         """Whether the age of the data is known."""
-        return self._age < math.inf
+        return age_of(self.age) < math.inf
 
-    @property
-    def _age(self) -> float:
-        """The age of the data [s]; infinite where it is not known."""
-        age = self.age
-        return age if age is not None and 0.0 <= age < math.inf else math.inf
+    def likely(self, *times: float) -> Obstacles | None:
+        """Return the capsules where they will be at some times from now [s].
 
-    def _gained(self, t: float) -> float:
-        """Return how far a part can be from where its velocity leads after t [m]."""
-        s = self.settings
-        grown = math.hypot(1.0, self.turn * t) + self.stretch * t - 1.0
-        wrong = s.noise + self.error * t + grown * self.thick
-        return wrong + 0.5 * s.acceleration * t * t
+        As their mean velocities bring them: where they are likely to be, not where
+        they can be. None where no velocities are known, or not the age.
+        """
+        if not (self.is_dated and self.known.any()):
+            return None
+        drift = self.velocity if self.drift is None else self.drift
+        rates = drift.reshape(-1, 6)
+        rows = np.tile(self.capsules, (len(times), 1))
+        ahead = age_of(self.age) + np.array(times)
+        rows[:, :6] += (ahead[:, None, None] * rates).reshape(-1, 6)
+        return Obstacles(capsules=rows)
+
+    @cached_property
+    def fastest(self) -> float:
+        """The highest speed of any part [m/s]."""
+        lost = 0.0 if self.known.all() else self._unknown
+        return max(lost, float(self._speeds.max(initial=0.0)))
 
     @property
     def _unknown(self) -> float:
         return max(self.settings.speed, self.unknown)
 
-    @cached_property
-    def _all(self) -> "Threat":
-        return self if self.everywhere is None else self.everywhere()
-
-    def likely(self, *times: float) -> np.ndarray | None:
-        """Return (n, 3) where its points will be at some times from now [s].
-
-        As their mean velocities bring them: where they are likely to be, not where
-        they can be. None where no velocities are known, or not the age.
-        """
-        drift = self.velocity if self.drift is None else self.drift
-        if drift is None or not self.is_dated:
-            return None
-        return np.concatenate([self.points + (self._age + t) * drift for t in times])
+    def _growth(self, t: float) -> np.ndarray:
+        """Return (k,) how far each can be from where its velocity leads after t [m]."""
+        s, known = self.settings, self.known
+        error = np.where(known, self.error, 0.0)
+        near = s.noise + error * t + 0.5 * s.acceleration * t * t
+        return np.where(known, near, s.noise + self._unknown * t)
 
     @cached_property
+    def _ends(self) -> np.ndarray:
+        return self.capsules[:, :6]
+
+    @cached_property
+    def _rates(self) -> np.ndarray:
+        """(k, 6) velocities of the ends, 0 where they are not known [m/s]."""
+        rates = np.where(self.known[:, None, None], self.velocity, 0.0)
+        return rates.reshape(-1, 6)
+
+    @cached_property
+    def _speeds(self) -> np.ndarray:
+        """(k,) speed of the faster end of each, 0 where it is not known [m/s]."""
+        ends = self._rates.reshape(-1, 2, 3)
+        squares = np.einsum("kei,kei->ke", ends, ends)
+        return np.sqrt(squares.max(axis=1, initial=0.0))
+
+    @cached_property
+    def _room(self) -> Obstacles:
+        return Obstacles(capsules=len(self.capsules))
+
+
+@dataclass(frozen=True, eq=False)
+class CloudThreat:
+    """A cloud of points, of whose motion nothing is known but a bound on its speed.
+
+    Attributes:
+        points: (n, 3) points on the surfaces of who moves, within the map's rho [m].
+        age: Age of the points [s]; None or NaN: not known, and nothing holds them.
+        settings: Its `speed` and `noise` count.
+    """
+
+    points: np.ndarray
+    age: float | None
+    settings: ThreatSettings
+
+    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
+        """Return the points, and how far they may have come by `end` [m]."""
+        return self.points, self.strays(end if begin + end < math.inf else math.inf)
+
+    def strays(self, time: float) -> float:
+        """Return how far a point may have come by then [m]."""
+        passed = age_of(self.age) + max(time, 0.0)
+        if not passed < math.inf:
+            return math.inf
+        return self.settings.noise + self.settings.speed * passed
+
+    @property
     def fastest(self) -> float:
-        """The highest speed of any of the points [m/s]."""
-        if self.velocity is None:
-            return self._unknown
-        squares = np.einsum("ij,ij->i", self.velocity, self.velocity)
-        most = math.sqrt(squares.max(initial=0.0))
-        return max(most, self._unknown) if self.lost else most
+        """The highest speed of any point [m/s]."""
+        return self.settings.speed
+
+
+def age_of(age: float | None) -> float:
+    """Return the age of data [s]; infinite where it is not known."""
+    return age if age is not None and 0.0 <= age < math.inf else math.inf
 
 
 class Watcher:
@@ -216,19 +266,11 @@ class Watcher:
 
     Args:
         settings: What a person is able to do.
-        covering: Covering radius of the points on the capsules [m].
-        robot_speed: No point of the robot is faster [m/s].
     """
 
-    def __init__(
-        self,
-        settings: ThreatSettings | None = None,
-        covering: float = 0.03,
-        robot_speed: float = 2.0,
-    ) -> None:
+    def __init__(self, settings: ThreatSettings | None = None) -> None:
         """Nobody has been seen."""
         self.settings = s = settings or ThreatSettings()
-        self.covering, self.robot_speed = covering, robot_speed
         self._limits = np.array(
             [
                 s.noise,
@@ -245,42 +287,22 @@ class Watcher:
         self._slack = np.zeros(0)  # bound on the errors of the first [m/s]
         self._fastest = (-math.inf, 0.0)  # when a part was fastest, and its speed [m/s]
 
-    def look(
-        self,
-        capsules: np.ndarray,
-        points: np.ndarray,
-        centers: np.ndarray,
-        now: float,
-        age: float | None = 0.0,
-        margin: float = 0.25,
-    ) -> Threat:
+    def look(self, capsules: np.ndarray, now: float, age: float | None = 0.0) -> Threat:
         """Return the threat of a frame.
 
         Args:
             capsules: (k, 7) person: a, b, radius [m]; the same parts in every frame.
-            points: (n, 3) samples of their surface [m].
-            centers: (m, 3) centres of the robot's moving spheres [m].
             now: Time of the capsules [s].
             age: Age of the capsules [s].
-            margin: Largest radius of those spheres and the distance they keep [m].
         """
-        ends = capsules[:, :6].reshape(-1, 2, 3).copy()
-        self._follow(ends, now)
+        capsules = np.array(capsules, np.float64)
+        self._follow(capsules[:, :6].reshape(-1, 2, 3), now)
         self._measure(now)
         sure = self._count >= _CONFIRMED
         rates = np.where(sure[:, None, None], self._rates, 0.0)
         unknown = self._lately(rates[0], sure, now)
-        parts = _Parts(ends, np.ascontiguousarray(capsules[:, 6]), rates, sure)
-        room = np.empty((len(points), 3))
-        far = margin + self._reach(parts, age or 0.0, unknown)
-        near = room[: near_points(points, centers, far, room)]
-
-        def everywhere() -> Threat:
-            return replace(self._threat(parts, slack, points, age), unknown=unknown)
-
-        slack = self._slack
-        threat = self._threat(parts, slack, near, age)
-        return replace(threat, everywhere=everywhere, unknown=unknown)
+        error = np.where(sure, self._slack, math.inf)
+        return Threat(capsules, rates[0], error, age, self.settings, rates[1], unknown)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now, as any was lately [m/s].
@@ -339,65 +361,3 @@ class Watcher:
             # seen for less: it rested before
             moved = past[-1][1][these] - past[first][1][these]
             self._rates[1, these] = moved / max(ages[first], _DRIFT)
-
-    def _reach(self, parts: "_Parts", age: float, unknown: float) -> float:
-        """Return how near a part can come in `horizon_s`, at most [m]."""
-        s = self.settings
-        t = s.horizon_s + age
-        sure, rates = parts.sure, parts.rates
-        known = np.sqrt(np.einsum("rkei,rkei->rke", rates, rates).max(initial=0.0))
-        slack = self._slack[sure].max(initial=0.0)
-        moved = (known + slack + 0.5 * s.acceleration * t) * t
-        if not sure.all():
-            moved = max(moved, max(s.speed, unknown) * t)
-        turn, stretch = parts.turns()
-        grown = math.hypot(1.0, turn.max(initial=0.0) * t) - 1.0
-        grown += stretch.max(initial=0.0) * t
-        thick = self.covering + parts.radii.max(initial=0.0)
-        return s.noise + moved + grown * thick + self.robot_speed * t
-
-    def _threat(
-        self, parts: "_Parts", slack: np.ndarray, points: np.ndarray, age: float | None
-    ) -> Threat:
-        if not parts.sure.any():
-            return Threat(points, None, age, self.settings)
-        points = np.ascontiguousarray(points)
-        moving = np.empty((2, len(points), 3))
-        nearest = np.empty(len(points), np.int64)
-        velocities(points, parts.ends, parts.radii, parts.rates, nearest, moving)
-        here = np.zeros(len(parts.ends), np.bool_)
-        here[nearest] = True
-        known = here & parts.sure
-        turn, stretch = parts.turns()
-        return Threat(
-            points,
-            moving[0],
-            age,
-            self.settings,
-            moving[1],
-            error=float(slack[known].max(initial=0.0)),
-            lost=bool((here & ~parts.sure).any()),
-            turn=float(turn[known].max(initial=0.0)),
-            stretch=float(stretch[known].max(initial=0.0)),
-            thick=self.covering + float(parts.radii[here].max(initial=0.0)),
-        )
-
-
-class _Parts(NamedTuple):
-    """The capsules of a frame."""
-
-    ends: np.ndarray  # (k, 2, 3) [m]
-    radii: np.ndarray  # (k,) [m]
-    rates: np.ndarray  # (2, k, 2, 3) velocity and drift, 0 where not known [m/s]
-    sure: np.ndarray  # (k,) whether they are known
-
-    def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return how fast each turns and grows, (k,) and (k,) [1/s]."""
-        along = self.ends[:, 1] - self.ends[:, 0]
-        apart = self.rates[0, :, 1] - self.rates[0, :, 0]
-        square = np.einsum("ki,ki->k", along, along)
-        long = square > 1e-12  # as in the kernel: a ball does not turn
-        grows = np.einsum("ki,ki->k", along, apart) / np.where(long, square, 1.0)
-        across = apart - grows[:, None] * along
-        turns = np.einsum("ki,ki->k", across, across) / np.where(long, square, 1.0)
-        return np.sqrt(np.where(long, turns, 0.0)), np.where(long, np.abs(grows), 0.0)

@@ -6,12 +6,11 @@ from odm.cell_map.payload import (
     carried_object,
     loaded_map,
     require_fit,
-    required,
 )
 from odm.close_test._arm import make_work
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Frame
-from odm.frame.place import items_in_place
+from odm.frame.place import PlaceItems, Standing, place_of
 from odm.search.state import center_motion_bounds, exchange, graph_on
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
@@ -24,6 +23,8 @@ class Carrier:
     The map's payload layer is merged with the arm's once. From then on a payload in
     hand means other rows in the planner's table: cell lists of arm and envelope, and
     the arm with the spheres of the very object. All that reads the table follows it.
+    Without such a layer the roadmap is closed while something is held, and the tool
+    must stay where the map's grid sees what is around the object.
 
     Args:
         frame: Its memory and scenery must be laid out.
@@ -31,6 +32,7 @@ class Carrier:
     Attributes:
         bare: The static test of the robot with nothing in its hand.
         robot: The robot with what is in its hand.
+        things: What stands at this place, by name.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -39,20 +41,23 @@ class Carrier:
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {
             name: getattr(m, name)
-            for name in ("arm", "work", "graph", "direct", "robot_state")
+            for name in ("arm", "work", "graph", "direct", "robot_state", "tubes")
         }
+        self.things: dict[str, Standing] = {}
+        self._bare_items = PlaceItems(m.graph, m.direct, self.bare)
         if cell_map.payload is None:
             return
         loaded = loaded_map(cell_map)
         self._largest = self.bare.carrying(loaded.robot)
         graph, direct = graph_on(cell_map.roadmap, loaded.arm_cells, m.graph.region)
-        graph.closed[:] = cell_map.payload.closed
+        graph.closed[:] = closed = np.array(cell_map.payload.closed)
         self._groups = {"graph": graph, "direct": direct}
+        self._loaded_items = PlaceItems(graph, direct, self._largest, closed)
 
     def attach(self, thing: object, T_tool_object: np.ndarray) -> None:
         """Take an object into the hand; see `ReactivePlanner.attach`."""
         frame = self.frame
-        layer = required(frame.cell_map)
+        layer = frame.cell_map.payload
         if frame.thing is not None:
             raise BadInput(
                 f"{len(frame.thing.spheres)} spheres are attached already; call detach "
@@ -60,20 +65,39 @@ class Carrier:
             )
         T = check_pose(T_tool_object, "T_tool_object")
         thing = carried_object(thing).moved(T)
-        require_fit(layer.recipe, thing)
+        if layer is not None:
+            require_fit(layer.recipe, thing)
         robot = with_payload(frame.robot, thing.spheres, thing.shell, [])
-        frame.static = self.bare.carrying(robot)
+        frame.static = self.bare.carrying(robot, fenced=layer is None)
         frame.thing, self.robot = thing, robot
         m, arm = frame.memory, frame.static.arm
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
-            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
+            radii=np.zeros(n),
+            bare=np.zeros(n),
+            grown=np.zeros(n),
+            grown_bare=np.zeros(n),
+            motion_bound=motion_bound,
         )
-        exchange(
-            m, {"arm": arm, "work": work, "robot_state": robot_state, **self._groups}
+        tubes = m.tubes._replace(
+            speed=np.zeros((len(m.tubes.count), n)),
+            bend=np.zeros((len(m.tubes.count), n)),
         )
+        held = self._closed_groups() if layer is None else self._groups
+        groups = {"arm": arm, "work": work, "robot_state": robot_state, "tubes": tubes}
+        exchange(m, {**groups, **held})
+        self.items.follow(self.things)
         frame.hand_changed()
+
+    def _closed_groups(self) -> dict:
+        """Return the roadmap with all its items closed: no cells know of the payload.
+
+        Then only motions that pass the close test with the object's own spheres are
+        taken: straight ones, and those of the search beyond the roadmap.
+        """
+        graph = self._bare_groups["graph"]
+        return {"graph": graph._replace(closed=np.ones(len(graph.closed), np.bool_))}
 
     def detach(self) -> None:
         """Let go; see `ReactivePlanner.detach`."""
@@ -83,39 +107,59 @@ class Carrier:
         frame.static = self.bare
         frame.thing, self.robot = None, frame.robot
         exchange(frame.memory, self._bare_groups)
+        self.items.follow(self.things)
         frame.hand_changed()
 
-    def set_place(self, points: np.ndarray) -> int:
-        """Take scenery of this place, and close what it blocks, with and without.
+    @property
+    def items(self) -> PlaceItems:
+        """What the things of this place close of the graph in use."""
+        loaded = self.frame.thing is not None and self.frame.cell_map.payload
+        return self._loaded_items if loaded else self._bare_items
+
+    def set_place(self, things: dict[str, Standing], anew: bool = False) -> int:
+        """Take what stands at this place, and close what it blocks of the graph in use.
+
+        Args:
+            things: All of it, by name.
+            anew: Distances have changed, so that all is closed anew.
 
         Returns:
             How many points lie outside the grid.
         """
-        cell_map = self.frame.cell_map
-        outside = self.bare.set_place(points)
-        closed = self._bare_groups["graph"].closed
-        roadmap = cell_map.roadmap
-        closed[:] = items_in_place(self._bare_groups["graph"], self.bare, roadmap)
-        layer = cell_map.payload
-        if layer is not None:
-            self._follow(self._largest)
-            graph = self._groups["graph"]
-            graph.closed[:] = layer.closed
-            graph.closed[:] |= items_in_place(graph, self._largest, roadmap)
-        if self.frame.thing is not None:
-            self._follow(self.frame.static)
+        self.things = things
+        outside = self.bare.set_place(place_of(things.values()))
+        for test in self._others():
+            test.share_place(self.bare)
+        for items in self._all_items():
+            if anew or items is not self.items:
+                items.forget()
+        self.items.follow(things)
         return outside
 
     def set_extra(self, extra: float) -> None:
         """Keep more distance from the scenery of this place [m]."""
-        tests = [self.bare, self.frame.static]
-        if self.frame.cell_map.payload is not None:
-            tests.append(self._largest)
-        for test in tests:
+        for test in (self.bare, *self._others()):
             test.set_extra(extra)
 
-    def _follow(self, static: StaticTest) -> None:
-        """Let a test with a payload see the scenery of the one without."""
-        static.place_points = self.bare.place_points
-        static.place_cloud = self.bare.place_cloud
-        static.set_extra(self.bare.extra)
+    def _others(self) -> list[StaticTest]:
+        """Return the tests of the robot with something in its hand."""
+        tests = [] if self.frame.cell_map.payload is None else [self._largest]
+        return tests + ([] if self.frame.thing is None else [self.frame.static])
+
+    def _all_items(self) -> list[PlaceItems]:
+        if self.frame.cell_map.payload is None:
+            return [self._bare_items]
+        return [self._bare_items, self._loaded_items]
+
+    # --- memory ----------------------------------------------------------------
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return how far the edges near each thing were tested."""
+        return {f"tested_{k}": i.tested() for k, i in enumerate(self._all_items())}
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Have tested just as many."""
+        for k, items in enumerate(self._all_items()):
+            tested = saved[f"tested_{k}"]
+            items.follow(self.things if len(tested) else {})
+            items.go_to(tested)

@@ -477,6 +477,7 @@ class Frame:
         self.set_sampling(*self.sampled)
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
+        self.memory.tubes.count[:] = 0
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -1,17 +1,151 @@
-"""Scenery of a place: points that never move, and the items they close for good."""
+"""What stands at a place beside the recipe's scenery, and the items that it closes."""
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
+from odm._groups import new
 from odm.checks import as_floats
-from odm.close_test.static import StaticTest
+from odm.close_test._arm import Clearance
+from odm.close_test.close_test import NO_SOLIDS
+from odm.close_test.static import Place, StaticTest
+from odm.frame import _place as kernels
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles import _world_frame as layers
+from odm.obstacles import shapes
+from odm.obstacles._cloud import Cloud
+from odm.obstacles._solids import MESH, Solids
+from odm.obstacles.mesh_surface import cover_densely
+from odm.obstacles.obstacles import Obstacles, SolidRoom, is_small_hull
+from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
-from odm.search import _attach as kernels
-from odm.search._state import Graph
+from odm.search._state import Direct, Graph
 from roadmap.errors import BadInput
-from roadmap.graph.roadmap import Roadmap
-from roadmap.kinematics.forward import difference
+
+_FINE = 0.35  # share of rho that a mesh is cut to before it is thinned
+
+
+class Standing(NamedTuple):
+    """One thing where it stands, base frame.
+
+    Attributes:
+        name: What it is called.
+        samples: (k, 3) points that mark the cells of all its parts [m].
+        points: (n, 3) points of the parts that have no exact distance [m].
+        solids: The parts that have one.
+    """
+
+    name: str
+    samples: np.ndarray
+    points: np.ndarray
+    solids: Solids
+
+
+class Thing:
+    """Shapes, or surfaces, in a frame of their own: made once, placed anywhere.
+
+    Spheres, capsules, cylinders, boxes and convex meshes of at most 200 faces
+    are tested by their exact distance. Other meshes, and surfaces, count by points that
+    cover them within the map's rho.
+
+    Args:
+        name: What it is called.
+        parts: The shapes and surfaces.
+        rho: Covering radius of the map [m].
+
+    Raises:
+        BadInput: Something else, a surface sampled too coarsely, a mesh that is not
+            closed, or a shape too large.
+    """
+
+    def __init__(self, name: str, parts: tuple, rho: float) -> None:
+        """Sample all surfaces."""
+        self.name, self.parts = name, parts
+        exact, covers, loose = [], [], [np.zeros((0, 3))]
+        for part in parts:
+            if isinstance(part, Surface):
+                require_covering(part, rho)
+                loose.append(part.points)
+            elif isinstance(part, shapes.Mesh) and not is_small_hull(part):
+                loose.append(_mesh_points(part, rho))
+            else:
+                exact.append(part)
+        self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
+        self._solids_at(np.eye(4))  # refuses sizes before samples take their time
+        covers = [surface_of(part, rho).points for part in exact]
+        self._points = np.concatenate(loose)
+        self._samples = np.concatenate([*covers, self._points])
+
+    def at(self, T_base_thing: np.ndarray) -> Standing:
+        """Return it where its frame has this pose (4, 4) in the base frame."""
+        solids = self._solids_at(T_base_thing)
+        R, p = T_base_thing[:3, :3], T_base_thing[:3, 3]
+        samples, points = self._samples @ R.T + p, self._points @ R.T + p
+        return Standing(self.name, samples, points, solids)
+
+    def _solids_at(self, T_base_thing: np.ndarray) -> Solids:
+        if not len(self._obstacles):
+            return NO_SOLIDS
+        room = self._room.of(self._obstacles, T_base_thing)
+        if room is None:
+            raise BadInput(
+                f"a shape of {self.name!r} is too large or has a size that is not "
+                "above 0; give metres: a radius of at most 5, a size of at most 1000"
+            )
+        return joined([room])
+
+
+def _mesh_points(mesh: shapes.Mesh, rho: float) -> np.ndarray:
+    """Return (n, 3) points that cover a closed mesh within rho, quickly made.
+
+    Every place of the mesh is within `fine` of a centre, and every centre within the
+    rest of rho of one that is kept.
+    """
+    fine = _FINE * rho
+    centers = cover_densely(mesh.vertices, mesh.faces, fine)
+    kept, _ = thinned(centers, rho - fine)
+    T = mesh.T_base_shape
+    return centers[kept] @ T[:3, :3].T + T[:3, 3]
+
+
+def joined(groups: list[Solids]) -> Solids:
+    """Return the solids of several groups as one, in arrays of its own."""
+    rows, kinds, faces, first = [], [], [], 0
+    for group in groups:
+        n = int(group.count[0])
+        part, kind = group.rows[:n].copy(), group.kind[:n].copy()
+        own = kind == MESH
+        used = int(part[own, 13].max(initial=0.0))
+        part[own, 12:14] += first
+        first += used
+        rows.append(part)
+        kinds.append(kind)
+        faces.append(group.faces[:used])
+    sizes = {"shapes": sum(map(len, rows)), "faces": first}
+    whole = new(Solids, sizes)
+    if rows:
+        whole.rows[...] = np.concatenate(rows)
+        whole.kind[...] = np.concatenate(kinds)
+        whole.faces[...] = np.concatenate(faces)
+    whole.count[0] = sizes["shapes"]
+    return whole
+
+
+def place_of(things: Iterable[Standing]) -> Place:
+    """Return all that stands at a place as the static test takes it."""
+    things = list(things)
+    points, solids = [np.zeros((0, 3))], []
+    point_names, solid_names, p, s = [], [], 0, 0
+    for thing in things:
+        point_names.append((p, thing.name))
+        solid_names.append((s, thing.name))
+        points.append(thing.points)
+        solids.append(thing.solids)
+        p += len(thing.points)
+        s += int(thing.solids.count[0])
+    all_points = np.ascontiguousarray(np.concatenate(points))
+    return Place(all_points, joined(solids), tuple(point_names), tuple(solid_names))
 
 
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
@@ -35,27 +169,164 @@ def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
     return np.concatenate(found)
 
 
-def items_in_place(graph: Graph, static: StaticTest, roadmap: Roadmap) -> np.ndarray:
-    """Return which nodes and edges touch the place's scenery: cells, then closely.
+class _Closed(NamedTuple):
+    """What one thing closes.
+
+    Attributes:
+        thing: Where it stands.
+        items: (k,) nodes and edges that it closes for good, ascending.
+        edges: (e,) edges that share a cell with it: closed until they are tested.
+        free: (e,) which of these were tested and found free.
+        tested: (1,) how many were tested, from the first on.
+        cloud: Its points for the close test.
+    """
+
+    thing: Standing
+    items: np.ndarray
+    edges: np.ndarray
+    free: np.ndarray
+    tested: np.ndarray
+    cloud: Cloud
+
+
+class PlaceItems:
+    """Which nodes and edges of a roadmap are closed by what stands at the place.
+
+    Each thing closes what shares a cell with it, at once; the close test then opens
+    the edges that it proves free, some now, the others by `settle`. So nothing is ever
+    open that is not proved free, and in the end nothing is closed for its cells alone.
 
     Args:
-        graph: Their cell lists.
-        static: The robot, with what it may carry, and the scenery.
-        roadmap: Nodes and edges.
-
-    Returns:
-        (n_nodes + n_edges,) True where an item is to be closed.
+        graph, direct: The roadmap's cells; `graph.closed` is written.
+        static: The robot, with what it may carry; its distances count.
+        closed: (n + m,) items that are closed whatever stands there, or None.
     """
-    hit = np.zeros(len(graph.closed), np.bool_)
-    words = static.place_cloud.words
-    kernels.items_hit(graph.ptr, graph.block, graph.mask, words, hit)
-    n, still = roadmap.n_nodes, np.zeros(static.robot.dof)
-    ends = roadmap.edges
-    # an edge's list leaves out the cells of its nodes, so theirs count for it too
-    hit[n:] |= hit[ends[:, 0]] | hit[ends[:, 1]]
-    dq = difference(static.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
-    for item in np.flatnonzero(hit):
-        start = roadmap.nodes[item if item < n else ends[item - n, 0]]
-        motion = still if item < n else dq[item - n]
-        hit[item] = not static.clear_of_place(start, motion)
-    return hit
+
+    def __init__(
+        self,
+        graph: Graph,
+        direct: Direct,
+        static: StaticTest,
+        closed: np.ndarray | None = None,
+    ) -> None:
+        """Nothing stands there."""
+        self._graph, self._direct, self._static = graph, direct, static
+        n = len(graph.closed)
+        self._closed = np.zeros(n, np.bool_) if closed is None else closed
+        self._count = np.zeros(n, np.uint16)  # things that close an item
+        self._mark, self._found = np.zeros(n, np.uint8), np.empty(n, np.int32)
+        self._still = np.zeros(static.robot.dof)
+        self._things: dict[str, _Closed] = {}
+
+    @property
+    def waiting(self) -> int:
+        """How many edges are closed by cells alone, and still to be tested."""
+        return sum(len(c.edges) - int(c.tested[0]) for c in self._things.values())
+
+    def follow(self, things: dict[str, Standing]) -> None:
+        """Close what these things block, and nothing else; only changes cost time."""
+        for name in list(self._things):
+            if self._things[name].thing is not things.get(name):
+                self._let_go(self._things.pop(name))
+        for name, thing in things.items():
+            if name not in self._things:
+                self._things[name] = self._add(thing)
+
+    def forget(self) -> None:
+        """Take all things away, so that `follow` closes everything anew."""
+        self.follow({})
+
+    def settle(self, most: int | None = None) -> int:
+        """Test edges that wait, `most` of them; return how many still do."""
+        for name in sorted(self._things):
+            closed = self._things[name]
+            begin, n = int(closed.tested[0]), len(closed.edges)
+            end = n if most is None else min(n, begin + most)
+            self._test(closed, end)
+            most = None if most is None else most - (end - begin)
+        return self.waiting
+
+    def _test(self, closed: _Closed, end: int) -> None:
+        """Test the edges of a thing up to number `end`; open those that are free."""
+        begin = int(closed.tested[0])
+        if end <= begin:
+            return
+        edges, free = closed.edges[begin:end], closed.free[begin:end]
+        joints, dq = self._static.robot.continuous, np.empty_like(self._still)
+        kernels.edges_clear(*self._test_of(closed), edges, joints, dq, free)
+        closed.tested[0] = end
+        self._step(edges[free], -1)
+
+    def motions_clear(
+        self, name: str, q: np.ndarray, dq: np.ndarray, static: StaticTest
+    ) -> np.ndarray:
+        """Return which motions (k, dof) from q keep clear of a thing, (k,) bool.
+
+        `static` is the robot with what it holds now.
+        """
+        clear = np.zeros(len(q), np.bool_)
+        clearance, _, cloud, solids = self._test_of(self._things[name], static)
+        q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
+        kernels.motions_clear(clearance, cloud, solids, q, dq, clear)
+        return clear
+
+    def tested(self) -> np.ndarray:
+        """Return (k,) how many edges were tested of each thing, by name."""
+        of = [int(self._things[name].tested[0]) for name in sorted(self._things)]
+        return np.array(of, np.int64)
+
+    def go_to(self, tested: np.ndarray) -> None:
+        """Have tested just as many edges of each thing, no more."""
+        things = {name: closed.thing for name, closed in self._things.items()}
+        if (self.tested() > tested).any():
+            self.forget()
+            self.follow(things)
+        for name, n in zip(sorted(self._things), tested.tolist(), strict=True):
+            self._test(self._things[name], n)
+
+    def _test_of(self, closed: _Closed, static: StaticTest | None = None) -> tuple:
+        static = static or self._static
+        arm, radii, tolerance, work, bare = static.place_clearance(static.work)
+        clearance = Clearance(arm, radii, bare, tolerance, work)
+        return clearance, self._graph, closed.cloud, closed.thing.solids
+
+    def _add(self, thing: Standing) -> _Closed:
+        cells = self._cloud(thing.samples)
+        cloud = cells
+        if len(thing.points) != len(thing.samples):
+            cloud = self._cloud(thing.points)
+        occupancy.sort_points(np.ascontiguousarray(thing.points), cloud)
+        graph, mark = self._graph, self._mark
+        n = kernels.items_near(self._direct, graph, cells, mark, self._found)
+        items = np.sort(self._found[:n])
+        nothing = np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros(1, np.int64)
+        closed = _Closed(thing, items, *nothing, cloud)
+        clearance, _, _, solids = self._test_of(closed)
+        kernels.shut_nodes(clearance, graph, cloud, solids, items, mark, self._still)
+        n = kernels.split_edges(graph, items, mark, self._found)
+        edges = self._found[:n].copy()
+        shut = items[mark[items] == kernels.SHUT]
+        mark[items] = 0
+        self._step(shut, 1)
+        self._step(edges, 1)
+        return closed._replace(items=shut, edges=edges, free=np.zeros(n, np.bool_))
+
+    def _let_go(self, closed: _Closed) -> None:
+        self._step(closed.items, -1)
+        self._step(closed.edges[~closed.free], -1)
+
+    def _step(self, items: np.ndarray, step: int) -> None:
+        if step > 0:
+            self._count[items] += 1
+        else:
+            self._count[items] -= 1
+        self._graph.closed[items] = self._closed[items] | (self._count[items] > 0)
+
+    def _cloud(self, points: np.ndarray) -> Cloud:
+        static = self._static
+        cloud = static.grid.new_cloud(max(1, len(points)))
+        points = np.ascontiguousarray(points)
+        occupancy.mark_points(points, cloud)
+        if static.extra > 0.0:
+            layers.dilate_points(points, static.extra, cloud)
+        return cloud

@@ -1,5 +1,7 @@
 """Points on a closed triangle mesh, and the covering radius computed for them."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from odm.obstacles._surfaces import greedy_cover
@@ -29,7 +31,21 @@ def sample_closed_mesh(
     Raises:
         BadInput: The mesh is not closed, or too large for the spacing.
     """
-    corners = closed_triangles(vertices, faces)
+    points, radius = _sampled(
+        np.ascontiguousarray(vertices, np.float64).tobytes(),
+        np.ascontiguousarray(faces, np.int64).tobytes(),
+        float(spacing),
+    )
+    return points.copy(), radius
+
+
+@lru_cache(maxsize=64)
+def _sampled(vertices: bytes, faces: bytes, spacing: float) -> tuple[np.ndarray, float]:
+    """Choose the points of `sample_closed_mesh`; the same meshes come often."""
+    corners = closed_triangles(
+        np.frombuffer(vertices).reshape(-1, 3),
+        np.frombuffer(faces, np.int64).reshape(-1, 3),
+    )
     area = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
@@ -56,7 +72,11 @@ def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the corners (m, 3, 3) of a mesh; refuse one that is not closed."""
     import trimesh
 
-    mesh = trimesh.Trimesh(vertices, faces, process=True)
+    # as it is, or with its equal corners made one: a hull may have corners that are
+    # nanometres apart, and to make those one tears it open
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if not mesh.is_watertight:
+        mesh = trimesh.Trimesh(vertices, faces, process=True)
     if not mesh.is_watertight:
         raise BadInput(
             f"a mesh of {len(faces)} faces is not closed (watertight): fill its holes, "

@@ -1,6 +1,7 @@
 """Obstacles of a frame as shapes and points, written in place by the caller."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
-        self._meshes = [_hull(mesh, k) for k, mesh in enumerate(meshes)]
+        self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
             "capsules": capsules,
@@ -258,6 +259,8 @@ class Hull:
         center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         far = np.linalg.norm(vertices - center, axis=1).max()
         self.ball = np.append(center, far * (1.0 + 1e-12))
+        for array in (vertices, triangles, self.faces, self.ball):
+            array.flags.writeable = False  # one hull serves all who have the mesh
         self._samples: tuple[float, np.ndarray] | None = None
 
     def samples(self, spacing: float) -> np.ndarray:
@@ -266,26 +269,64 @@ class Hull:
 
         if self._samples is None or self._samples[0] != spacing:
             points, _ = sample_closed_mesh(self.vertices, self.triangles, spacing)
+            points.flags.writeable = False
             self._samples = spacing, points
         return self._samples[1]
 
 
-def _hull(mesh: object, k: int) -> Hull:
-    from scipy.spatial import ConvexHull, QhullError
-
+def hull_of(mesh: object, k: int = 0) -> Hull:
+    """Return the convex hull of mesh number k, in the mesh's own frame."""
     if not isinstance(mesh, solid.Mesh):
         raise BadInput(f"mesh {k} is a {type(mesh).__name__}; give an odm.Mesh")
+    hull = _hull_of_vertices(np.ascontiguousarray(mesh.vertices).tobytes())
+    if hull is None:
+        raise BadInput(f"mesh {k} is flat; give a solid")
+    return hull
+
+
+@lru_cache(maxsize=256)
+def _hull_of_vertices(vertices: bytes) -> Hull | None:
+    """Return the hull of vertices (n, 3), which keeps its samples; None: it is flat.
+
+    Who makes obstacles anew each frame has the same meshes in them, as a rule: their
+    samples take milliseconds, to know them again takes microseconds.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    corners = np.frombuffer(vertices).reshape(-1, 3)
     try:
-        hull = ConvexHull(mesh.vertices)
-    except QhullError as error:
-        raise BadInput(f"mesh {k} is flat; give a solid") from error
+        hull = ConvexHull(corners)
+    except QhullError:
+        return None
     used = np.unique(hull.simplices)
-    vertices = np.ascontiguousarray(mesh.vertices[used])
+    kept = np.ascontiguousarray(corners[used])
     triangles = np.searchsorted(used, hull.simplices)
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    a, b, c = (kept[triangles[:, i]] for i in range(3))
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, [0, 2, 1]]
-    return Hull(vertices, triangles)
+    return Hull(kept, triangles)
+
+
+MOST_FACES = 200  # of a convex mesh that scenery holds exactly
+
+
+def is_small_hull(mesh: solid.Mesh) -> bool:
+    """Return whether a mesh is convex, but for rounding, and has few faces.
+
+    Then its hull stands for it: it contains the mesh, and has its volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(mesh.faces) > MOST_FACES:
+        return False
+    try:
+        whole = ConvexHull(mesh.vertices)
+    except QhullError:
+        return False
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    middle = a.mean(axis=0)
+    inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
+    return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:

@@ -1,12 +1,16 @@
-"""Scenery of a recipe: planes and boxes held exactly, all else as surface points."""
+"""Scenery of a recipe: held exactly but for meshes that are not convex, or large."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from odm.obstacles.obstacles import hull_of, is_small_hull
+from odm.obstacles.scene_files import read_scene
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from odm.obstacles.surfaces import surface_of
 from roadmap.arrays import frozen
-from roadmap.errors import BadRecipe
+from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import is_between
 from roadmap.transforms import pose_of
 
@@ -18,6 +22,7 @@ _KEYS = {
     "sphere": _ROUND,
     "capsule": _ROUND | {"length", "rpy"},
     "cylinder": _ROUND | {"length", "rpy"},
+    "file": {"type", "name", "file", "position", "rpy", "covering_radius"},
 }
 
 
@@ -26,11 +31,12 @@ class Scenery:
     """What stands still around the robot, in the base frame.
 
     Attributes:
-        solids: (n, 16) half-spaces and boxes; see `odm/close_test/_static.py`.
-        points: (k, 3) surface points of what is neither plane nor box [m].
+        solids: (n, 16) exact solids; see `odm/close_test/_static.py`.
+        points: (k, 3) surface points of meshes that are not among them [m].
         covering_radius: Of those points [m].
         names: Name of each solid.
         dropped: (link, solid) pairs that always touch and are not tested.
+        faces: (f, 13) of the convex meshes among the solids [m].
     """
 
     solids: np.ndarray = field(default_factory=lambda: np.zeros((0, 16)))
@@ -38,6 +44,7 @@ class Scenery:
     covering_radius: float = 0.0
     names: tuple[str, ...] = ()
     dropped: tuple[tuple[str, str], ...] = ()
+    faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 13)))
 
     def __post_init__(self) -> None:
         """Freeze the arrays; refuse numbers that block nothing.
@@ -47,12 +54,13 @@ class Scenery:
         """
         object.__setattr__(self, "solids", frozen(self.solids, np.float64))
         object.__setattr__(self, "points", frozen(self.points, np.float64))
+        object.__setattr__(self, "faces", frozen(self.faces, np.float64))
         if self.solids.shape[1:] != (16,) or self.points.shape[1:] != (3,):
             raise BadRecipe(
                 f"scenery has solids {self.solids.shape} and points "
                 f"{self.points.shape}; give (n, 16) and (k, 3)"
             )
-        for name in ("solids", "points", "covering_radius"):
+        for name in ("solids", "points", "covering_radius", "faces"):
             if not np.isfinite(getattr(self, name)).all():
                 raise BadRecipe(
                     f"the {name} of scenery hold NaN or infinity, which would block "
@@ -61,7 +69,8 @@ class Scenery:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
-        return {"solids": self.solids, "points": self.points}
+        arrays = {"solids": self.solids, "points": self.points}
+        return arrays | ({"faces": self.faces} if len(self.faces) else {})
 
     def meta(self) -> dict:
         """Return the rest as plain data."""
@@ -82,6 +91,7 @@ class Scenery:
             meta["covering_radius"],
             tuple(meta["names"]),
             dropped,
+            arrays.get("faces", np.zeros((0, 13))),
         )
 
 
@@ -92,14 +102,14 @@ def parse_scenery(
 
     Args:
         tables: As in the TOML file.
-        folder: Where relative paths of mesh files start; None: the current folder.
-        meshes: Whether mesh files are read and sampled, or only looked for; round
-            shapes are sampled, or only checked.
+        folder: Where relative paths of files start; None: the current folder.
+        meshes: Whether files are read, and meshes sampled, or only looked for.
 
     Raises:
         BadRecipe: An unknown type or key, or a value that makes no solid.
     """
-    solids, points, names, rho = [], [np.zeros((0, 3))], [], 0.0
+    made = _Made([], [], [np.zeros((0, 3))], [])
+    rho = 0.0
     for k, table in enumerate(tables):
         if not isinstance(table, dict):
             raise BadRecipe(f"scenery {k} is {table!r}; write a table [[scenery]]")
@@ -114,20 +124,93 @@ def parse_scenery(
                 f"scenery {k} ({kind}) has no key {sorted(unknown)[0]!r}; known keys: "
                 f"{', '.join(sorted(_KEYS[kind]))}"
             )
-        if kind not in ("plane", "box"):
-            if kind != "mesh":
-                found, radius = _round_points(table, k, kind, meshes)
-            elif meshes:
-                found, radius = _mesh_points(table, k, folder)
-            else:
-                found, radius = _mesh_found(table, k, folder)
-            points.append(found)
-            rho = max(rho, radius)
+        name = str(table.get("name", f"{kind} {k}"))
+        if kind == "plane":
+            made.rows.append(_plane_row(table, k))
+            made.names.append(name)
             continue
-        solids.append(_plane_row(table, k) if kind == "plane" else _box_row(table, k))
-        names.append(str(table.get("name", f"{kind} {k}")))
-    rows = np.array(solids) if solids else np.zeros((0, 16))
-    return Scenery(rows, np.concatenate(points), rho, tuple(names))
+        spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
+        for own, shape in _shapes_of(table, k, kind, name, folder, meshes):
+            rho = max(rho, made.add(own, shape, spacing))
+    rows = np.array(made.rows) if made.rows else np.zeros((0, 16))
+    faces = np.concatenate([np.zeros((0, 13)), *made.faces])
+    points = np.concatenate(made.points)
+    return Scenery(rows, points, rho, tuple(made.names), faces=faces)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What the tables come to: rows and names of solids, points, faces of hulls."""
+
+    rows: list[np.ndarray]
+    names: list[str]
+    points: list[np.ndarray]
+    faces: list[np.ndarray]
+
+    def add(self, name: str, shape: Shape, spacing: float) -> float:
+        """Add a shape; return the covering radius of its points, 0 for none."""
+        row = np.zeros(16)
+        T = shape.T_base_shape
+        if isinstance(shape, Box):
+            row[0], row[1:4] = 1.0, T[:3, 3]
+            row[4:13], row[13:16] = T[:3, :3].ravel(), np.asarray(shape.size) / 2
+        elif isinstance(shape, Sphere | Capsule):
+            a, b = (T[:3, 3],) * 2 if isinstance(shape, Sphere) else shape.ends()
+            row[0], row[1:4], row[4:7] = 2.0, a, b - a
+            row[7], row[8] = shape.radius, (b - a) @ (b - a)
+        elif isinstance(shape, Cylinder):
+            row[0], row[1:4], row[4:7] = 3.0, T[:3, 3], T[:3, 2]
+            row[7], row[8] = shape.radius, 0.5 * shape.length
+        elif is_small_hull(shape):
+            first = sum(map(len, self.faces))
+            vertices = shape.vertices @ T[:3, :3].T + T[:3, 3]
+            hull = hull_of(Mesh(vertices, shape.faces))
+            self.faces.append(hull.faces)
+            row[0], row[1:5] = 4.0, hull.ball
+            row[5:7] = first, first + len(hull.faces)
+        else:
+            surface = surface_of(shape, spacing)
+            self.points.append(surface.points)
+            return surface.covering_radius
+        self.rows.append(row)
+        self.names.append(name)
+        return 0.0
+
+
+def _shapes_of(
+    table: dict, k: int, kind: str, name: str, folder: Path | None, meshes: bool
+) -> list[tuple[str, Shape]]:
+    """Return (name, shape) of what a table holds; none of files only looked for."""
+    if kind == "box":
+        size = _numbers(table, k, "size", None, "lengths above 0")
+        if not (size > 0).all():
+            raise BadRecipe(
+                f"scenery {k}: size {size.tolist()} must be 3 lengths above 0 [m]; "
+                "correct it in the recipe"
+            )
+        return [(name, Box(size, _pose(table, k)))]
+    if kind in ("mesh", "file"):
+        pose, scale = _pose(table, k), _scale_of(table, k)
+        file = _file_of(table, k, kind, folder)
+        if kind == "mesh" and not meshes:
+            return []
+        if kind == "mesh":
+            return [(name, Mesh.from_file(file, scale=scale).moved(pose))]
+        try:
+            objects = read_scene(file)
+        except BadInput as error:
+            raise BadRecipe(f"scenery {k}: {error}") from error
+        return [
+            (own, shape.moved(pose @ T))
+            for own, shapes, T in objects
+            for shape in shapes
+        ]
+    sizes = [_number(table, k, "radius", None, 1e-6, 100.0)]
+    if kind != "sphere":
+        least = 0.0 if kind == "capsule" else 1e-6
+        sizes.append(_number(table, k, "length", None, least, 1e3))
+    make = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[kind]
+    return [(name, make(*sizes, _pose(table, k)))]
 
 
 def _plane_row(table: dict, k: int) -> np.ndarray:
@@ -142,22 +225,6 @@ def _plane_row(table: dict, k: int) -> np.ndarray:
     row = np.zeros(16)
     row[1:4] = normal / length
     row[4] = _number(table, k, "offset", 0.0, -1e3 * length, 1e3 * length) / length
-    return row
-
-
-def _box_row(table: dict, k: int) -> np.ndarray:
-    size = _numbers(table, k, "size", None, "lengths above 0")
-    if not (size > 0).all():
-        raise BadRecipe(
-            f"scenery {k}: size {size.tolist()} must be 3 lengths above 0 [m]; "
-            "correct it in the recipe"
-        )
-    pose = _pose(table, k)
-    row = np.zeros(16)
-    row[0] = 1.0
-    row[1:4] = pose[:3, 3]
-    row[4:13] = pose[:3, :3].ravel()
-    row[13:16] = size / 2
     return row
 
 
@@ -193,51 +260,22 @@ def _number(
     return float(value)
 
 
-def _mesh_found(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, float]:
-    """Return no points, where the file is there."""
-    name = table.get("file")
+def _file_of(table: dict, k: int, kind: str, folder: Path | None) -> Path:
+    """Return the file that a table names, which is there."""
+    name, what = table.get("file"), "a mesh" if kind == "mesh" else "a file"
     if not isinstance(name, str):
-        raise BadRecipe(f"scenery {k}: a mesh needs a file, not {name!r}; name it")
+        raise BadRecipe(f"scenery {k}: {what} needs a file, not {name!r}; name it")
     file = Path(folder or "", name)
     if not file.is_file():
-        raise BadRecipe(f"scenery {k}: there is no mesh {file}; correct its file")
-    return np.zeros((0, 3)), 0.0
+        raise BadRecipe(f"scenery {k}: there is no {kind} {file}; correct its file")
+    return file
 
 
-def _round_points(
-    table: dict, k: int, kind: str, sampled: bool
-) -> tuple[np.ndarray, float]:
-    """Return the samples of a sphere, capsule or cylinder; none if only checked."""
-    from odm.obstacles.shapes import Capsule, Cylinder, Sphere
-    from odm.obstacles.surfaces import surface_of
-
-    spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
-    sizes = [_number(table, k, "radius", None, 1e-6, 100.0)]
-    if kind != "sphere":
-        least = 0.0 if kind == "capsule" else 1e-6
-        sizes.append(_number(table, k, "length", None, least, 1e3))
-    pose = _pose(table, k)
-    make = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[kind]
-    if not sampled:
-        return np.zeros((0, 3)), 0.0
-    surface = surface_of(make(*sizes, pose), spacing)
-    return surface.points, surface.covering_radius
-
-
-def _mesh_points(table: dict, k: int, folder: Path | None) -> tuple[np.ndarray, float]:
-    from odm.obstacles.shapes import Mesh
-    from odm.obstacles.surfaces import surface_of
-
-    if "file" not in table:
-        raise BadRecipe(f"scenery {k}: a mesh needs a file")
-    spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
+def _scale_of(table: dict, k: int) -> float | np.ndarray:
     if isinstance(table.get("scale"), list | tuple):
         scale = _numbers(table, k, "scale", None)
     else:
         scale = _number(table, k, "scale", 1.0, 1e-9, 1e6)
     if not np.all(scale):
         raise BadRecipe(f"scenery {k}: scale {scale} holds 0; correct it in the recipe")
-    pose = _pose(table, k)
-    file = Path(folder or "", str(table["file"]))
-    surface = surface_of(Mesh.from_file(file, scale=scale), spacing).moved(pose)
-    return surface.points, surface.covering_radius
+    return scale

@@ -1,10 +1,13 @@
 """Connects configurations to the roadmap: goals when set, starts when first seen."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from odm.cell_map._sweep import sweep_scratch
 from odm.cell_map.cell_map import ROUNDING
 from odm.cell_map.sweep import swept_by
+from odm.close_test.static import ONLINE_TOLERANCE
 from odm.frame.frame import Frame
 from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
@@ -17,7 +20,6 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
 _MOVING_CONNECTIONS = 3  # and connections that it gets at most
-_TOLERANCE = 0.01  # [m] inflation of a piece of motion; coarser than edges, done online
 
 
 class Attacher:
@@ -76,7 +78,7 @@ class Attacher:
         frame, arm = self.frame, self.frame.memory.arm
         safety = frame.cell_map.safety
         self.radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
-        tolerance = max(frame.cell_map.motion_tolerance, _TOLERANCE)
+        tolerance = max(frame.cell_map.motion_tolerance, ONLINE_TOLERANCE)
         self.swept = swept_by(arm, self.radii, tolerance, frame.cell_map.grid)
         self.sweep_scratch = sweep_scratch(arm, self.swept.grid, frame.robot.dof)
         bounds = point_motion_bounds(arm, frame.robot.dof)
@@ -211,6 +213,50 @@ class Attacher:
         self.goals = goals[:0]
         if len(goals):
             self.set_goals(goals, costs)
+
+    @property
+    def lacks_motions(self) -> bool:
+        """Whether some goal has fewer motions to the roadmap than are wanted."""
+        goals, n = self.frame.memory.goals, len(self.goals)
+        full = (goals.number[:n] >= self._for_goals) | (
+            goals.ref[:n, 0] == kinds.IS_GOAL
+        )
+        return self.is_stale or not bool(full.all())
+
+    def keep_clear(self, clear: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+        """Let go of the motions that something new in the scenery blocks.
+
+        What is left of each goal's motions stays as it is: the cost to go by all of
+        them is a lower bound of that by some.
+
+        Args:
+            clear: Tells which motions (k, dof), from q by dq, keep clear of it.
+        """
+        path, goals = self.path, self.frame.memory.goals
+        certified = self.frame.memory.certificates
+        ahead = slice(path.segment, max(0, len(path) - 1))
+        begin, end = certified.begin[ahead], certified.end[ahead]
+        if len(begin) and not clear(begin, end - begin).all():
+            path.drop()
+        path.withdraw()
+        self.forget_start()
+        self.kept.clear()
+        self.candidates.forget_all()
+        if self.is_stale:
+            return
+        for g in range(int(goals.count[0])):
+            k = int(goals.number[g])
+            nodes = goals.node[g, :k].copy()
+            begin, dq = self._between(goals.q[g], nodes, outward=False)
+            good = clear(begin, dq)
+            goals.at[g, nodes] = -1
+            left = int(good.sum())
+            for name in ("node", "length", "ref"):
+                rows = getattr(goals, name)[g]
+                rows[:left] = rows[:k][good]
+            goals.number[g] = left
+            goals.at[g, goals.node[g, :left]] = np.arange(left)
+            goals.blocked_at[g] = -1.0
 
     def _forget_items(self) -> None:
         self.frame.memory.pool.used[:] = 0

@@ -15,6 +15,7 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _connect as kernels
+from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
 
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found
@@ -134,14 +135,20 @@ class Connector:
             self._goals, self.looked = goals, 0
             self.trees.count[1] = 0
         if q != self._root:
-            self._root, self.looked = q, 0
+            self._root, self.looked = b"", 0
             self.trees.count[0] = 0
+        # before all that it takes to search: most frames that hold end here
+        if not ends_free(frame.memory.table, frame.points):
+            self._asked = -1
+            return False
+        if q != self._root:
             if not frame.static.motion_free(frame.q, np.zeros_like(frame.q)):
                 self._asked = -1
                 return False
+            self._root = q
         static = frame.static
         problem = kernels.Problem(
-            frame.memory.table, frame.points, static.still(), static.itself.scratch()
+            frame.memory.table, frame.points, static.still(), static.scratch()
         )
         if not kernels.plant(problem):
             self._asked = -1

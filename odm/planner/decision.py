@@ -12,6 +12,7 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _step as step
+from odm.search._judge import ends_free
 
 NEW_GOALS = "new goals"  # and the robot stands
 LINGERS = "lingers"  # the robot has stood for a while
@@ -117,8 +118,7 @@ class Decision:
             said, code = self._beside(points, q, now)
         if code == step.NOT_ATTACHED and self._join(NOT_JOINED, q):
             said, code = self._again(points, q, now)
-        has_goals = len(self.attacher.goals) > 0
-        if code == step.NO_PATH and has_goals and self._join(NO_PATH, q):
+        if code == step.NO_PATH and self._may_lead_on() and self._join(NO_PATH, q):
             said, code = self._again(points, q, now)
         if code == step.BETTER:
             ago = self.frame.number - self._looked
@@ -130,6 +130,11 @@ class Decision:
             self._numbers.wish[0] = 1
             said = step.respond(self._memory.table, points, q, now)
         return said
+
+    def _may_lead_on(self) -> bool:
+        """Return whether other motions could help: the robot and a goal stand free."""
+        table, points = self._memory.table, self.frame.points
+        return len(self.attacher.goals) > 0 and ends_free(table, points)
 
     def _again(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
         said = step.respond(self._memory.table, points, q, now)

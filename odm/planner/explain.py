@@ -91,17 +91,20 @@ class Reasons:
         if gap < keep:
             text = (
                 f"the start is in contact: {what} is {in_cm(gap)} from {link}, "
-                f"closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away, or "
-                "follow answer.retreat"
+                f"closer than {in_cm(keep)}; move it {_more(keep - gap)} away, or "
+                "let the robot get out of its way (answer.retreat)"
             )
             return text, self._around(self.q, link, point, None)
+        refused = self._goals_refused()
+        if refused is not None:
+            return refused, NOTHING
         rows = [frame.nearest(q) for q in goals]
         blocked = [g for g, row in enumerate(rows) if row.gap < row.keep]
         if len(blocked) == len(rows):
             gap, keep, link, what, point = rows[0]
             text = (
                 f"goal 0 is blocked: {what} would be {in_cm(gap)} from {link} "
-                f"there, closer than {in_cm(keep)}; move it {in_cm(keep - gap)} away"
+                f"there, closer than {in_cm(keep)}; move it {_more(keep - gap)} away"
             )
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
@@ -117,10 +120,28 @@ class Reasons:
             f"({what} is {in_cm(gap)} from {link} there); move it away, or "
             "give another goal"
         )
+        if what is None:
+            text = (
+                f"no free path leads to goal {g} past what stands still; take "
+                "something away, or give another goal"
+            )
         told = self._searched()
         text += f"; {told}" if told else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
+
+    def _goals_refused(self) -> str | None:
+        """Say why no goal can be reached in this place, whatever moves; or None."""
+        goals = self.attacher.goals
+        whys = []
+        for q in goals:
+            whys.append(self.frame.static.why(q, np.zeros_like(q)))
+            if whys[-1] is None:
+                return None
+        text = f"goal 0 is not free: {whys[0]}"
+        if len(goals) > 1:
+            text += f" (the other {len(goals) - 1} goals are not free either)"
+        return text + "; take that away, or give another goal"
 
     def _around(
         self, q: np.ndarray, link: str | None, point: int, goal: int | None
@@ -157,6 +178,11 @@ class Reasons:
             for k in np.flatnonzero(both):
                 found.update(_unpack(int(blocks[k]), int(both[k]), self.frame))
         return found
+
+
+def _more(length: float) -> str:
+    """Return how far something must be moved [m]: rounded up, never 0.0 cm."""
+    return in_cm(max(np.ceil(1000.0 * length), 1.0) / 1000.0)
 
 
 def _unpack(block: int, word: int, frame: Frame) -> list[tuple[int, int, int]]:

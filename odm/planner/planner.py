@@ -8,9 +8,11 @@ from typing import NoReturn
 import numpy as np
 
 from odm.answer import (
+    CLOSE_TEST,
     FOLLOWING,
     HOLDING,
     IN_USE,
+    LAYER,
     REPLANNED,
     ROADMAP,
     SEARCH,
@@ -27,6 +29,7 @@ from odm.checks import (
     as_floats,
     check_configuration,
     check_numbers,
+    check_points,
     goals_of,
 )
 from odm.close_test.static import StaticTest
@@ -38,6 +41,8 @@ from odm.frame.last_phase import LastPhase
 from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.point_cloud import PointCloud
+from odm.obstacles.surfaces import sample_capsules
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
@@ -46,15 +51,18 @@ from odm.planner.decision import Decision
 from odm.planner.explain import Reasons, start_trouble
 from odm.planner.improve import Improver
 from odm.planner.path import CandidatePath, Candidates, PathInUse
+from odm.planner.pose_goals import GoalReport, PoseGoals, Refused
 from odm.planner.retreat import Retreat
 from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
+from odm.planner.scene import PER_TEST, Scene
 from odm.planner.settings import MOST_EXTRA, PlannerSettings
 from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
+from odm.search import _expected as expected
 from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search.state import Memory
-from roadmap.errors import BadInput
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
 
@@ -79,6 +87,7 @@ class ReactivePlanner:
         connector: What was found beyond the roadmap.
         decision: Decides what a frame comes to.
         direct: The nodes and edges that the frame invalidates.
+        scene: What stands around, by name: `add`, `move`, `remove`, `load`.
         last: The last answer, None before the first.
     """
 
@@ -98,7 +107,8 @@ class ReactivePlanner:
         self._last_phase = LastPhase(frame)
         self._path_test = PathTest(frame, self._last_phase)
         self._approacher: Approacher | None = None
-        self._p_world_place: np.ndarray | None = None
+        self._pose_goals: PoseGoals | None = None
+        self.scene = Scene(frame, self.carrier, self._scene_changed)
         self.direct = frame.direct
         # what is remembered between frames
         self.path = path = PathInUse(frame)
@@ -236,27 +246,91 @@ class ReactivePlanner:
     # --- what is asked for -----------------------------------------------------
 
     def set_goals(
-        self, goals: Sequence[np.ndarray], costs: Sequence[float] | None = None
-    ) -> None:
-        """Set the goals, best first.
+        self,
+        goals: Sequence[np.ndarray] | None = None,
+        costs: Sequence[float] | None = None,
+        *,
+        poses: Sequence[np.ndarray] | None = None,
+        tolerance: float | tuple[float, float] | None = None,
+        most: int | None = None,
+    ) -> GoalReport:
+        """Set the goals, best first: configurations, or poses of the tool.
+
+        A goal that can never be reached (out of limits, in collision with the robot
+        itself or with what stands still) is left out and told, as long as another one
+        is good.
 
         Args:
             goals: (g, dof) valid configurations, g <= 32; not only roadmap nodes.
             costs: (g,) Where given, the goal with the least path length plus cost
                 wins; otherwise the first reachable one in rank order.
+            poses: (4, 4) poses of the tool, base frame [m] (the world's after
+                `set_base`), instead of goals: their inverse kinematics, those free in
+                the last frame first, then the nearest to the robot.
+            tolerance: Of poses: (position [m], angle [rad]), or a position alone, with
+                10 rad a metre; None: 1 mm and 0.01 rad. Solutions are as near as 1e-5
+                where that can be had.
+            most: Of poses: configurations that become goals at most, the best of each
+                pose first; None: as many as there are poses. Each takes milliseconds;
+                where one of a pose is blocked, another may not be.
+
+        Returns:
+            What was set, what was refused, and why.
 
         Raises:
-            BadConfiguration: A goal has the wrong length, is not finite, out of
-                limits, in self-collision or in contact with the scenery.
+            BadConfiguration: No goal is left: each has the wrong length, is not finite,
+                out of limits, in self-collision or in contact with the scenery; or no
+                pose has a solution. The goals stay as they were.
         """
         self._memory.owner.check()
-        goals, costs = goals_of(self.robot, goals, costs)
+        if poses is None:
+            report, goals, costs = self._valid_goals(goals, costs)
+        else:
+            report = self._goals_at(goals, costs, poses, tolerance, most)
+            goals, costs = np.array(report.goals), None
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
-            return
-        self._check_goals(goals)
+            return report
         self.attacher.set_goals(goals, costs)
         self.smoother.look_straight()
         self.decision.new_goals = True
+        return report
+
+    def _valid_goals(
+        self, goals: Sequence[np.ndarray] | None, costs: Sequence[float] | None
+    ) -> tuple[GoalReport, np.ndarray, np.ndarray | None]:
+        """Return the goals that can be reached, and their costs."""
+        goals, costs = goals_of(self.robot, goals, costs)
+        index, refused = np.arange(len(goals)), []
+        if not np.array_equal(goals, self.goals):
+            for k, q in enumerate(goals):
+                try:
+                    check_valid(self.static, q, f"goal {k}")
+                except BadConfiguration as error:
+                    if len(refused) + 1 == len(goals):
+                        raise
+                    refused.append(Refused(k, str(error), q))
+        if refused:
+            index = np.delete(index, [one.index for one in refused])
+            goals = goals[index]
+            costs = None if costs is None else costs[index]
+        return GoalReport(goals, index, goals, index, tuple(refused)), goals, costs
+
+    def _goals_at(
+        self,
+        goals: object,
+        costs: object,
+        poses: Sequence[np.ndarray],
+        tolerance: object,
+        most: int | None,
+    ) -> GoalReport:
+        """Return goals for poses of the tool."""
+        if goals is not None or costs is not None:
+            raise BadInput(
+                "goals or costs were given beside poses; give poses alone, or goals"
+            )
+        if self._pose_goals is None:
+            self._pose_goals = PoseGoals(self.frame)
+        return self._pose_goals.solve(poses, tolerance, most)
 
     def prepare_goal(self, q: np.ndarray) -> bool:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
@@ -284,9 +358,31 @@ class ReactivePlanner:
 
     # --- a frame ---------------------------------------------------------------
 
+    def expect(self, what: np.ndarray | Obstacles) -> None:
+        """Say where the obstacles are likely to be soon; call it before `step`.
+
+        New paths keep clear of there where they can, as of where the obstacles have
+        lately been. It decides nothing: a motion is free or blocked by `step` alone.
+
+        Args:
+            what: Points (n, 3) [m], or `odm.Obstacles`, whose capsules and points
+                count. Where `step` has them: in the base frame, or the world's.
+
+        Raises:
+            BadInput: Points of another shape, or a capsule that is none.
+        """
+        self._memory.owner.check()
+        if isinstance(what, Obstacles):
+            surface = sample_capsules(what.capsules, self.cell_map.safety.h)
+            what = np.concatenate([what.points, surface])
+        points = check_points(what, None, None, np.inf)
+        if self.settings.history_s:
+            points = self.frame.world_ahead.points(points)
+            expected.expect(self._memory.table, points)
+
     def step(
         self,
-        points: np.ndarray | Obstacles,
+        points: np.ndarray | Obstacles | PointCloud,
         q: np.ndarray,
         dq: np.ndarray | None = None,
         labels: np.ndarray | None = None,
@@ -305,7 +401,8 @@ class ReactivePlanner:
         Args:
             points: (n, 3) points on the obstacles' surfaces [m]; base frame, or the
                 world's after `set_base`. Or `odm.Obstacles`: shapes and points
-                together; then what is told of points holds for its points.
+                together; then what is told of points holds for its points. Or an
+                `odm.PointCloud`, which brings its own covering radius.
                 All are copied.
             q: (dof,) present configuration [rad or m].
             dq: (dof,) present velocity; checked, and kept for callers' timing.
@@ -331,6 +428,8 @@ class ReactivePlanner:
         """
         begun = time.perf_counter_ns()
         frame = self.frame
+        if type(points) is PointCloud:
+            covering_radius, points = points.covering_radius, points.points
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
         if self.attacher.is_stale:
             self.attacher.forget_all()
@@ -399,6 +498,8 @@ class ReactivePlanner:
         certified = WHOLE if closed else VISIBLE
         number = self._numbers.step.item()
         self.last = Answer(status, path, goal, certified, times, counted, why, number)
+        if self.frame.thing is not None:
+            self.last.held = self.held_by
         return self.last
 
     def improve(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
@@ -424,6 +525,8 @@ class ReactivePlanner:
         budget = check_number("the budget of improve", budget, 0, 10**6, whole=True)
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
+        if self.scene.waiting:
+            self.scene.settle(PER_TEST * budget)
         if self.frame.trouble is not None:
             return 0
         if not self.path.followed:
@@ -440,6 +543,7 @@ class ReactivePlanner:
         self.connector.reset()
         self._improver.reset()
         recent.forget_recent(self._memory.recent)
+        self._memory.tubes.count[:] = 0
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()
         self.last = None
@@ -492,17 +596,18 @@ class ReactivePlanner:
             "decision": self.decision,
             "improving": self._improver,
             "search": self.connector,
+            "scene": self.carrier,
             "frame": self.frame,
         }
 
     def _setting(self) -> dict[str, bytes]:
         """Return what a memory is good for, by what it is called in messages."""
-        place, hand = self._p_world_place, self.attached
+        hand = self.attached
         return {
             "map": _told_apart(self.cell_map),
             "settings": repr((self.settings, self.always_replan)).encode(),
             "base": self.world.T_world_base.tobytes(),
-            "place": b"" if place is None else place.tobytes(),
+            "place": self.scene.told(),
             "hand": b"" if hand is None else hand.tobytes(),
             "clearance": repr(self.extra).encode(),
         }
@@ -513,7 +618,10 @@ class ReactivePlanner:
         """Take an object into the hand: from now on all motions are tested with it.
 
         Edges are judged by the cells of the map's payload envelope, all other motions
-        by the spheres of the object itself. The object may touch the links that the
+        by the spheres of the object itself. Without a payload layer no edge is used:
+        only straight motions and the search beyond the roadmap, whose close test has
+        the object's spheres. That is slower, and proved all the same; `held_by` and
+        `answer.held` say which it is. The object may touch the links that the
         tool's body carries, no others, and no scenery. The path in use is dropped; the
         goals stay and are joined anew in the next frame.
 
@@ -523,11 +631,18 @@ class ReactivePlanner:
             T_tool_object: (4, 4) where it is held, tool frame; None: at the tool.
 
         Raises:
-            BadInput: The map has no payload layer, something is attached already, or
-                the object is larger than the envelope (both sizes are named).
+            BadInput: Something is attached already, the object is larger than the map's
+                envelope (both sizes are named), or there is neither a payload layer nor
+                a search beyond the roadmap.
         """
         self.memory.owner.check()
         T = np.eye(4) if T_tool_object is None else T_tool_object
+        if self.cell_map.payload is None and not self.settings.search:
+            raise BadInput(
+                f"map {self.cell_map.recipe.name} has no payload layer, and search is "
+                "0 in the planner's settings, so no motion would be left; set search "
+                "to 1000, or add a [payload] table to the recipe and build it again"
+            )
         self.carrier.attach(thing, T)
         self._hand_changed()
 
@@ -546,6 +661,13 @@ class ReactivePlanner:
         """(n, 4) spheres of what is attached, tool frame [m]; None for nothing."""
         thing = self.frame.thing
         return None if thing is None else thing.spheres
+
+    @property
+    def held_by(self) -> str | None:
+        """How what is attached is heeded: "payload layer", "close test", or None."""
+        if self.frame.thing is None:
+            return None
+        return CLOSE_TEST if self.cell_map.payload is None else LAYER
 
     def _hand_changed(self) -> None:
         """Throw away what was planned and found with another hand."""
@@ -578,7 +700,7 @@ class ReactivePlanner:
             self._approacher.legs.forget_fine()
         self.carrier.set_extra(self.extra)
         self.frame.mark()  # points just outside the grid may count now
-        self._place()
+        self.scene.lay_out()
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands: points and poses are given in the world from here.
@@ -596,27 +718,40 @@ class ReactivePlanner:
         """
         self.memory.owner.check()
         self.frame.set_base(T_world_base)
-        self._place()
+        self.scene.lay_out()
         self.reset()
 
     def set_static(self, points_or_shapes: object) -> None:
         """Set the scenery of this place, once: (n, 3) points or closed shapes.
 
         Points must cover their surfaces within the map's rho. Nodes and edges that
-        the scenery blocks are closed for good; call again to replace it.
+        the scenery blocks are closed for good; call again to replace it. What comes and
+        goes, or is to be told by name, belongs into `scene`.
         """
         self.memory.owner.check()
-        self._p_world_place = place_points(points_or_shapes, self.rho)
-        self._place()
+        self.scene.set_static(place_points(points_or_shapes, self.rho))
 
-    def _place(self) -> None:
-        """Close what the scenery of this place blocks, where the base stands now."""
-        if self._p_world_place is None:
-            return
-        points = self.frame.world_ahead.points(self._p_world_place).copy()
-        self.static_outside = self.carrier.set_place(points)
-        self.attacher.forget_all()
+    @property
+    def static_outside(self) -> int:
+        """How many points of the scene lie outside the grid."""
+        return self.scene.outside
+
+    def _scene_changed(self, new: str | None, anew: bool) -> None:
+        """Let go of all motions that what is new in the scene blocks.
+
+        Where something was taken away, goals are attached anew if motions to them had
+        been refused; and in any case where all is placed `anew`.
+        """
+        if new is not None:
+            items, static = self.carrier.items, self.static
+            self.attacher.keep_clear(
+                lambda q, dq: items.motions_clear(new, q, dq, static)
+            )
+        elif anew or self.attacher.lacks_motions:
+            self.attacher.forget_all()
+        self.attacher.forget_start()
         self.connector.reset()
+        self.frame.mark()  # verdicts on items are void
 
     # --- what it is asked between frames ---------------------------------------
 

@@ -7,9 +7,12 @@ import numpy as np
 
 from odm.checks import check_numbers, check_points
 from odm.close_test import _close as close
+from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.sorted_clouds import SortedClouds
 from odm.frame.frame import Frame
 from odm.obstacles._cloud import N_OCCUPIED
+from odm.obstacles._solids import Solids
+from odm.obstacles.obstacles import Obstacles, SolidRoom
 from odm.planner.attaching import Attacher
 from roadmap.errors import BadInput
 
@@ -32,9 +35,10 @@ class Retreat:
     """
 
     def __init__(self, frame: Frame, attacher: Attacher) -> None:
-        """Have no room for points that come yet."""
+        """Have no room for what comes yet."""
         self.frame, self.attacher = frame, attacher
         self._coming = SortedClouds(frame.cell_map.grid)
+        self._shapes: list[SolidRoom] = []
 
     def back_off(self, q: np.ndarray) -> np.ndarray | None:
         """Return a (2, dof) motion from q that gets away from the frame's points.
@@ -67,22 +71,22 @@ class Retreat:
     def evasion(
         self,
         q: np.ndarray,
-        coming: Sequence[tuple[float, np.ndarray]],
+        coming: Sequence[tuple[float, np.ndarray | Obstacles]],
         speed_scale: float,
     ) -> np.ndarray | None:
         """Return a (2, dof) motion from q that evades what comes, or None.
 
-        It is free of the frame's points, or an escape from them, as in `back_off`. Of
+        It is free of what is in the frame, or an escape from that, as in `back_off`. Of
         those to the near nodes it is the one on which the robot, as far as it gets by
-        then, keeps most distance from where the points will be at each of the times;
-        the first that keeps plenty is as good as any. It must keep clearly more than a
-        robot that stays. None, too, where it is not known where the points are or will
-        be: the last frame could not be used, or one of `coming` is not finite.
+        then, keeps most distance from what will be there at each of the times; the
+        first that keeps plenty is as good as any. It must keep clearly more than a
+        robot that stays. None, too, where it is not known what is there or will be: the
+        last frame could not be used, or one of `coming` is not finite.
 
         Args:
             q: (dof,) where the robot stands.
-            coming: Times from now [s], each with the points (n, 3) float64 that are
-                expected then [m].
+            coming: Times from now [s], each with the shapes, or the points (n, 3)
+                float64, that are expected then [m].
             speed_scale: Share of the joints' speed limits that it will use, (0, 1].
 
         Raises:
@@ -95,19 +99,16 @@ class Retreat:
             )
         frame = self.frame
         q = check_numbers(frame.robot, q)
-        coming = [(t, check_points(p, None, None, frame.rho)) for t, p in coming]
         if not np.isfinite([t for t, _ in coming]).all():
-            raise BadInput("the points come at a time that is not finite; give seconds")
-        known = all(np.isfinite(p).all() for _, p in coming)
-        if frame.trouble is not None or not known:
+            raise BadInput("somebody comes at a time that is not finite; give seconds")
+        there = self._laid_out([what for _, what in coming])
+        if frame.trouble is not None or there is None:
             return None
-        # not in the room of the frame's points, which stay as they are
-        ahead = frame.world_ahead
-        clouds = self._coming.of([ahead.points(p).copy() for _, p in coming])
         times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
-        ample = frame.keep_from_points + _AMPLE  # what comes is told as points
+        keep = frame.keep
+        ample = keep + _AMPLE
         fastest = speed_scale * frame.robot.max_velocity
-        expected = _Expected(frame, times, clouds, fastest, ample)
+        expected = _Expected(frame, times, there, fastest, ample)
         best, found = expected.gap(q, np.zeros_like(q), -np.inf) + _WORTH, None
         if best >= ample:
             return None
@@ -123,6 +124,28 @@ class Retreat:
                     break
         return found
 
+    def _laid_out(
+        self, sets: Sequence[np.ndarray | Obstacles]
+    ) -> list[tuple[object, Solids]] | None:
+        """Return each set as a cloud and solids; None where one is nowhere.
+
+        They are not in the room of the frame's, which stay as they are.
+        """
+        frame, points, solids = self.frame, [], []
+        while len(self._shapes) < len(sets):
+            self._shapes.append(SolidRoom())
+        for given, room in zip(sets, self._shapes, strict=False):
+            shapes = NO_SOLIDS
+            if isinstance(given, Obstacles):
+                shapes = room.of(given, frame.base_world)
+                given = given.points
+            given = check_points(given, None, None, frame.rho)
+            if shapes is None or not np.isfinite(given).all():
+                return None
+            points.append(frame.world_ahead.points(given).copy())
+            solids.append(shapes)
+        return list(zip(self._coming.of(points), solids, strict=True))
+
     def _place_anchor(self, q: np.ndarray) -> bool:
         """Remember where the spheres are at q; return whether a point is too near."""
         m = self.frame.memory
@@ -136,11 +159,11 @@ class Retreat:
 
 
 class _Expected(NamedTuple):
-    """Where points are expected, and how fast the robot may evade them."""
+    """What is expected where, and how fast the robot may evade it."""
 
     frame: Frame
     times: list[float]  # from now [s]
-    clouds: list[object]  # at each of them
+    there: list[tuple[object, Solids]]  # points and solids at each of them
     fastest: np.ndarray  # (dof,) speed of the joints [rad or m per s]
     ample: float  # more distance is no better [m]
 
@@ -152,9 +175,10 @@ class _Expected(NamedTuple):
         """Return the least distance on a motion, or some value below `least` [m]."""
         needed = self.duration(dq)
         gap = self.ample
-        for t, cloud in zip(self.times, self.clouds, strict=True):
+        test = self.frame.close_test
+        for t, (cloud, solids) in zip(self.times, self.there, strict=True):
             at = q + min(1.0, t / needed) * dq
-            gap = min(gap, self.frame.separation(at, cloud, gap))
+            gap = min(gap, test.separation(at, cloud, gap, solids))
             if gap <= least:
                 break
         return gap

@@ -84,8 +84,8 @@ class PlannerSettings:
     confirmations: int = 3
     history_s: float = 0.25
     history_clearance: float = 0.03
-    smoothing_clearance: float = 0.06
-    persistence_frames: int = 25
+    smoothing_clearance: float = 0.03
+    persistence_frames: int = 12
     extra_clearance: float = 0.0
     finger_pads: tuple[str, ...] = ()
     max_age_s: float = 0.1

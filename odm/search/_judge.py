@@ -6,7 +6,7 @@ from numba import njit
 from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
-from odm.obstacles._cloud import IS_SORTED
+from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
     BLOCKED,
@@ -19,6 +19,15 @@ from odm.search._items import (
     pool_free,
 )
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
+from odm.search._tubes import (
+    CLEAR,
+    NOT_KEPT,
+    UNKNOWN,
+    WORTH,
+    find_tube,
+    keep_tube,
+    tube_clear,
+)
 
 
 @njit(cache=True, nogil=True)
@@ -42,6 +51,25 @@ def close_free(state, points, q, dq):
 
 
 @njit(cache=True, nogil=True)
+def near_free_again(state, cloud, q, dq):
+    """Run the close test of a motion that other frames will ask about, too.
+
+    What proves it free is kept for them; see `_tubes.py`.
+    """
+    work = view(state, "work")
+    tube, share, off = find_tube(state, q, dq)
+    if tube != NOT_KEPT:
+        verdict = tube_clear(state, cloud, tube, share, off)
+        if verdict != UNKNOWN:
+            return verdict == CLEAR
+    looked = work.found[3]
+    free = near_free(state, cloud, q, dq)
+    if free and work.found[3] - looked >= WORTH:
+        keep_tube(state, q, dq)
+    return free
+
+
+@njit(cache=True, nogil=True)
 def pick_ref(state, points, ref):
     """Return the points inside the cells of a motion's item: all that can block it.
 
@@ -50,6 +78,8 @@ def pick_ref(state, points, ref):
     count too.
     """
     cloud = view(state, "cloud")
+    if cloud.counts[N_LISTED] == 0:
+        return cloud
     if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
@@ -86,7 +116,7 @@ def where_blocked(state, near, q, dq, blocked_at):
             robot.zero_motion[j] = 0.0
         if not near_free(state, near, robot.scratch_q, robot.zero_motion):
             return blocked_at
-    if near_free(state, near, q, dq):
+    if near_free_again(state, near, q, dq):
         return -1.0
     return view(state, "work").value[0]
 
@@ -94,7 +124,7 @@ def where_blocked(state, near, q, dq, blocked_at):
 @njit(cache=True, nogil=True)
 def part_free(state, points, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
-    return near_free(state, pick_ref(state, points, ref), q, dq)
+    return near_free_again(state, pick_ref(state, points, ref), q, dq)
 
 
 @njit(cache=True, nogil=True)
@@ -279,6 +309,18 @@ def stands_free(state, points, q):
     for j in range(q.shape[0]):
         robot.zero_motion[j] = 0.0
     return close_free(state, points, q, robot.zero_motion)
+
+
+@njit(cache=True, nogil=True)
+def ends_free(state, points):
+    """Return whether the robot can stand where it is, and at one of the goals."""
+    goals = view(state, "goals")
+    if not stands_free(state, points, view(state, "robot_state").q):
+        return False
+    for g in range(goals.count[0]):
+        if stands_free(state, points, goals.q[g]):
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

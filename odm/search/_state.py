@@ -292,6 +292,26 @@ class Found(NamedTuple):
     next: np.ndarray = array("i8", "1", GOAL)  # that is replaced
 
 
+class Tubes(NamedTuple):
+    """Motions that were found free, piece by piece; see `_tubes.py`."""
+
+    begin: np.ndarray = array("f8", "tubes dof", GOAL)
+    dq: np.ndarray = array("f8", "tubes dof", GOAL)
+    end: np.ndarray = array("f8", "tubes dof", GOAL)
+    count: np.ndarray = array("i8", "tubes", GOAL)  # pieces, 0: none is kept
+    used: np.ndarray = array("i8", "tubes", GOAL)  # when, by the clock
+    clock: np.ndarray = array("i8", "1", GOAL)
+    # bounds of what the spheres move, as in Work
+    speed: np.ndarray = array("f8", "tubes spheres", GOAL)
+    bend: np.ndarray = array("f8", "tubes spheres", GOAL)
+    # body, level, index, 1 by its chords, 0 by its place in the middle
+    piece: np.ndarray = array("i4", "tubes pieces 4", GOAL)
+    # of the body: in the middle; by chords at begin and end
+    frame: np.ndarray = array("f8", "tubes pieces 24", GOAL)
+    # centre of the ball round the body's spheres, in the middle
+    ball: np.ndarray = array("f8", "tubes pieces 3", GOAL)
+
+
 class Terms(NamedTuple):
     """Lengths that the tests keep [m]."""
 
@@ -334,6 +354,9 @@ class RobotState(NamedTuple):
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
     bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
+    # both, and how far a motion is off the one that is known
+    grown: np.ndarray = array("f8", "spheres", FRAME)
+    grown_bare: np.ndarray = array("f8", "spheres", FRAME)
     # most that joint j moves any sphere's centre per unit
     motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -385,6 +408,7 @@ class Groups:
     numbers: Numbers
     trees: Trees  # where the roadmap has no path
     found: Found
+    tubes: Tubes
 
 
 KINDS: dict[str, type] = Groups.__annotations__

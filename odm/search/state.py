@@ -45,6 +45,8 @@ _SIZES = {
     "faces": 256,
     "patterns": 2048,
     "samples": 1024,
+    "tubes": 20,
+    "pieces": 128,
 }
 
 

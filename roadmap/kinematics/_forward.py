@@ -94,10 +94,12 @@ def motion_bounds(tree_i, tree_f, reach, dq, rates, first, second):
         rates[0, k] = w
         rates[1, k] = 2.0 * w * before + (w * w if kind == 1 else 0.0)
     for i in range(reach.shape[0]):
-        speed = 0.0
-        bend = 0.0
-        for k in range(n_bodies):
-            speed += rates[0, k] * reach[i, k]
-            bend += rates[1, k] * reach[i, k]
-        first[i] = speed
-        second[i] = bend
+        first[i] = 0.0
+        second[i] = 0.0
+    for k in range(n_bodies):
+        speed, bend = rates[0, k], rates[1, k]
+        if speed == 0.0 and bend == 0.0:
+            continue
+        for i in range(reach.shape[0]):
+            first[i] += speed * reach[i, k]
+            second[i] += bend * reach[i, k]

@@ -205,11 +205,11 @@ def _covers(link_body: np.ndarray, solids, excess: float) -> list[np.ndarray]:
 
     They serve the self filter only.
     """
-    from roadmap.geometry.spheres import cover_solids
+    from roadmap.geometry.kept_covers import kept_cover
 
     own = [[s for s in solids if s.link == i] for i in range(len(link_body))]
     fits = np.where(link_body > 0, excess, min(2 * excess, 1.0))
-    return [cover_solids(s, float(fit)) for s, fit in zip(own, fits, strict=True)]
+    return [kept_cover(s, float(fit)) for s, fit in zip(own, fits, strict=True)]
 
 
 def _coarse(owners, tree: BodyTree, geometry: dict, solids, excess: float) -> list[str]:

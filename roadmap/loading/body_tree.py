@@ -79,6 +79,52 @@ def build_tree(
     )
 
 
+def bodies_of(
+    description: Description, moving: Collection[str], locked: Mapping[str, float]
+) -> BodyTree:
+    """Fold everything into bodies, as `build_tree`, but any joints may move.
+
+    Args:
+        description: The robot.
+        moving: The driving joints that move, in the order of `q`; also those of
+            several branches, as the fingers of a hand.
+        locked: Where other joints stand; those not named at 0 clipped into their
+            limits.
+
+    Raises:
+        BadRobot: `locked` names a joint or value that cannot be, or one that moves is
+            no driving joint.
+    """
+    drives = {
+        j.name: drive(description, j)
+        for j in description.joints.values()
+        if j.kind in MOVABLE
+    }
+    moving = list(moving)
+    _check_locked(description, drives, locked)
+    drivers = {name for name, _, _ in drives.values()}
+    for name in moving:
+        if name not in drivers:
+            raise BadRobot(
+                f"{description.name} has no joint {name!r} that can be driven; its "
+                f"joints are {sorted(drivers)}"
+            )
+    limits = {name: _limits(description.joints[name]) for name in drivers}
+    values = standing_values(description, moving, locked)
+    tree_i, tree_f, link_body, poses = _bodies(description, drives, moving, values)
+    joint_limits, notes = _joint_limits(description, moving, limits, drives)
+    return BodyTree(
+        joint_names=tuple(moving),
+        limits=joint_limits,
+        tree_i=tree_i,
+        tree_f=tree_f,
+        link_body=link_body,
+        T_body_link=poses,
+        standing=values,
+        notes=tuple(notes),
+    )
+
+
 def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
     """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
     factor, offset, seen = 1.0, 0.0, {joint.name}

@@ -6,11 +6,13 @@ go from one side of the arm to the other, and the hand sweeps, reaches or trembl
 between them at up to 1 m/s, seen at 100 Hz. Everything comes from the seed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from odm import Capsule, ReactivePlanner, sample_capsules
+from odm import Answer, Capsule, Obstacles, ReactivePlanner, sample_capsules
 from odm.audit.exact import ExactRobot
 from odm.cell_map.cell_map import CellMap
 from odm.close_test.static import StaticTest
@@ -63,9 +65,35 @@ class Pair:
         """Return the sampled surface of the arm in every frame, (n, 3) each [m]."""
         return [sample_capsules(rods, SPACING) for rods in self.capsules]
 
+    def asked(
+        self, shapes: bool = True
+    ) -> list[Callable[[ReactivePlanner, np.ndarray], Answer]]:
+        """Return for every frame what asks a planner for a path from q.
+
+        With shapes the capsules are written into the obstacles, which counts as a part
+        of the frame; without, the samples are at hand.
+        """
+        if not shapes:
+            return [partial(_ask_of_points, points) for points in self.points()]
+        obstacles = Obstacles(capsules=self.capsules.shape[1])
+        return [partial(_ask_of_shapes, obstacles, rods) for rods in self.capsules]
+
     def part(self, frames: slice) -> "Pair":
         """Return the pair with some of its frames only."""
         return Pair(self.q_start, self.q_goal, self.capsules[frames], self.motion)
+
+
+def _ask_of_shapes(
+    obstacles: Obstacles, rods: np.ndarray, planner: ReactivePlanner, q: np.ndarray
+) -> Answer:
+    obstacles.capsules[:] = rods
+    return planner.step(obstacles, q=q)
+
+
+def _ask_of_points(
+    points: np.ndarray, planner: ReactivePlanner, q: np.ndarray
+) -> Answer:
+    return planner.step(points, q=q, rounding=ROUND)
 
 
 def make_pairs(

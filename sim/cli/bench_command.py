@@ -7,9 +7,12 @@ from pathlib import Path
 
 import typer
 
+from sim.terminal.checks import PICTURE, SECONDS, Writes
 from sim.terminal.flags import Json, argument, flag, flags_of, from_request
-from sim.terminal.output import Bars, show_json, write_text
+from sim.terminal.output import show_json, write_text
+from sim.terminal.progress import Bars
 
+VERDICT_S = 10.0  # simulated, of each run
 NOT_SHIPPED = (
     "the benches are not installed with the package; run them from a checkout, where "
     "`pip install -e '.[bench]'` brings them and what they compare with"
@@ -23,7 +26,8 @@ class BenchRequest:
     name: str = argument(
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
-        "clutter, human, handover, handover-recording, approach, attach, workspace, "
+        "clutter, scene, human, handover, handover-recording, approach, attach, "
+        "workspace, "
         "targets, interrupts or golden.",
         metavar="NAME",
     )
@@ -34,7 +38,9 @@ class BenchRequest:
         None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
     )
     pushed: bool = flag(False, "Push the robot meanwhile (motions).", "--pushed")
-    seconds: float | None = flag(None, "Simulated time of each run (motions, targets).")
+    seconds: float | None = flag(
+        None, "Simulated time of each run, s (motions, targets).", limits=SECONDS
+    )
     seeds: int | None = flag(None, "Runs of each motion (motions).")
     processes: int | None = flag(None, "Runs at a time (motions).", min=1)
     motions: list[str] | None = flag(
@@ -49,7 +55,9 @@ class BenchRequest:
     files: list[Path] | None = flag(
         None, "A recording, too; again for more.", "--file", metavar="F"
     )
-    plot: Path | None = flag(None, "Draw the figures, if it can.", metavar="PNG")
+    plot: Path | None = flag(
+        None, "Draw the figures, if it can.", metavar="PNG", writes=PICTURE
+    )
     against: Path | None = flag(
         None, "Another checkout to compare with (golden).", metavar="DIR"
     )
@@ -57,7 +65,10 @@ class BenchRequest:
         None, "Only these; again for more (golden).", metavar="ITEM"
     )
     write: Path | None = flag(
-        None, "Keep what this checkout does (golden).", metavar="FILE"
+        None,
+        "Keep what this checkout does (golden).",
+        metavar="FILE",
+        writes=Writes(),
     )
     read: Path | None = flag(
         None, "Compare with what was kept (golden).", metavar="FILE"
@@ -116,6 +127,8 @@ def run_bench(
         if "tell" in inspect.signature(run).parameters:
             given["tell"] = lambda part: tell(part, 0, 1)
         result = run(**given)
+    if why := too_short(given):
+        result = without_verdicts(result, why)
     if json is not None:
         show_json(result, json)
     if markdown == "-":
@@ -125,6 +138,24 @@ def run_bench(
     elif json != "-":
         table.print_bench(result)
     return result.get("exit_code", 0)
+
+
+def too_short(given: dict) -> str:
+    """Return why what was measured is too little for a verdict; empty: it is not."""
+    if given.get("short"):
+        return "--short shows that it runs and measures nothing"
+    seconds = given.get("seconds")
+    if seconds is not None and seconds < VERDICT_S:
+        return f"runs of {seconds:g} s say little; verdicts need {VERDICT_S:g} s"
+    return ""
+
+
+def without_verdicts(result: dict, why: str) -> dict:
+    """Return the figures of a bench without "met", and why there is none."""
+    bare = {"met": None, "met_cpu": None}
+    rows = [row | {k: v for k, v in bare.items() if k in row} for row in result["rows"]]
+    setup = result.get("setup", {}) | {"verdicts": f"none: {why}"}
+    return result | {"rows": rows, "setup": setup}
 
 
 def bench_names() -> list[str]:
@@ -156,6 +187,20 @@ def _modules() -> dict[str, str]:
     return found
 
 
+_MAPS = {  # bench: what its --map is, and what makes it
+    "workspace": ("the reach map of ARMAR-III", "odm workspace build armar3"),
+    "attach": ("a map with a payload layer", "odm build panda_carry"),
+}
+
+
+def _needed(name: str, option: str) -> str:
+    """Return what a bench wants of an option, and where it comes from."""
+    if option != "map_dir":
+        return "give it"
+    what, command = _MAPS.get(name, ("the folder of a map", "odm build panda"))
+    return f"{what}; `{command}` makes one"
+
+
 def _check_options(name: str, run: object, given: dict) -> None:
     from roadmap.errors import BadInput
 
@@ -167,7 +212,7 @@ def _check_options(name: str, run: object, given: dict) -> None:
     for option, parameter in known.items():
         if parameter.default is parameter.empty and option not in given:
             flag = flags.get(option, f"--{option}")
-            raise BadInput(f"the bench {name!r} needs {flag}; give it")
+            raise BadInput(f"the bench {name!r} needs {flag}: {_needed(name, option)}")
 
 
 def fill_section(path: Path, name: str, text: str | None) -> None:

@@ -1,5 +1,6 @@
 """`odm build`: from a recipe or a URDF to a map, or its cost; and `odm warmup`."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
+from sim.terminal.checks import FOLDER, Limits, Refused
 from sim.terminal.flags import Json, argument, flag, from_request
-from sim.terminal.output import Bars, bytes_text, report
+from sim.terminal.output import bytes_text, report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap, Recipe
@@ -28,7 +31,10 @@ class BuildRequest:
         None, "Name or .toml path of a recipe; or give --robot."
     )
     out: Path | None = flag(
-        None, "The map's folder; maps/built/NAME if left.", metavar="DIR"
+        None,
+        "The map's folder; maps/built/NAME if left.",
+        metavar="DIR",
+        writes=FOLDER,
     )
     threads: int = flag(0, "0: one per core.", min=0)
     force: bool = flag(False, "Replace a map of another recipe.", "--force")
@@ -43,11 +49,32 @@ class BuildRequest:
     )
     name: str | None = flag(None, "Name of the map.", panel=_OWN)
     srdf: str | None = flag(None, "Link pairs not to test.", metavar="SRDF", panel=_OWN)
-    nodes: int | None = flag(None, "Nodes.", panel=_COST)
-    neighbors: int | None = flag(None, "Edges tried per node.", panel=_COST)
-    h: float | None = flag(None, "Cell size in m.", panel=_COST)
-    rho: float | None = flag(None, "Covering radius of samples in m.", panel=_COST)
-    seed: int | None = flag(None, "Of the samples.", panel=_COST)
+    scenery: list[str] | None = flag(
+        None,
+        "What stands around: a MoveIt .scene or a URDF; may be repeated.",
+        metavar="FILE",
+    )
+    nodes: int | None = flag(
+        None, "Nodes.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
+    )
+    neighbors: int | None = flag(
+        None, "Edges tried per node.", panel=_COST, limits=Limits(1, 1000)
+    )
+    h: float | None = flag(
+        None,
+        "Cell size in m.",
+        panel=_COST,
+        limits=Limits(0.002, 1.0, "m", hint="4 cm are 0.04"),
+    )
+    rho: float | None = flag(
+        None,
+        "Covering radius of samples in m.",
+        panel=_COST,
+        limits=Limits(0.0005, 0.5, "m", hint="3 cm are 0.03"),
+    )
+    seed: int | None = flag(
+        None, "Of the samples.", panel=_COST, limits=Limits(0, 2**63)
+    )
     json: Json = None
 
 
@@ -58,7 +85,10 @@ def build(request: BuildRequest) -> None:
     odm build --robot my.urdf --tip tool0 --nodes 10000 --out DIR
     """
     if (request.recipe is None) == (request.robot is None):
-        raise typer.BadParameter("give either a RECIPE or --robot URDF")
+        raise Refused(
+            "give either a recipe (`odm build panda`, `odm build my.toml`) or --robot "
+            "my.urdf --tip LINK"
+        )
     recipe, threads, json = recipe_of(request), request.threads, request.json
     if request.suggest:
         from sim.cli.suggest import suggest_sizes
@@ -80,9 +110,12 @@ def parse_locked(pairs: list[str] | None) -> dict[str, float]:
         try:
             locked[joint] = float(value)
         except ValueError:
-            raise typer.BadParameter(
-                f"--lock {pair!r} is not JOINT=VALUE with a number"
-            ) from None
+            locked[joint] = math.nan
+        if not joint or not math.isfinite(locked[joint]):
+            raise Refused(
+                f"--lock is {pair!r}: give JOINT=VALUE with a number in rad or m, such "
+                "as --lock finger=0.04"
+            )
     return locked
 
 
@@ -108,8 +141,13 @@ def recipe_of(request: BuildRequest) -> "Recipe":
         table[section] = table.get(section, {}) | given
     if request.name is not None:
         table["name"] = request.name
-    table["scenery"] = list(table.get("scenery", ()))
+    table["scenery"] = [*table.get("scenery", ()), *_scenery(request.scenery)]
     return parse_recipe(table, table["name"], folder)
+
+
+def _scenery(files: list[str] | None) -> list[dict]:
+    """Return the [[scenery]] tables of files typed here: from the current folder."""
+    return [{"type": "file", "file": str(Path(f).absolute())} for f in files or []]
 
 
 def build_to(

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim.terminal.checks import PICTURE, POSITIVE
 from sim.terminal.flags import Json, MapOption, argument, flag, from_request
-from sim.terminal.output import report
+from sim.terminal.output import FINDING, leave, report
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,11 +45,15 @@ class CameraRequest:
         metavar="X Y Z ROLL PITCH YAW",
         panel=_CAMERA,
     )
-    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA)
-    fy: float | None = flag(None, "The same along v; default: fx.", panel=_CAMERA)
+    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA, limits=POSITIVE)
+    fy: float | None = flag(
+        None, "The same along v; default: fx.", panel=_CAMERA, limits=POSITIVE
+    )
     cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA)
     cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA)
-    scale: float = flag(_SCALE, "Metres per pixel unit.", panel=_CAMERA)
+    scale: float = flag(
+        _SCALE, "Metres per pixel unit.", panel=_CAMERA, limits=POSITIVE
+    )
     q: str | None = flag(
         None, "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
     )
@@ -67,7 +72,9 @@ class CameraRequest:
         metavar="free|occupied|keep",
         panel=_CELLS,
     )
-    plot: Path | None = flag(None, "Draw the cells beside the image.", metavar="PNG")
+    plot: Path | None = flag(
+        None, "Draw the cells beside the image.", metavar="PNG", writes=PICTURE
+    )
     json: Json = None
 
 
@@ -81,7 +88,6 @@ def camera(request: CameraRequest) -> None:
     Exit code 1: the image is unfit, and a robot would hold.
     """
     from odm import DepthCamera, SeenSettings, SeenSpace, load_map
-    from roadmap.errors import BadInput
 
     cell_map = load_map(request.map_dir)
     image = read_depth_png(request.file)
@@ -107,7 +113,7 @@ def camera(request: CameraRequest) -> None:
     space = SeenSpace(cell_map, camera, settings)
     found = space.update(image, joints, 0.0)
     if found.trouble is not None:
-        raise BadInput(found.trouble)
+        leave(f"{request.file}: {found.trouble}", FINDING)
     facts = describe_frame(space, found, image, joints)
     if request.plot is not None:
         from sim.draw.camera_picture import plot_cells

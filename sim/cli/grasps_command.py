@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.run.folders import GRASPS, check_grasp_folder
-from sim.terminal.flags import Json, flag, from_request
-from sim.terminal.output import Bars, bytes_text, guarded, report
+from sim.terminal.checks import FOLDER, PICTURE, POSITIVE
+from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.output import bytes_text, guarded, report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from handover import GraspSet
@@ -18,9 +20,6 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-Plot = Annotated[
-    Path | None, typer.Option(metavar="PNG", help="Draw the object and its grasps.")
-]
 
 
 @dataclass(frozen=True)
@@ -32,23 +31,28 @@ class GraspsRequest:
     )
     hand: str = flag(..., "sdh, hubo_left, hubo_right or panda.")
     out: Path | None = flag(
-        None, "The folder; maps/built/grasps/OBJECT-HAND if left.", metavar="DIR"
+        None,
+        "The folder; maps/built/grasps/OBJECT-HAND if left.",
+        metavar="DIR",
+        writes=FOLDER,
     )
-    mass: float | None = flag(None, "Of a mesh file, kg.")
-    scale: float = flag(1.0, "Turns a mesh file's unit into metres.")
+    mass: float | None = flag(None, "Of a mesh file, kg.", limits=POSITIVE)
+    scale: float = flag(1.0, "Turns a mesh file's unit into metres.", limits=POSITIVE)
     samples: int = flag(90, "Points on the surface.")
     rolls: int = flag(8, "Turns about the normal above each.")
     friction: float = flag(0.5, "Coefficient of friction.")
     seed: int = flag(1, "Same seed, same set.", min=0)
     threads: int = flag(0, "0: one per core.", min=0)
-    plot: Plot = None
+    plot: Path | None = flag(
+        None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
+    )
     json: Json = None
 
 
 @app.command("build")
 @guarded
 @from_request(GraspsRequest)
-def build(request: GraspsRequest) -> None:
+def grasps_build(request: GraspsRequest) -> None:
     """Make the grasps of an object by a hand: palms above its surface, fingers closed.
 
     odm grasps build --object hammer --hand sdh --plot hammer.png
@@ -68,19 +72,25 @@ def build(request: GraspsRequest) -> None:
     _report(load_grasps(target), target, request.plot, request.json)
 
 
+@dataclass(frozen=True)
+class GraspsInfoRequest:
+    """What `odm grasps info` is asked for."""
+
+    folder: Path = argument(..., "Folder of a grasp set.", metavar="GRASPS")
+    plot: Path | None = flag(
+        None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
+    )
+    json: Json = None
+
+
 @app.command("info")
 @guarded
-def info(
-    folder: Annotated[
-        Path, typer.Argument(metavar="GRASPS", help="Folder of a grasp set.")
-    ],
-    plot: Plot = None,
-    json: Json = None,
-) -> None:
+@from_request(GraspsInfoRequest)
+def grasps_info(request: GraspsInfoRequest) -> None:
     """Tell what a grasp set holds, after comparing every byte with its SHA-256."""
     from handover import load_grasps
 
-    _report(load_grasps(folder), folder, plot, json)
+    _report(load_grasps(request.folder), request.folder, request.plot, request.json)
 
 
 def grasp_facts(grasps: "GraspSet", folder: Path) -> dict:

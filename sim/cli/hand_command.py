@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.cli.workspace_command import app
+from sim.terminal.checks import HEIGHT, PICTURE
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
-from sim.terminal.output import Bars, guarded, report
+from sim.terminal.output import guarded, report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from sim.draw.arm_cut import Cut
@@ -18,12 +20,12 @@ BELOW_SHOULDER = 0.25  # [m] the level cut lies this far below it
 class HandRequest:
     """What `odm workspace human` is asked for."""
 
-    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.")
+    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.", limits=HEIGHT)
     posture: Posture = "standing"
     side: Side = "right"
     spacing: float = flag(0.02, "Between the places, m.", min=0.005, max=0.2)
     rotations: int = flag(1944, "Of the hand, tried at each place: 72, 576, 1944...")
-    plot: Path | None = flag(None, "Draw the cuts.", metavar="PNG")
+    plot: Path | None = flag(None, "Draw the cuts.", metavar="PNG", writes=PICTURE)
     json: Json = None
 
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.people.grips import grip_points
+from sim.terminal.checks import HEIGHT, PICTURE, Limits
 from sim.terminal.flags import Json, Posture, flag, from_request
-from sim.terminal.output import guarded, show_json
+from sim.terminal.output import guarded, report
 
 if TYPE_CHECKING:
     from handover import Human
@@ -28,10 +29,12 @@ def _group() -> None:
 class HumanRequest:
     """What `odm human info` is asked for."""
 
-    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.")
+    height: float = flag(1.75, "Body height in m, 1.2 to 2.2.", limits=HEIGHT)
     posture: Posture = "standing"
     mass: float | None = flag(
-        None, "Body mass in kg; default: a body mass index of 24."
+        None,
+        "Body mass in kg; default: a body mass index of 24.",
+        limits=Limits(0.0, 400.0, "kg", above=True),
     )
     thickness: str = flag(
         "conservative",
@@ -39,15 +42,18 @@ class HumanRequest:
         metavar="conservative|mean",
     )
     plot: Path | None = flag(
-        None, "Draw the person, the reach and the joint ranges.", metavar="PNG"
+        None,
+        "Draw the person, the reach and the joint ranges.",
+        metavar="PNG",
+        writes=PICTURE,
     )
     json: Json = None
 
 
-@app.command()
+@app.command("info")
 @guarded
 @from_request(HumanRequest)
-def info(request: HumanRequest) -> None:
+def human_info(request: HumanRequest) -> None:
     """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
     from handover import Human
 
@@ -59,10 +65,7 @@ def info(request: HumanRequest) -> None:
         from sim.draw.human_picture import write_human_picture
 
         facts["plot"] = str(write_human_picture(human, request.plot))
-    if request.json is not None:
-        show_json(facts, request.json)
-    else:
-        _show(facts)
+    report(facts, request.json, _show)
 
 
 def human_facts(human: "Human") -> dict:

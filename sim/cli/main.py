@@ -11,16 +11,20 @@ from sim.cli import (
     bench_command,
     build_command,
     camera_command,
+    doctor_command,
     grasps_command,
+    handover_command,
     human_command,
     map_command,
     meet_command,
     replay_command,
     run_command,
     two_command,
+    view,
 )
 from sim.terminal import interrupt
-from sim.terminal.output import guarded
+from sim.terminal.output import MISTAKE, guarded
+from sim.terminal.words import mistake, with_new_names, with_targets
 
 app = typer.Typer(
     name="odm",
@@ -37,44 +41,40 @@ COMMANDS = {
     "run": run_command.run,
     "demo": run_command.demo,
     "replay": replay_command.replay,
+    "view": view.view,
     "run-two": two_command.run_two,
     "camera": camera_command.camera,
     "bench": bench_command.bench,
     "warmup": build_command.warmup,
+    "doctor": doctor_command.doctor,
 }
 for name, command in COMMANDS.items():
     app.command(name)(guarded(command))
 app.add_typer(human_command.app, name="human")
 app.add_typer(meet_command.app, name="workspace")
 app.add_typer(grasps_command.app, name="grasps")
+app.add_typer(handover_command.app, name="handover")
 
 
 def main() -> None:
-    """Run the command line; the exit code is 0, 1 (a finding or error) or 2 (usage).
+    """Run the command line.
 
-    130: Ctrl-C, see `sim.terminal.interrupt`.
+    The exit code is 0; 1, where a command found something (a contact, a false "free",
+    a replay that differs); 2, where what was asked cannot be done, told in one
+    sentence; 130: Ctrl-C, see `sim.terminal.interrupt`.
     """
     with interrupt.interruptible():
-        app(with_targets(sys.argv[1:]), prog_name="odm")
-
-
-# options that may stand alone, and the ending of the file behind them
-_TARGETS = {"--json": ".json", "--markdown": ".md"}
-
-
-def with_targets(arguments: list[str]) -> list[str]:
-    """Let `--json` stand alone: without a FILE.json behind it, it means '-'."""
-    result, at = [], 0
-    while at < len(arguments):
-        word, at = arguments[at], at + 1
-        if word in _TARGETS:
-            after = arguments[at] if at < len(arguments) else ""
-            if after == "-" or after.endswith(_TARGETS[word]):
-                word, at = f"{word}={after}", at + 1
-            else:
-                word += "=-"
-        result.append(word)
-    return result
+        door = typer.main.get_command(app)
+        words = with_targets(with_new_names(sys.argv[1:]), door)
+        try:
+            code = door.main(words, prog_name="odm", standalone_mode=False)
+        except Exception as error:
+            told = mistake(error, words, door)
+            if told is None:
+                raise
+            print(told, file=sys.stderr)
+            code = MISTAKE
+        sys.exit(code if isinstance(code, int) else 0)
 
 
 if __name__ == "__main__":

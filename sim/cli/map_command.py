@@ -3,13 +3,15 @@
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.terminal import interrupt
+from sim.terminal.checks import PICTURE
 from sim.terminal.flags import Json, MapArgument, Seed, Threads, flag, from_request
-from sim.terminal.output import Bars, show_json
+from sim.terminal.output import report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -19,33 +21,40 @@ if TYPE_CHECKING:
 REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
 
 
-def info(
-    map_dir: MapArgument,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw what the map covers.")
-    ] = None,
-    json: Json = None,
-) -> None:
+@dataclass(frozen=True)
+class InfoRequest:
+    """What `odm info` is asked for."""
+
+    map_dir: MapArgument
+    tax: bool = flag(
+        False, "Also the clearance tax; the first time compiles for a while.", "--tax"
+    )
+    plot: Path | None = flag(
+        None, "Draw what the map covers.", metavar="PNG", writes=PICTURE
+    )
+    json: Json = None
+
+
+@from_request(InfoRequest)
+def info(request: InfoRequest) -> None:
     """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery.
 
-    The clearance tax (what the map gives away beyond its clearance m) is a quick look
-    from a few approaches; `odm bench tax` measures it.
+    With --tax also what the map gives away beyond its clearance m: a quick look from a
+    few approaches; `odm bench tax` measures it.
     """
     from odm import load_map
-    from sim.cli import describe
+    from sim.tables import describe
 
-    cell_map = load_map(map_dir)
-    with Bars() as tell:
-        facts = describe.facts(cell_map, tell)
-    if plot is not None:
-        from sim.draw.coverage import plot_map
+    with Bars("reading the map") as tell:
+        cell_map = load_map(request.map_dir)
+        facts = describe.facts(cell_map, tell, request.tax)
+        if request.plot is not None:
+            from sim.draw.coverage import plot_map
 
-        plot.parent.mkdir(parents=True, exist_ok=True)
-        facts["plot"] = str(plot_map(cell_map, plot))
-    if json is not None:
-        show_json(facts, json)
-    else:
-        describe.show(facts)
+            tell("picture", 0, 1)
+            request.plot.parent.mkdir(parents=True, exist_ok=True)
+            facts["plot"] = str(plot_map(cell_map, request.plot))
+    report(facts, request.json, describe.show)
 
 
 @dataclass(frozen=True)
@@ -80,7 +89,7 @@ def audit(request: AuditRequest) -> None:
     Exit code 0: nothing found; 1: something, with the nearest cases.
     """
     from odm import load_map
-    from sim.cli import describe
+    from sim.tables import describe
 
     cell_map = load_map(request.map_dir)
     by_sequences = request.sequences is not None or request.sabotage == "certificate"
@@ -90,10 +99,8 @@ def audit(request: AuditRequest) -> None:
             found, show = _audit_sequences(request), describe.show_sequences
         else:
             found, show = _audit_pairs(request, cell_map), describe.show_audit
-        if request.json is not None:
-            show_json(found.as_dict() | {"map_hash": cell_map.hash}, request.json)
-        else:
-            show(found, cell_map.hash)
+        facts = found.as_dict() | {"map_hash": cell_map.hash}
+        report(facts, request.json, lambda _: show(found, cell_map.hash))
     if not found.complete:
         raise KeyboardInterrupt
     if not found.passed:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 from sim.cli.hand_command import app, place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
+from sim.terminal.checks import HEIGHT, PICTURE, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
-from sim.terminal.output import Bars, guarded, report
+from sim.terminal.output import guarded, report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from handover import MeetSettings, ReachMap, Target
@@ -22,38 +24,53 @@ class MeetRequest:
     """What `odm workspace meet` is asked for."""
 
     robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
-    human: float = flag(1.75, "The person's, in m.", "--human", metavar="HEIGHT")
+    human: float = flag(
+        1.75, "Body height of the person in m, 1.2 to 2.2.", "--height", limits=HEIGHT
+    )
     distance: list[float] | None = flag(
         None,
         "From the robot's base to the person's pelvis along the base's x, m; "
         "0.9 if left; again for more.",
+        limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
     )
-    aside: float = flag(0.0, "Of the pelvis along the base's y, m.")
-    turn: float = flag(0.0, "0: the person faces the robot; to the left, deg.")
+    aside: float = flag(
+        0.0, "Of the pelvis along the base's y, m.", limits=Limits(-5.0, 5.0, "m")
+    )
+    turn: float = flag(
+        0.0,
+        "0: the person faces the robot; to the left, deg.",
+        limits=Limits(-360.0, 360.0, "deg"),
+    )
     posture: Posture = "standing"
     side: Side = "right"
     object_name: str = flag(
         "wrench", "What is handed.", "--object", metavar="wrench|mallet"
     )
     k: int = flag(10, "Targets told.", "--k", min=1)
-    cell: float = flag(0.15, "Side of a position cell, m.")
+    cell: float = flag(
+        0.15,
+        "Side of a position cell, m.",
+        limits=Limits(0.005, 0.5, "m", hint="15 cm are 0.15"),
+    )
     rotations: int = flag(72, "Cells of rotation.")
     base_height: float | None = flag(
         None,
         "Of the robot's base above the floor, m; left: 0 for a robot whose "
         "own base is taller than 0.5 m, else 0.75.",
+        limits=Limits(-5.0, 5.0, "m"),
     )
     map_dir: Path | None = flag(
-        None, "Reach map; maps/built/reach/NAME if left.", "--map", metavar="DIR"
+        None, "Reach map; maps/built/reach/NAME if left.", "--reach", metavar="DIR"
     )
     human_map: Path | None = flag(
         None,
         "Reach map of a person's arm, for the dexterity; left: "
         "maps/built/reach/human where it is, else a coarse one made on the spot.",
+        "--human-reach",
         metavar="DIR",
     )
     plot: Path | None = flag(
-        None, "Draw cuts, robot, person and target.", metavar="PNG"
+        None, "Draw cuts, robot, person and target.", metavar="PNG", writes=PICTURE
     )
     json: Json = None
 
@@ -67,7 +84,7 @@ def meet_command(request: MeetRequest) -> None:
     Exit code 0, also where nothing is shared: then no target is listed, and how much
     nearer the person would have to come is told.
 
-    odm workspace meet --robot panda --human 1.75 --distance 0.9 --plot cut.png
+    odm workspace meet --robot panda --height 1.75 --distance 0.9 --plot cut.png
     """
     from handover import Human, InteractionWorkspace
     from sim.draw.meet_cut import find_meeting
@@ -202,6 +219,7 @@ def _show_meet(facts: dict) -> None:
         for target in row["best"]:
             table.add_row(*_target_row(target))
         console.print(table)
+        console.print(_EXPLAINED)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 
@@ -210,6 +228,12 @@ _HEADS = (
     "#", "total", "joint", "spatial", "visible", "safe", "effort", "dextrous",
     "tool \\[m]", "grasp", "IK",
 )  # fmt: skip
+
+
+_EXPLAINED = (
+    "grasp: number of the person's grasp of the object. IK: whether inverse "
+    "kinematics found joint values of the robot for the tool pose."
+)
 
 
 def _target_row(target: dict) -> list[str]:

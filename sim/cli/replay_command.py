@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
+from sim.terminal.checks import FOLDER, Limits, Refused, Writes
 from sim.terminal.flags import Json, argument, flag, from_request, given
-from sim.terminal.output import Bars, show_json, write_text
+from sim.terminal.output import show_json, write_text
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -38,15 +40,21 @@ class ReplayRequest:
         "Record the replay: the same bytes, where it is the same.",
         metavar="NPZ",
         panel=_RUN,
+        writes=Writes((".npz",), "recording"),
     )
     recipe_out: Path | None = flag(
-        None, "Only write the recipe of the recorded map.", metavar="TOML", panel=_RUN
+        None,
+        "Only write the recipe of the recorded map.",
+        metavar="TOML",
+        panel=_RUN,
+        writes=Writes((".toml",), "recipe"),
     )
     build: Path | None = flag(
         None,
         "Only build the recorded map, for which no URDF is needed.",
         metavar="DIR",
         panel=_RUN,
+        writes=FOLDER,
     )
     frames: Path | None = flag(
         None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
@@ -57,6 +65,7 @@ class ReplayRequest:
     spacing: float | None = flag(
         None,
         "Of samples on capsules, in m; default: 0.03 or the map's rho.",
+        limits=Limits(0.0, 0.5, "m", above=True, hint="3 cm are 0.03"),
         panel=_FRAMES,
     )
     paths: bool = flag(
@@ -78,7 +87,7 @@ def replay(request: ReplayRequest) -> None:
     does not retreat.
     """
     if (request.file is None) == (request.frames is None):
-        raise typer.BadParameter("give one FILE to replay")
+        raise Refused("give one file to replay, such as run.npz of `odm run --record`")
     from sim.record import is_record
 
     path = request.frames or request.file
@@ -89,7 +98,9 @@ def replay(request: ReplayRequest) -> None:
         return
     _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
     if request.map_dir is None:
-        raise typer.BadParameter("recorded obstacle frames need --map MAP")
+        raise Refused(
+            f"{path} holds recorded obstacle frames, which need a map: add --map MAP"
+        )
     _play(path, request)
 
 

@@ -1,14 +1,15 @@
 """`odm run` and `odm demo`: a robot at work beside a person."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
 from sim.run.request import RunRequest
-from sim.terminal.flags import Threads, from_request
+from sim.terminal.checks import PICTURES, SECONDS
+from sim.terminal.flags import Threads, flag, from_request
 from sim.terminal.output import show_json
 
 if TYPE_CHECKING:
@@ -41,13 +42,17 @@ def run(request: RunRequest) -> None:
         raise typer.Exit(live.exit_code)
 
 
-def demo(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="For pictures.")] = Path(
-        "out"
-    ),
-    seconds: Annotated[float, typer.Option(help="Simulated time.")] = 30.0,
-    threads: Threads = 0,
-) -> None:
+@dataclass(frozen=True)
+class DemoRequest:
+    """What `odm demo` is asked for."""
+
+    out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
+    seconds: float = flag(30.0, "Simulated time in s.", limits=SECONDS)
+    threads: Threads = 0
+
+
+@from_request(DemoRequest)
+def demo(request: DemoRequest) -> None:
     """Build the demo map unless it is there, then a robot works beside an arm."""
     from odm import load_map
     from roadmap.errors import BadMap
@@ -63,10 +68,12 @@ def demo(
         there = False
     if not there:
         check_map_folder(folder, recipe, force=True)
-        cell_map, took = build_to(folder, recipe, threads)
+        cell_map, took = build_to(folder, recipe, request.threads)
         counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
         print(f"demo map: {counts} edges in {took:.0f} s, {folder}")
-    run_demo(folder, out, settings=replace(SETTINGS, duration_s=seconds))
+    run_demo(
+        folder, request.out, settings=replace(SETTINGS, duration_s=request.seconds)
+    )
 
 
 def demo_recipe() -> "Recipe":

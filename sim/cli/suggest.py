@@ -22,7 +22,8 @@ from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
-from sim.terminal.output import Bars, bytes_text, show_json
+from sim.terminal.output import bytes_text, show_json
+from sim.terminal.progress import Bars
 
 NODES = (3_000, 10_000, 30_000)
 CELLS = (0.03, 0.04, 0.05)

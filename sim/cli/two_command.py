@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from sim.terminal.checks import FILM, PICTURE, PICTURES, RATE, SECONDS
 from sim.terminal.flags import Json, flag, from_request
-from sim.terminal.output import Bars, show_json
+from sim.terminal.output import show_json
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -40,11 +42,17 @@ class TwoRequest:
         "The second: plans and brakes, too; or goes to and fro heedlessly.",
         metavar="planned|scripted",
     )
-    seconds: float = flag(120.0, "Simulated time.")
-    rate: float = flag(100.0, "Frames per second.")
-    picture: Path | None = flag(None, "Draw the closest moment.", metavar="PNG")
-    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
-    out: Path | None = flag(None, "Write both and the figures.", metavar="DIR")
+    seconds: float = flag(120.0, "Simulated time in s.", limits=SECONDS)
+    rate: float = flag(100.0, "Frames per second.", limits=RATE)
+    plot: Path | None = flag(
+        None, "Draw the closest moment.", metavar="PNG", writes=PICTURE
+    )
+    animation: Path | None = flag(
+        None, "Write a short film.", metavar="GIF", writes=FILM
+    )
+    out: Path | None = flag(
+        None, "Write both and the figures.", metavar="DIR", writes=PICTURES
+    )
     json: Json = None
 
 
@@ -123,7 +131,7 @@ def _write(
     result: "TwoResult", maps: tuple, figures: dict, request: TwoRequest
 ) -> list[Path]:
     """Write what was asked for; return the paths."""
-    picture, animation, out = request.picture, request.animation, request.out
+    picture, animation, out = request.plot, request.animation, request.out
     written = []
     if out is not None:
         picture = picture or out / "two_robots.png"

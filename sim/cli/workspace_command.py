@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.run.folders import REACH_MAPS, check_reach_folder
+from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Limits
 from sim.terminal.flags import Json, argument, flag, from_request
-from sim.terminal.output import Bars, bytes_text, guarded, report
+from sim.terminal.output import bytes_text, guarded, report
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from handover import Chain, ReachMap
@@ -24,9 +26,6 @@ Poses = Annotated[
         "--recall", min=0, help="Random poses to solve for the recall; 0: not told."
     ),
 ]
-Plot = Annotated[
-    Path | None, typer.Option(metavar="PNG", help="Draw cuts through the map.")
-]
 
 
 @dataclass(frozen=True)
@@ -35,16 +34,28 @@ class ReachRequest:
 
     source: str = argument(..., "Name of a robot, its URDF, or human.", metavar="ROBOT")
     out: Path | None = flag(
-        None, "The folder; maps/built/reach/NAME if left.", metavar="DIR"
+        None,
+        "The folder; maps/built/reach/NAME if left.",
+        metavar="DIR",
+        writes=FOLDER,
     )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
     lock: list[str] | None = flag(
         None, "Make a joint rigid; repeatable.", metavar="JOINT=VALUE"
     )
-    cell: float = flag(0.05, "Side of a position cell, m.")
+    cell: float = flag(
+        0.05,
+        "Side of a position cell, m.",
+        limits=Limits(0.01, 0.5, "m", hint="5 cm are 0.05"),
+    )
     rotations: int = flag(576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...")
     samples: int | None = flag(None, "Configurations drawn before cells are marked.")
-    seconds: float | None = flag(None, "Stop then; the map depends on the machine.")
+    seconds: float | None = flag(
+        None,
+        "Stop after so many s of the clock; the map depends on the machine.",
+        "--stop-after",
+        limits=SECONDS,
+    )
     seed: int = flag(1, "Same seed, same map.", min=0)
     threads: int = flag(0, "0: one per core.", min=0)
     self_collision: bool = flag(
@@ -53,14 +64,16 @@ class ReachRequest:
         "--self-collision/--no-self-collision",
     )
     recall: Poses = 2000
-    plot: Plot = None
+    plot: Path | None = flag(
+        None, "Draw cuts through the map.", metavar="PNG", writes=PICTURE
+    )
     json: Json = None
 
 
 @app.command("build")
 @guarded
 @from_request(ReachRequest)
-def build(request: ReachRequest) -> None:
+def build_reach(request: ReachRequest) -> None:
     """Mark all 6-D cells a robot reaches, each with its dexterity and a witness.
 
     odm workspace build panda --plot reach.png
@@ -82,26 +95,32 @@ def build(request: ReachRequest) -> None:
     _report(reach, facts, request.plot, request.json)
 
 
+@dataclass(frozen=True)
+class ReachInfoRequest:
+    """What `odm workspace info` is asked for."""
+
+    map_dir: Path = argument(..., "Folder of a reach map.", metavar="MAP")
+    recall: Poses = 0
+    plot: Path | None = flag(
+        None, "Draw cuts through the map.", metavar="PNG", writes=PICTURE
+    )
+    json: Json = None
+
+
 @app.command("info")
 @guarded
-def info(
-    map_dir: Annotated[
-        Path, typer.Argument(metavar="MAP", help="Folder of a reach map.")
-    ],
-    recall: Poses = 0,
-    plot: Plot = None,
-    json: Json = None,
-) -> None:
+@from_request(ReachInfoRequest)
+def reach_info(request: ReachInfoRequest) -> None:
     """Tell what a reach map holds, after comparing every byte with its SHA-256.
 
     What is measured here does not look at self-collision: the map holds no solids.
     """
     from handover import load_reach_map
 
-    reach = load_reach_map(map_dir, verify=True)
+    reach = load_reach_map(request.map_dir, verify=True)
     with Bars() as tell:
-        facts = reach_facts(reach, map_dir, reach.chain, recall, tell)
-    _report(reach, facts, plot, json)
+        facts = reach_facts(reach, request.map_dir, reach.chain, request.recall, tell)
+    _report(reach, facts, request.plot, request.json)
 
 
 def chain_of_request(request: ReachRequest) -> "Chain":
@@ -131,7 +150,7 @@ def reach_facts(
     reach: "ReachMap", folder: Path, chain: "Chain", poses: int, tell: Bars
 ) -> dict:
     """Return what a reach map holds and is worth, as plain data; see `measured`."""
-    from sim.cli.reach_figures import measured
+    from sim.tables.reach_figures import measured
 
     marked, grid, packed = reach.n_marked, reach.grid, reach.packed
     facts = {
@@ -169,7 +188,7 @@ def _report(
 
 
 def _show(facts: dict) -> None:
-    from sim.cli.reach_figures import print_figures
+    from sim.tables.reach_figures import print_figures
 
     cells, places, built = facts["cells"], facts["positions"], facts["built"]
     unit = facts["unit"] if facts["unit"] == "m" else f"{facts['unit']}s"

@@ -1,5 +1,6 @@
 """A short film of a run: robot, person, planned path of the tool, status."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, best_stretch, write_gif
 from sim.draw.style import FAINT, INK, TEAL
-from sim.draw.viewpoint import Camera
+from sim.draw.viewpoint import Camera, clearest
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
+CAME = "the person came to the standing robot"
 STICKY_S = 0.3  # a new path is announced at least so long [s]
 
 
@@ -21,8 +23,11 @@ def write_animation(
     world: object,
     path: str | Path,
     settings: FilmSettings | None = None,
+    tools: Mapping[int, np.ndarray] | None = None,
 ) -> Path:
     """Write some seconds of a run, the liveliest if not told, as an animated GIF.
+
+    It is seen from the side from which the person hides least of the robot.
 
     Args:
         result: The run, with `keep_paths` on.
@@ -31,13 +36,17 @@ def write_animation(
         world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
         path: File to write, whole or not at all.
         settings: Size and length.
+        tools: Where the tool goes for each number of `result.place` [m], in place of
+            the work places.
 
     Returns:
         The path written.
     """
     settings = settings or FilmSettings()
-    painter = _Painter(robot, places, world, settings.camera())
     shown = settings.shown(_liveliness(result), result.rate_hz)
+    moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
+    camera = clearest(settings.camera(), [_bodies(result, robot, i) for i in moments])
+    painter = _Painter(robot, places, world, camera, tools)
     return write_gif([painter.paint(result, i) for i in shown], path, settings)
 
 
@@ -71,33 +80,28 @@ def _liveliness(result: RunResult) -> np.ndarray:
 
 
 class _Painter:
-    def __init__(self, robot, places, world, camera):
+    def __init__(self, robot, places, world, camera, tools=None):
         self.robot, self.world, self.canvas = robot, world, Canvas(camera)
-        self.goals = [tool_pose(robot, q)[:3, 3] for q in places]
+        self.lasting = tools is None  # places are shown always, targets while pursued
+        if tools is None:
+            tools = {k: tool_pose(robot, q)[:3, 3] for k, q in enumerate(places)}
+        self.goals = tools
 
     def paint(self, result: RunResult, frame: int) -> object:
         q, capsules, canvas = result.q[frame], result.capsules[frame], self.canvas
         self.world.place(q, capsules)
         colour, depth, ground = self.world.picture(canvas.camera)
-        floor = canvas.floor(self._balls(q, capsules))
+        floor = canvas.floor(np.vstack(_bodies(result, self.robot, frame)))
         image = canvas.begin(np.where(ground[..., None], floor, colour), depth)
-        for index, goal in enumerate(self.goals):
+        for index, goal in self.goals.items():
             chosen = index == int(result.place[frame])
-            canvas.ring(goal, TEAL if chosen else FAINT, chosen)
+            if chosen or self.lasting:
+                canvas.ring(goal, TEAL if chosen else FAINT, chosen)
         path = _path_at(result, frame)
         if len(path) > 1:
             canvas.line(_tool_line(self.robot, path), TEAL)
         self._draw_caption(result, frame)
         return image
-
-    def _balls(self, q: np.ndarray, capsules: np.ndarray) -> np.ndarray:
-        centers = sphere_centers(self.robot, q)
-        balls = [np.column_stack([centers, self.robot.spheres[:, 3]])]
-        for row in capsules:
-            s = np.linspace(0.0, 1.0, 16)[:, None]
-            beads = row[:3] + s * (row[3:6] - row[:3])
-            balls.append(np.column_stack([beads, np.full(16, row[6])]))
-        return np.vstack(balls)
 
     def _draw_caption(self, result: RunResult, frame: int) -> None:
         canvas = self.canvas
@@ -107,11 +111,26 @@ class _Painter:
             text = f"{100 * separation:.0f} cm" if separation > 0 else "contact"
             canvas.text(134, "separation", FAINT)
             canvas.text(220, text, INK, bold=True)
+            if separation <= 0.0 and not result.moving[frame]:
+                canvas.text(16, CAME, INK, line=1)
         recent = result.wall_s[max(0, frame - int(result.rate_hz / 2)) : frame + 1]
         canvas.text(294, "planned in", FAINT)
         took = f"{1e6 * np.median(recent):.0f} \N{MICRO SIGN}s"
         canvas.text(380, took, INK, bold=True)
         canvas.text(-16, f"{frame / result.rate_hz:4.1f} s", FAINT, anchor="rm")
+
+
+def _bodies(
+    result: RunResult, robot: Robot, frame: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return robot and person of a frame as balls (n, 4) [m]."""
+    centers = sphere_centers(robot, result.q[frame])
+    person = [np.zeros((0, 4))]
+    for row in result.capsules[frame]:
+        s = np.linspace(0.0, 1.0, 16)[:, None]
+        beads = row[:3] + s * (row[3:6] - row[:3])
+        person.append(np.column_stack([beads, np.full(16, row[6])]))
+    return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)
 
 
 def _tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:

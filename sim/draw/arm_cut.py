@@ -23,7 +23,7 @@ from sim.draw.style import (
     set_title,
     space_axes,
 )
-from sim.terminal.output import Bars
+from sim.terminal.progress import Bars
 
 FIELDS = {
     "dexterity": "dexterity (1: the arm's best)",

@@ -156,11 +156,17 @@ class Canvas:
         self.text(x + width / 2, text, WHITE, bold=True, anchor="mm")
 
     def text(
-        self, x: float, text: str, colour: str, bold: bool = False, anchor: str = "lm"
+        self,
+        x: float,
+        text: str,
+        colour: str,
+        bold: bool = False,
+        anchor: str = "lm",
+        line: int = 0,
     ) -> None:
-        """Write in the bottom line at x units, from the right edge if negative."""
+        """Write at x units, from the right edge if negative; `line` from the bottom."""
         u = x * self.unit if x >= 0 else self.camera.width + x * self.unit
-        place = (u, self.camera.height - 30 * self.unit)
+        place = (u, self.camera.height - (30 + 28 * line) * self.unit)
         self._draw.text(place, text, rgb(colour), self._fonts[bold], anchor=anchor)
 
     def _seen(self, points: np.ndarray) -> np.ndarray:

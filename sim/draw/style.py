@@ -10,7 +10,7 @@ INK, FAINT, LINE, PALE = "#2c343e", "#8c96a0", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
 BODY, BODY_EDGE = "#dfe4e9", "#7c8894"
-QUALITY = "turbo"  # colours of a quality from bad to good
+QUALITY = "viridis"  # colours from bad to good, equal steps to the eye
 
 AXES = "xyz"
 VIEWS = {  # axis looked along: axes across and up, and the name of the view
@@ -74,6 +74,7 @@ def space_axes(axis: object, normal: int, unit: str = "m", view: str = "") -> No
     """
     across, up = VIEWS[normal][0]
     axis.set(xlabel=f"{AXES[across]} [{unit}]", ylabel=f"{view}{AXES[up]} [{unit}]")
+    axis.locator_params(nbins=6)  # labels side by side need room
     axis.set_aspect("equal")
     tidy(axis)
 

@@ -1,6 +1,7 @@
 """A pinhole camera in OpenGL's convention: what pybullet draws with, and where."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,3 +65,52 @@ class Camera:
     def metres(self, buffer: np.ndarray) -> np.ndarray:
         """Return distances along the view [m] from an OpenGL depth buffer in [0, 1]."""
         return self.far * self.near / (self.far - (self.far - self.near) * buffer)
+
+
+TURNS = np.radians([0, -30, 30, -60, 60, -90, 90, -120, 120, -150, 150, 180])
+FAR_TURN = 0.04  # a turn by half a circle must show so much more to be worth it
+
+
+def clearest(camera: Camera, scenes: Sequence[tuple[np.ndarray, np.ndarray]]) -> Camera:
+    """Return the camera, turned about its target to where both bodies are seen.
+
+    Args:
+        camera: Where it stands by choice; kept where no other place is clearly better.
+        scenes: Two bodies as balls (n, 4) each, at some moments [m].
+
+    Returns:
+        The one from which the worse seen of the two is seen best: shares of balls
+        within the picture that no ball of the other body stands before.
+    """
+    scenes = [scene for scene in scenes if all(map(len, scene))]
+    if not scenes:
+        return camera
+    found = []
+    for turn in TURNS:
+        turned = _turned(camera, turn)
+        seen = [min(_seen(turned, a, b), _seen(turned, b, a)) for a, b in scenes]
+        found.append(np.mean(seen) - FAR_TURN * abs(turn) / np.pi)
+    return _turned(camera, TURNS[int(np.argmax(found))])
+
+
+def _turned(camera: Camera, turn: float) -> Camera:
+    c, s = np.cos(turn), np.sin(turn)
+    x, y, z = np.subtract(camera.eye, camera.target)
+    eye = np.add(camera.target, (c * x - s * y, s * x + c * y, z))
+    return replace(camera, eye=tuple(float(v) for v in eye))
+
+
+def _seen(camera: Camera, balls: np.ndarray, others: np.ndarray) -> float:
+    """Return the share of balls within the picture that no other one hides."""
+    eye, places = np.array(camera.eye), balls[:, :3]
+    pixels, far = camera.project(places)
+    inside = (far > 0) & (pixels > 0).all(axis=1)
+    inside &= (pixels < [camera.width, camera.height]).all(axis=1)
+    rays = places - eye
+    along = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    to = others[None, :, :3] - eye
+    depth = np.einsum("nk,mjk->nj", along, to)
+    off = np.linalg.norm(to - depth[..., None] * along[:, None], axis=2)
+    nearer = depth < np.linalg.norm(rays, axis=1)[:, None] - others[:, 3]
+    hidden = ((off < others[:, 3]) & nearer & (depth > 0)).any(axis=1)
+    return float(np.mean(inside & ~hidden))

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
-from roadmap.errors import PlanningError
+from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
 from roadmap.robot.description import Description, read_description
 from roadmap.robot.known import known_robot, robot_file
@@ -74,8 +74,12 @@ class World:
         self._bullet = _pybullet()
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
-        with _without(INERTIA):
-            self._robot = self._call("loadURDF", path, useFixedBase=True)
+        try:
+            with _without(INERTIA):
+                self._robot = self._call("loadURDF", path, useFixedBase=True)
+        except self._bullet.error as error:  # such as a visual mesh that is not there
+            self.close()
+            raise BadRobot(f"pybullet cannot draw {path}: {error}") from error
         count = self._call("getNumJoints", self._robot)
         infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
         index = {info[1].decode(): info[0] for info in infos}

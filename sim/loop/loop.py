@@ -8,12 +8,11 @@ import numpy as np
 
 from odm.execution.executor import RETREATING, ExecutionSettings, Executor
 from odm.execution.kinematic import KinematicMover
-from odm.execution.threat import Watcher
+from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.surfaces import sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference, motion_bounds, sphere_centers
+from roadmap.kinematics.forward import difference, sphere_centers
 from roadmap.ranges import check_settings, is_between
 from roadmap.robot.robot import Robot
 from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
@@ -21,8 +20,9 @@ from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
 # a new path is improved more: for so many frames, so many times as many motions
-NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 6, 3
+NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 3, 8
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
+EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 NOBODY = np.zeros((0, 7))
 
 MOVERS = {"kinematic": KinematicMover, "timed": Executor}
@@ -38,19 +38,14 @@ class LoopSettings:
         rate_hz: Frames per second.
         duration_s: Simulated time [s].
         seed: Seed of the human motion, noted in the result.
-        spacing: Distance of the samples on the person's surface [m].
         speed_scale: Share of the joints' speed limits the robot uses.
         retreat_scale: Share of the limits when it retreats.
         min_retreat_separation: No retreat where the separation, extrapolated by two
-            frames, is below this [m]: between samples the person may touch it then, and
-            to be touched at rest is the lesser evil. With samples 3 cm apart an arm can
-            touch a finger 2.1 cm from the nearest one.
+            frames, is below this [m]: to be touched at rest is the lesser evil.
         keep_paths: Keep the planned path of every n-th frame for pictures; 0: none.
         improve: Motions the planner may test between two frames to shorten its path;
-            none in a frame that found a new one, which took its time, and three times
-            as many in the next five: its beginning is soon behind the robot.
-        shapes: The planner is given the person's capsules themselves instead of samples
-            of them, which cost it no covering radius. Braking goes by samples.
+            eight times as many in a frame that found a new one and in the next two:
+            its beginning is soon behind the robot.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
     """
@@ -58,13 +53,11 @@ class LoopSettings:
     rate_hz: float = 100.0
     duration_s: float = 20.0
     seed: int = 0
-    spacing: float = 0.03
     speed_scale: float = 0.5
     retreat_scale: float = 0.25
-    min_retreat_separation: float = 0.022
+    min_retreat_separation: float = 0.005
     keep_paths: int = 0
     improve: int = 4
-    shapes: bool = False
     execution: str = "kinematic"
 
     def __post_init__(self) -> None:
@@ -74,12 +67,10 @@ class LoopSettings:
         check_settings(
             self, {**ranges, "min_retreat_separation": (0.0, np.inf, "m")}, counts
         )
-        for name in ("rate_hz", "duration_s", "spacing"):
+        for name in ("rate_hz", "duration_s"):
             value = getattr(self, name)
             if not is_between(value, 0, np.inf) or value in (0, np.inf):
                 raise BadInput(f"{name} is {value}; give a number above 0")
-        if not isinstance(self.shapes, bool):
-            raise BadInput(f"shapes is {self.shapes!r}; give True or False")
         if self.execution not in MOVERS:
             raise BadInput(
                 f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
@@ -141,7 +132,7 @@ class Loop:
         robot: The planner's robot.
         places: (n, dof) at least two configurations; the robot starts at the first.
         motion: The person; None runs without one.
-        settings: Rate, speeds and spacing.
+        settings: Rate and speeds.
         audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
         pushed: How the robot is pushed, by the seed and the motion's name; None: it
             is not, and is where its set-point is.
@@ -173,11 +164,8 @@ class Loop:
         self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
         )
-        self._moving = robot.moving
-        fastest = motion_bounds(robot, s.speed_scale * robot.max_velocity)[0]
-        most = float(fastest.max(initial=0.0))
-        self._watcher = Watcher(covering=s.spacing, robot_speed=most)
-        self._widest = float(robot.spheres[self._moving, 3].max(initial=0.0))
+        self._watcher = Watcher()
+        self._shapes = Obstacles()
         self._retreats = self._escape = False
         self._new_path_for = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
@@ -193,26 +181,15 @@ class Loop:
         now = self.index / self.settings.rate_hz
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
         guess = self._guess(now)
-        points = sample_capsules(capsules, self.settings.spacing)
         if self.body is not None:
             self.executor.locate(self.body.measured)
         point = self.executor.set_point
         wall, cpu = time.perf_counter(), time.thread_time()
         commit = self.executor.commit()
-        surface = _surface_facts(capsules)
-        given = Obstacles(capsules=capsules) if self.settings.shapes else points
+        threat = self._threat(capsules, now)
         answer = self.planner.step(
-            given, q=commit.q, dq=point.dq, stamp=now, now=now, **surface
+            self._shapes_of(capsules), q=commit.q, dq=point.dq, stamp=now, now=now
         )
-        threat = None
-        if len(capsules) and self.executor.brakes:
-            centers = self._centers[self._moving]
-            frame = getattr(self.planner, "frame", None)
-            keep = getattr(self.planner, "keep", 0.0)
-            # braking takes samples, whatever the planner was given
-            margin = self._widest + getattr(frame, "keep_from_points", keep)
-            margin += self.executor.off
-            threat = self._watcher.look(capsules, points, centers, now, margin=margin)
         self.executor.update(answer, commit, threat)
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         separation = self._separation(capsules if guess is None else guess)
@@ -278,6 +255,23 @@ class Loop:
         self.body.follow(before, after, gap)
         return self.body.q
 
+    def _threat(self, capsules: np.ndarray, now: float) -> Threat | None:
+        """Look where the person can be, and tell the planner where they will be."""
+        if not (len(capsules) and self.executor.brakes):
+            return None
+        threat = self._watcher.look(capsules, now)
+        likely = threat.likely(*EXPECTED)
+        if likely is not None:
+            _optional(self.planner, "expect", likely)
+        return threat
+
+    def _shapes_of(self, capsules: np.ndarray) -> Obstacles:
+        """Return the person's capsules as the planner takes them."""
+        if len(capsules) != len(self._shapes):
+            self._shapes = Obstacles(capsules=len(capsules))
+        self._shapes.capsules = capsules
+        return self._shapes
+
     def _guess(self, now: float) -> np.ndarray | None:
         """Return where the person is, not only might be, for motions that know it."""
         guess = getattr(self.motion, "guess", None)  # of parts that were not seen
@@ -300,7 +294,7 @@ class Loop:
     def _improve(self) -> tuple[float, float]:
         """Return the time it took: passed, and computed [s]."""
         begun, busy = time.perf_counter(), time.thread_time()
-        if self.settings.improve and self._new_path_for < NEW_PATH_FRAMES:
+        if self.settings.improve:
             ahead = self.executor.next_commit()
             times = NEW_PATH_IMPROVE if self._new_path_for > 0 else 1
             most = times * self.settings.improve
@@ -435,9 +429,3 @@ def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
             f"configurations of {robot.dof} joints, (n, {robot.dof})"
         )
     return places
-
-
-def _surface_facts(capsules: np.ndarray) -> dict[str, object]:
-    """Return what the planner may know of the shapes: closed, their least radius."""
-    rounding = float(capsules[:, 6].min()) if len(capsules) else None
-    return {"closed": True, "rounding": rounding}

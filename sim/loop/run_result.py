@@ -128,6 +128,11 @@ class RunResult:
         """Number of touches in which the robot moved in at least one frame."""
         return touches(self.separation, self.moving)
 
+    @property
+    def standing_contacts(self) -> int:
+        """Number of touches while the robot stood: the person came to it."""
+        return len(stretches(self.separation <= 0.0)) - self.contacts
+
     def closest(self, while_moving: bool = False) -> int | None:
         """Return the frame of smallest separation, None if there is no such frame."""
         d = np.where(self.moving | (not while_moving), self.separation, np.inf)
@@ -165,6 +170,7 @@ class RunResult:
             "frames": self.frames,
             "trips": self.trips,
             "contacts": self.contacts,
+            "standing_contacts": self.standing_contacts,
             "contact_frames": int(np.sum(self.moving & (self.separation <= 0.0))),
             "closest": self._moment(self.closest()),
             "closest_while_moving": self._moment(self.closest(while_moving=True)),

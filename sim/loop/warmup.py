@@ -27,6 +27,7 @@ from odm import (
     Mesh,
     Obstacles,
     PlannerSettings,
+    PointCloud,
     ReactivePlanner,
     Recipe,
     SeenSettings,
@@ -217,6 +218,8 @@ def exercise(cell_map: CellMap) -> None:
             _ = answer.reason, answer.retreat
             planner.separation(start)
             planner.blocked_leg(np.stack([start, goal]), 0.1, given)
+            planner.evasion(start, [(0.1, given)], 0.5)
+        planner.expect(shapes)
         _improve_a_detour(planner, start, goal)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)
         for bad in (np.nan, 1e3):  # and one that lies outside, then and there
@@ -292,12 +295,21 @@ def _scenes(cell_map: CellMap, start: np.ndarray, goal: np.ndarray) -> list[np.n
 
 
 def _ask(cell_map: CellMap) -> None:
-    """Set scenery of the place, and sample every kind of obstacle."""
+    """Set scenery of the place by each way, ask for a pose, sample all obstacles."""
     planner = ReactivePlanner(cell_map)
     box = Box(np.array([0.1, 0.1, 0.1]))
     planner.set_static(box)
     planner.set_static(surface_of(box, cell_map.safety.rho))
-    planner.set_goals([_two_nodes(planner)[1]])
+    start, goal = _two_nodes(planner)
+    planner.set_goals([goal])
+    planner.step(np.zeros((0, 3)), q=start)
+    planner.scene.add("box", box)
+    planner.scene.move("box", look_at([0.4, 0.0, 0.3], [1.0, 0.0, 0.3]))
+    planner.scene.settle()
+    planner.improve(4)
+    planner.set_goals(poses=[tool_pose(planner.robot, goal)])
+    planner.scene.remove("box")
+    planner.step(PointCloud(np.zeros((1, 3)) + 9.0, covering_radius=0.02), q=start)
 
 
 def _carry(cell_map: CellMap) -> None:
@@ -354,7 +366,7 @@ def _watch() -> None:
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
-        watcher.look(arm, sample_capsules(arm, 0.03), np.zeros((1, 3)), now)
+        watcher.look(arm, now)
 
 
 def _person() -> None:

@@ -17,7 +17,7 @@ from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
 from sim.record.file import write_record
 from sim.record.run_record import CARRYING, FORMAT, NOBODY, OUTCOME, RunRecord
-from sim.tables.header import version
+from sim.tables.versions import version
 from sim.terminal import interrupt
 
 PACES = (MOVING, SLOWED, BRAKED, RETREATING, STANDING)  # first codes of "pace"

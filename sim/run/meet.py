@@ -14,7 +14,7 @@ from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
-from odm.obstacles.surfaces import sample_capsules
+from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
@@ -120,7 +120,7 @@ class MeetTask:
             person = scripted_person(asked.motion, asked.seed, asked.distances)
             if asked.hand == "left":
                 raise BadInput(
-                    "a scripted person moves the right arm only; leave --hand out, or "
+                    "a scripted person moves the right arm only; leave --side out, or "
                     "play a recording with --motion mocap"
                 )
             return person
@@ -217,8 +217,7 @@ def judge_sometimes(
     if not every_s or not frame.index or frame.index % max(1, round(every_s * rate)):
         return []
     now = frame.index / rate
-    points = sample_capsules(frame.capsules, loop.settings.spacing)
-    rounding = float(frame.capsules[:, 6].min())
+    person = Obstacles(capsules=frame.capsules)
     key = loop.pursuits[-1].key
     human = loop.motion.human(now)
-    return [audit.look(human, points, frame.q, key, now, rounding)]
+    return [audit.look(human, person, frame.q, key, now)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from handover import Human
 from handover.meet.workspace import InteractionWorkspace
-from odm import CellMap, ReactivePlanner
+from odm import CellMap, Obstacles, ReactivePlanner
 from odm.frame.freedom import check_valid
 from roadmap.errors import BadConfiguration
 
@@ -58,21 +58,19 @@ class TargetAudit:
     def look(
         self,
         human: Human,
-        points: np.ndarray,
+        obstacles: Obstacles,
         q: np.ndarray,
         pursued: int | None,
         time_s: float,
-        rounding: float | None = None,
     ) -> Verdict:
         """Judge one frame.
 
         Args:
             human: The person, world frame.
-            points: (n, 3) the person's surface, base frame [m].
+            obstacles: The person's capsules, base frame.
             q: (dof,) where the robot is.
             pursued: Cell of the target it is at or on the way to.
             time_s: Noted in the verdict [s].
-            rounding: As of `ReactivePlanner.step`.
         """
         self.meet.update(human)
         rated = self.meet.rated([pursued])[0] if pursued is not None else None
@@ -80,7 +78,7 @@ class TargetAudit:
         ranked = self.meet.best(RANKED)
         for rank, target in enumerate(ranked):
             T_base_tool = self._T_base_world @ target.T_world_tool
-            if self._reaches(target.key, T_base_tool, points, q, rounding):
+            if self._reaches(target.key, T_base_tool, obstacles, q):
                 found = target.key, target.quality, rank
                 return Verdict(time_s, pursued, quality, *found)
         return Verdict(time_s, pursued, quality, None, 0.0, len(ranked))
@@ -89,9 +87,8 @@ class TargetAudit:
         self,
         key: int,
         T_base_tool: np.ndarray,
-        points: np.ndarray,
+        obstacles: Obstacles,
         q: np.ndarray,
-        rounding: float | None,
     ) -> bool:
         if key not in self._solved:
             self._solved[key] = self._solutions(T_base_tool)
@@ -101,7 +98,7 @@ class TargetAudit:
         planner = self.planner
         planner.reset()
         planner.set_goals(goals)
-        answer = planner.step(points, q=q, rounding=rounding)
+        answer = planner.step(obstacles, q=q)
         return answer.status != "holding"
 
     def _solutions(self, T_base_tool: np.ndarray) -> list[np.ndarray]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from handover import Human
 from handover.targets.live_targets import THERE, LiveTargets, Pursuit
+from roadmap.kinematics.forward import tool_pose
 from sim.loop.loop import Audit, Loop, LoopSettings
 
 
@@ -51,6 +52,7 @@ class MeetLoop(Loop):
 
     Attributes:
         pursuits: One `Pursuit` for every frame so far.
+        tools: Where the tool goes for each target pursued so far, by its cell [m].
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class MeetLoop(Loop):
         super().__init__(planner, robot, places, person, settings, audit)
         self.live = live
         self.pursuits: list[Pursuit] = []
+        self.tools: dict[int, np.ndarray] = {}
         self._there = False
         self.place = -1
 
@@ -74,6 +77,9 @@ class MeetLoop(Loop):
         pursuit = self.live.pursuit
         self.pursuits.append(pursuit)
         self.place = -1 if pursuit.key is None else pursuit.key
+        if self.place >= 0 and self.place not in self.tools:
+            goal = next(g for g in self.live.goals if g.key == self.place)
+            self.tools[self.place] = tool_pose(self.robot, goal.q)[:3, 3]
         there = pursuit.state == THERE
         self.trips += there and not self._there
         self._there = there

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from odm import CellMap, ReactivePlanner, load_map, sample_capsules
+from odm import CellMap, Obstacles, ReactivePlanner, load_map
 from roadmap.kinematics.forward import tool_pose
 from sim.loop.carried import take_ball
 from sim.loop.loop import Frame, Loop, LoopSettings, run_loop
@@ -21,7 +21,7 @@ from sim.people.human_motion import HumanMotion, make_motion
 from sim.people.scenes import before_work_places
 from sim.run.report import print_report
 from sim.run.request import RunRequest
-from sim.terminal.output import Bars
+from sim.terminal.progress import Bars
 
 DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 
@@ -122,7 +122,11 @@ def person_of(request: RunRequest) -> HumanMotion:
     stand = request.stand
     if stand is not None:
         stand = (stand[0], stand[1], math.radians(stand[2]))
-    settings = MocapSettings(stand=stand, base_height=request.base_height)
+    settings = MocapSettings(
+        stand=stand,
+        base_height=request.base_height,
+        accept_defects=request.accept_defects,
+    )
     return load_mocap(request.file, mapping=request.mapping, settings=settings)
 
 
@@ -143,7 +147,7 @@ def warm_up(
     human = make_motion(motion) if isinstance(motion, str) else motion
     run_loop(planner, planner.robot, places, human, brief)
     tool = tool_pose(planner.robot, places[0])[:3, 3]
-    touching = sample_capsules(np.r_[tool, tool, 0.05][None], settings.spacing)
+    touching = Obstacles(capsules=np.r_[tool, tool, 0.05][None])
     answer = planner.step(touching, q=places[0])
     planner.separation(places[0])
     _ = answer.reason, answer.retreat

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 
 from rich.console import Console, Group
 from rich.table import Table
+from rich.text import Text
 
 from sim.loop.run_result import RunResult, percentiles
-from sim.tables.header import processor, version
+from sim.tables.header import processor
+from sim.tables.versions import version
 
 PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
 
@@ -26,9 +28,12 @@ def print_report(
         map_hash: Hash of the map.
         console: Where to print; the terminal if None.
     """
-    tables = [safety_table(results, alone), hold_table(results)]
+    tables = [safety_table(results, alone)]
+    if any(result.holds for result in results):
+        tables.append(hold_table(results))
     tables += [latency_table(result) for result in results]
-    (console or Console()).print(Group(*tables, setting_line(map_hash)))
+    spaced = [part for table in tables for part in (table, "")]
+    (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 
 def safety_table(results: Sequence[RunResult], alone: RunResult | None = None) -> Table:
@@ -65,7 +70,7 @@ def latency_table(result: RunResult) -> Table:
     table = _table(f"Latency of {result.frames} frames, motion {result.motion}")
     table.add_column("stage")
     for head in ("p50 [µs]", "p99 [µs]", "max [µs]", f"over {1000 * period:.0f} ms"):
-        table.add_column(head, justify="right")
+        table.add_column(Text(head), justify="right", no_wrap=True)
     whole = {
         "step, wall clock": result.wall_s,
         "step, CPU": result.cpu_s,
@@ -101,6 +106,7 @@ def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]
     return {
         "simulated": f"{result.duration_s:.0f} s",
         "contacts while moving": str(result.contacts),
+        "  the person came to it standing": str(result.standing_contacts),
         "smallest separation": _cm(result, nearest),
         "  speed at it": _speed(result, nearest),
         "smallest while moving": _cm(result, moving),
@@ -129,4 +135,6 @@ def _speed(result: RunResult, frame: int | None) -> str:
 
 
 def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold")
+    table = Table(title=Text(title), title_justify="left", title_style="bold")
+    table.box, table.padding, table.pad_edge = None, (0, 2, 0, 0), False
+    return table

@@ -5,6 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim.terminal.checks import (
+    FILM,
+    PICTURE,
+    PICTURES,
+    RATE,
+    SECONDS,
+    Limits,
+    Writes,
+)
 from sim.terminal.flags import Json, MapOption, Seed, flag, flags_of
 
 if TYPE_CHECKING:
@@ -34,21 +43,41 @@ class RunRequest:
         "|escape|mocap|keyboard",
     )
     seconds: float | None = flag(
-        None, "Simulated time; default: 30, the clip's, or until q."
+        None,
+        "Simulated time in s; default: 30, the clip's, or until q.",
+        limits=SECONDS,
     )
     seed: Seed = 0
-    rate: float = flag(100.0, "Frames per second.")
-    out: Path | None = flag(None, "Write all pictures there.", metavar="DIR")
-    plot: Path | None = flag(None, "Write the latency plot.", metavar="PNG")
-    animation: Path | None = flag(None, "Write a short film.", metavar="GIF")
+    rate: float = flag(100.0, "Frames per second.", limits=RATE)
+    out: Path | None = flag(
+        None, "Write all pictures there.", metavar="DIR", writes=PICTURES
+    )
+    plot: Path | None = flag(
+        None, "Write the latency plot.", metavar="PNG", writes=PICTURE
+    )
+    animation: Path | None = flag(
+        None, "Write a short film.", metavar="GIF", writes=FILM
+    )
     file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
     mapping: Path | None = flag(
         None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
     )
     stand: tuple[float, float, float] | None = flag(
-        None, "Where the recorded person stands: m, m, degrees.", metavar="X Y YAW"
+        None,
+        "Where the recorded person stands: m, m, degrees.",
+        metavar="X Y YAW",
+        limits=Limits(-360.0, 360.0),
     )
-    base_height: float = flag(0.75, "Robot's base above the recorded floor, in m.")
+    base_height: float = flag(
+        0.75,
+        "Robot's base above the recorded floor, in m.",
+        limits=Limits(-5.0, 5.0, "m"),
+    )
+    accept_defects: bool = flag(
+        False,
+        "Play a recording that shows what no person does.",
+        "--accept-defects",
+    )
     execution: str = flag(
         "kinematic", "How the robot moves.", metavar="kinematic|timed"
     )
@@ -64,20 +93,36 @@ class RunRequest:
     distance: tuple[float, float] | None = flag(
         None,
         "The scripted person walks between these, m (meet).  [0.6 1.3]",
+        "--between",
         metavar="NEAR FAR",
+        limits=Limits(0.1, 5.0, "m"),
     )
     held: str | None = flag(
         None, "In its hand (meet).", "--object", metavar="wrench|mallet"
     )
-    hand: str | None = flag(None, "Hand of the person (meet).", metavar="right|left")
+    hand: str | None = flag(
+        None, "Hand of the person (meet).", "--side", metavar="right|left"
+    )
     record: Path | None = flag(
         None,
         "Write the whole run, however it ends; `odm replay` repeats it.",
         metavar="NPZ",
+        writes=Writes((".npz",), "recording"),
     )
     carry: float | None = flag(
-        None, "Radius of a ball in its hand, in m; see docs/layers.md.", metavar="R"
+        None,
+        "Radius of a ball in its hand, in m; see docs/layers.md.",
+        metavar="R",
+        limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
+    view: bool = flag(
+        False, "Watch it on a page in the browser, at the clock's pace.", "--view"
+    )
+    port: int | None = flag(None, "Of the page (--view); 0: any.  [8080]")
+    host: str | None = flag(
+        None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
+    )
+    token: str | None = flag(None, "That others have to know (--view); see odm view.")
     json: Json = None
     audit_s: float = 1.0
 
@@ -85,7 +130,7 @@ class RunRequest:
         """Refuse options that do not go together, before any work."""
         from roadmap.errors import BadInput  # not above: --help should be quick
 
-        trouble = self._of_the_person() or self._of_the_targets()
+        trouble = self._of_the_person() or self._of_the_targets() or self._of_the_page()
         if trouble:
             raise BadInput(trouble)
 
@@ -107,13 +152,13 @@ class RunRequest:
             if self.live:
                 return "--carry does not go with --motion keyboard; leave one out"
             if not 0.0 < self.carry < math.inf:
-                return f"--carry {self.carry} is no radius; give metres above 0"
+                return f"--carry is {self.carry}: give metres above 0"
         return ""
 
     def _of_the_targets(self) -> str:
         """Return what is wrong with the targets' options, "" for nothing."""
         if self.targets not in ("places", "meet"):
-            return f"no targets {self.targets!r}; choose places or meet"
+            return f"--targets is {self.targets!r}: choose places or meet"
         if not self.meets:
             given = [n for n in _MEET_ONLY if getattr(self, n) is not None]
             if not given:
@@ -122,19 +167,33 @@ class RunRequest:
             return f"{flag_given} goes with --targets meet; add that or leave it out"
         check_object(self.obj)
         if self.hand not in (None, "left", "right"):
-            return f"no hand {self.hand!r}; choose left or right"
+            return f"--side is {self.hand!r}: choose left or right"
         if not 0 <= self.audit_s < math.inf:
             return f"audit_s is {self.audit_s} s; give 0 or more"
         refused = {
             "record": "--record writes runs between work places, which can be replayed",
-            "animation": "--animation draws work places",
         }
         for name, why in refused.items():
             if getattr(self, name) is not None:
                 return f"{why}; leave it out with --targets meet"
         if self.live and self.hand == "left":
-            return "the keys move the right arm; leave --hand out"
+            return "the keys move the right arm; leave --side out"
         return ""
+
+    def _of_the_page(self) -> str:
+        """Return what is wrong with the page's options, "" for nothing."""
+        if self.view:
+            from sim.view.gate import LOCAL, PORT, listening
+            from sim.view.viewer import check_viewer
+
+            check_viewer()
+            port = PORT if self.port is None else self.port
+            listening(self.host or LOCAL, port).close()  # or it is refused
+            return ""
+        asked = [n for n in ("port", "host", "token") if getattr(self, n) is not None]
+        if not asked:
+            return ""
+        return f"--{asked[0]} goes with --view; add that or leave it out"
 
     @property
     def quiet(self) -> bool:
@@ -179,7 +238,7 @@ def check_object(name: str) -> None:
     from roadmap.errors import BadInput
 
     if name not in OBJECTS:
-        raise BadInput(f"no object {name!r}; choose one of {', '.join(OBJECTS)}")
+        raise BadInput(f"--object is {name!r}: choose {' or '.join(OBJECTS)}")
 
 
 def held_object(name: str) -> "HeldObject":

@@ -1,7 +1,8 @@
 """The one runner of `odm run`: scripted, recorded or live person, places or targets."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from sim.run.meet import MeetTask
 from sim.run.places import DEMO, Live, PlacesTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
-from sim.terminal.output import Bars, stdout_to_stderr, write_text
+from sim.terminal.output import stdout_to_stderr, write_text
+from sim.terminal.progress import Bars, silence
 
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
@@ -40,12 +42,16 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     if request.record is not None:
         check_recording_path(request.record)
     if live is not None:
+        silence()
         live.open()
     with Bars() as tell:
         task.open(tell)
         loop = task.loop(person, settings)
-    with recording(request.record, loop, task.cell_map) as recorder:
-        listeners = [task.hear, *([recorder.add] if recorder else [])]
+    with (
+        recording(request.record, loop, task.cell_map) as recorder,
+        watched(request, loop, task.cell_map) as watching,
+    ):
+        listeners = [task.hear, *([recorder.add] if recorder else []), *watching]
 
         def hear(frame: Frame) -> None:
             for listener in listeners:
@@ -68,10 +74,28 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     }
     if not request.quiet:
         _show(task, result, figures, notes)
-    for path in write_files(request, loop, task.cell_map, result, data):
-        if not request.quiet:
-            print(path)
+    with Bars("pictures"):
+        written = write_files(request, loop, task.cell_map, result, data)
+    for path in written if not request.quiet else ():
+        print(path)
     return data
+
+
+@contextmanager
+def watched(
+    request: RunRequest, loop: Loop, cell_map: CellMap
+) -> Iterator[list[Callable[[Frame], None]]]:
+    """Yield who shows each frame on a page in the browser: one, or nobody."""
+    if not request.view:
+        yield []
+        return
+    from sim.view.gate import LOCAL, PORT
+    from sim.view.running import Watched
+
+    port = PORT if request.port is None else request.port
+    host = request.host or LOCAL
+    with Watched(loop, cell_map, port, host, request.token) as page:
+        yield [page.hear]
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
@@ -89,7 +113,7 @@ def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
         seed=request.seed,
         rate_hz=request.rate,
         execution=request.execution,
-        keep_paths=0 if request.meets or request.live else DEMO.keep_paths,
+        keep_paths=0 if request.live else DEMO.keep_paths,
     )
 
 
@@ -129,7 +153,7 @@ def write_files(
     The film shows the first seconds of a scene, else the liveliest ones.
     """
     plot = request.picture(request.plot, "_latency.png")
-    film = None if request.meets else request.picture(request.animation, ".gif")
+    film = request.picture(request.animation, ".gif")
     figures = request.picture(None, ".json")
     written = [path for path in (plot, film, figures) if path is not None]
     for path in written:
@@ -157,7 +181,8 @@ def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) ->
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map, loop.planner.attached)
     with world:
-        write_animation(result, cell_map.robot, loop.places, world, path, film)
+        tools = getattr(loop, "tools", None)
+        write_animation(result, cell_map.robot, loop.places, world, path, film, tools)
 
 
 def _show(

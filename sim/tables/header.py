@@ -2,10 +2,10 @@
 
 import os
 import platform
-from importlib import metadata
 from pathlib import Path
 
 from odm.cell_map.cell_map import CellMap
+from sim.tables.versions import version
 
 PACKAGES = ("numpy", "numba", "scipy", "python-fcl", "ompl")
 
@@ -41,11 +41,3 @@ def processor() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or platform.machine()
-
-
-def version(package: str) -> str | None:
-    """Return the version of an installed package, else None."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None

@@ -1,8 +1,11 @@
 """Tables of a bench: for the terminal (rich) and for the README (markdown)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
 _VALUES = (0, 1, 2, 6)  # columns of a table without times
@@ -12,14 +15,9 @@ def print_bench(result: dict, console: Console | None = None) -> None:
     """Print the table of a bench and the lines about its setting."""
     console = console or Console()
     title = result.get("title") or f"odm bench {result['bench']}"
-    table = Table(title=title, title_justify="left")
     head, *rows = _lines(result)
-    for k, name in enumerate(head):
-        table.add_column(name, justify="left" if k < 2 else "right")
-    for row in rows:
-        table.add_row(*row)
     if rows:
-        console.print(table)
+        console.print(plain_table(title, *_narrow(head, rows, console.width)))
     for more in result.get("tables", ()):
         _print_more(more, console)
     for line in setting_lines(result):
@@ -27,12 +25,41 @@ def print_bench(result: dict, console: Console | None = None) -> None:
 
 
 def _print_more(more: dict, console: Console) -> None:
-    table = Table(title=more["title"], title_justify="left")
-    for k, name in enumerate(more["head"]):
-        table.add_column(name, justify="left" if k < 1 else "right")
-    for row in more["rows"]:
-        table.add_row(*row)
-    console.print(table)
+    console.print(plain_table(more["title"], more["head"], more["rows"]))
+
+
+def plain_table(title: str, head: Sequence[str], rows: Sequence[Sequence]) -> Table:
+    """Return a table whose numbers are never broken; the first column gives way.
+
+    What stands in it is text: "[ms]" is no markup.
+    """
+    table = Table(
+        title=Text(title), title_justify="left", box=None, padding=(0, 1, 0, 0)
+    )
+    table.pad_edge, table.title_style = False, "bold"
+    for k, name in enumerate(head):
+        options = {} if k < 1 else {"justify": "right", "no_wrap": True}
+        table.add_column(Text(name, style="dim"), overflow="fold", **options)
+    for row in rows:
+        table.add_row(*(Text(str(cell)) for cell in row))
+    return table
+
+
+def _narrow(
+    head: Sequence[str], rows: list[Sequence[str]], width: int
+) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Put what is asked under the name where a terminal is narrower than the table."""
+    lines = [head, *rows]
+    wide = [max(len(line[k]) for line in lines) + 1 for k in range(len(head))]
+    if sum(wide) <= width or "asked" not in head:
+        return head, rows
+    at, slim = list(head).index("asked"), []
+    for row in rows:
+        rest = [cell for k, cell in enumerate(row) if k != at]
+        slim.append(rest)
+        limits = row[at].split(", ") if row[at] else []
+        slim += [[f"    asked {limit}", *[""] * (len(rest) - 1)] for limit in limits]
+    return [name for name in head if name != "asked"], slim
 
 
 def markdown(result: dict) -> str:

@@ -1,6 +1,7 @@
 """Flags of a command from a frozen dataclass: name, default, unit, help in one place.
 
-Also the flags that several commands share.
+Also the flags that several commands share. What a flag is given is checked before the
+command begins, see `sim.terminal.checks`.
 """
 
 import functools
@@ -12,7 +13,9 @@ from typing import Annotated, get_origin, get_type_hints
 
 import typer
 
-JSON_HELP = "Write the figures as JSON to FILE.json; alone or as '-': to the terminal."
+from sim.terminal.checks import Limits, Writes, check_value
+
+JSON_HELP = "Write the figures as JSON to FILE; alone or as '-': to the terminal."
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 MapOption = Annotated[
     Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
@@ -30,16 +33,27 @@ Posture = Annotated[
 Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
 
 
-def flag(default: object, text: str, *names: str, **options: object) -> Field:
+def flag(
+    default: object,
+    text: str,
+    *names: str,
+    limits: Limits | None = None,
+    writes: Writes | None = None,
+    **options: object,
+) -> Field:
     """Declare a field of a request that is a flag.
 
     Args:
         default: Its value where it is not given; `...`: it must be given.
         text: The help, with the unit.
         names: Of the flag, where it is not that of the field.
+        limits: What numbers are taken.
+        writes: What is written there; looked at before any work.
         options: Of `typer.Option`; `panel` is the part of the help it stands in.
     """
-    return _field(default, typer.Option(*names, help=text, **_named(options)))
+    made = _field(default, typer.Option(*names, help=text, **_named(options)))
+    checks = {"limits": limits, "writes": writes}
+    return field(metadata={**made.metadata, **checks}, **_default(default))
 
 
 def argument(default: object, text: str, **options: object) -> Field:
@@ -53,8 +67,11 @@ def _named(options: dict) -> dict:
 
 
 def _field(default: object, option: object) -> Field:
-    given = {} if default is ... else {"default": default}
-    return field(metadata={"option": option}, **given)
+    return field(metadata={"option": option}, **_default(default))
+
+
+def _default(default: object) -> dict:
+    return {} if default is ... else {"default": default}
 
 
 def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
@@ -78,6 +95,29 @@ def flags_of(kind: type) -> dict[str, str]:
         words = [w for w in words if isinstance(w, str) and w.startswith("--")]
         found[name] = words[0] if words else "--" + name.replace("_", "-")
     return found
+
+
+def check_values(kind: type, values: dict[str, object]) -> None:
+    """Refuse what a request cannot be given, by the names of its flags.
+
+    Raises:
+        Refused: A number outside its limits, a word that is no choice, a file that
+            could not be written; told before any work.
+    """
+    flags = flags_of(kind)
+    for name, (one, _, option) in _options(kind).items():
+        if name not in values or values[name] is None:
+            continue
+        word = flags[name] if option_like(option) else option.metavar or name
+        limits, writes = (one.metadata.get(k) for k in ("limits", "writes"))
+        if name == "json":
+            writes = Writes()
+        check_value(word, values[name], limits, writes, option.metavar or "")
+
+
+def option_like(option: object) -> bool:
+    """Return whether typer's declaration is that of a flag, no argument by place."""
+    return not isinstance(option, typer.models.ArgumentInfo)
 
 
 def given(request: object, panel: str) -> list[str]:
@@ -114,6 +154,7 @@ def from_request(kind: type) -> Callable[[Callable], Callable]:
     def decorate(command: Callable) -> Callable:
         @functools.wraps(command)
         def run(**values: object) -> object:
+            check_values(kind, values)
             return command(kind(**values))
 
         run.__signature__ = inspect.Signature(parameters)

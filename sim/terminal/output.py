@@ -1,4 +1,4 @@
-"""What all commands share: errors as one sentence, progress bars, whole files."""
+"""What all commands share: errors as one sentence, whole files."""
 
 import contextlib
 import functools
@@ -7,35 +7,31 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 import typer
 
 from sim.terminal import interrupt
+from sim.terminal.checks import EXTRAS, Refused
+from sim.terminal.progress import Bars as Bars  # where commands look for it
+from sim.terminal.progress import pulse
 
-# modules that come with an extra of the package only
-EXTRAS = {
-    "pybullet": "sim",
-    "pybullet_data": "sim",
-    "matplotlib": "sim",
-    "PIL": "sim",
-    "ompl": "bench",
-    "pinocchio": "bench",
-}
+FINDING, MISTAKE = 1, 2  # exit codes: something was found; it could not be done
 
 
 def guarded(command: Callable) -> Callable:
     """Return the command with its errors as one sentence and an exit code.
 
-    1: the planner's own errors, a missing extra, a file that cannot be read or
-    written; 130: Ctrl-C. Anything else is a fault of ours and keeps its traceback.
+    2: what was asked cannot be done: the planner's own errors, a missing extra, a file
+    that cannot be read or written; 130: Ctrl-C. A command leaves with 1 itself, where
+    it found something. Anything else is a fault of ours and keeps its traceback.
     """
 
     @functools.wraps(command)
     def run(*args: object, **kwargs: object) -> object:
         try:
-            return command(*args, **kwargs)
+            with pulse(command.__name__):
+                return command(*args, **kwargs)
         except KeyboardInterrupt:
             _stop()
         except BrokenPipeError:
@@ -47,13 +43,15 @@ def guarded(command: Callable) -> Callable:
             told = _sentence(error)
             if told is None:
                 raise
-            _leave(told, 1)
+            leave(told, MISTAKE)
 
     return run
 
 
 def _sentence(error: Exception) -> str | None:
     """Return what a user should read, None for what is no user's business."""
+    if isinstance(error, Refused):
+        return str(error)
     if isinstance(error, ModuleNotFoundError):
         root = (error.name or "").split(".")[0]
         extra = EXTRAS.get(root)
@@ -78,7 +76,8 @@ def _stop() -> None:
     raise typer.Exit(interrupt.EXIT_CODE)
 
 
-def _leave(sentence: str, code: int) -> None:
+def leave(sentence: str, code: int) -> None:
+    """End a command with one sentence on stderr and an exit code."""
     print(f"odm: {' '.join(sentence.split())}", file=sys.stderr)
     raise typer.Exit(code)
 
@@ -133,57 +132,6 @@ def stdout_to_stderr() -> Iterator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
-
-
-class Bars:
-    """Progress bars on stderr, one for each stage; use it as `with Bars() as tell:`.
-
-    Args:
-        waiting: Said until the first stage begins; the first run ever compiles then.
-    """
-
-    def __init__(self, waiting: str = "preparing (the first time compiles)") -> None:
-        """Lay out the columns."""
-        from rich import progress
-        from rich.console import Console
-
-        self._bars = progress.Progress(
-            progress.TextColumn("{task.description:<22}"),
-            progress.BarColumn(bar_width=28),
-            progress.MofNCompleteColumn(),
-            progress.TimeElapsedColumn(),
-            progress.TextColumn("left"),
-            progress.TimeRemainingColumn(),
-            console=Console(stderr=True),
-        )
-        self._tasks: dict = {}
-        self._waiting = waiting
-
-    def __enter__(self) -> "Bars":
-        """Show the bars."""
-        self._bars.start()
-        self._first = self._bars.add_task(self._waiting, total=None)
-        return self
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show how far a stage is; what every `progress=` argument wants."""
-        if self._first is not None:
-            self._bars.remove_task(self._first)
-            self._first = None
-        if stage not in self._tasks:
-            self._tasks[stage] = self._bars.add_task(stage, total=total)
-        self._bars.update(self._tasks[stage], completed=done, total=total)
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Leave the bars as they are."""
-        if self._first is not None:
-            self._bars.remove_task(self._first)
-        self._bars.stop()
 
 
 def bytes_text(size: float) -> str:

@@ -9,6 +9,7 @@ from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.robot_threat import Intent, intent_of
+from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
@@ -118,21 +119,19 @@ class Planned:
         """Return the intent: all motions it may still make without another test."""
         return intent_of(self.executor)
 
-    def decide(self, points: np.ndarray, threat: object, now: float) -> None:
-        """Answer a frame: the other's points, and what it may still sweep."""
+    def decide(self, other: Obstacles, threat: object, now: float) -> None:
+        """Answer a frame: where the other is, and what it may still sweep."""
         commit = self.executor.commit()
         self._since_s += self._period
         asks = not (self.works or self.gives_way) and self._since_s >= self._ask_again
         if asks:
             self._since_s = 0.0
             self._asker.set_goals([self.places[self.place]])
-            if len(self._asker.step(points, q=commit.q).path):
+            if len(self._asker.step(other, q=commit.q).path):
                 self._aim(True)
         begun = time.perf_counter()
         dq = self.executor.set_point.dq
-        answer = self.planner.step(
-            points, q=commit.q, dq=dq, stamp=now, now=now, closed=True
-        )
+        answer = self.planner.step(other, q=commit.q, dq=dq, stamp=now, now=now)
         self.wall_s = time.perf_counter() - begun
         self.executor.update(answer, commit, threat)
         self.status = STATUS.index(answer.status)

@@ -13,8 +13,10 @@ from collections.abc import Callable
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.robot_threat import intent_threat, limits_threat
-from odm.obstacles.robot_surface import RobotSurface, standing_shapes
+from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.robot_surface import standing_shapes
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput, PlanningError
 from roadmap.kinematics.forward import difference
@@ -58,13 +60,9 @@ class TwoRobots:
         robots = [m.robot for m in maps]
         self.exact = ExactPair(*robots, T)
         self.exact.require_apart(max(m.safety.m for m in maps))
-        self.surfaces = [
-            RobotSurface(robot, maps[1 - k].safety.rho, "moving")
-            for k, robot in enumerate(robots)
-        ]
+        self.spheres = [RobotSpheres(robot) for robot in robots]
         planners = [(ReactivePlanner(m), ReactivePlanner(m, True)) for m in maps]
         for k, pair in enumerate(planners):
-            self.surfaces[1 - k].require(maps[k].safety.rho)
             shapes = standing_shapes(robots[1 - k], self.T_other[k])
             for planner in pair:
                 planner.set_static(shapes)
@@ -85,9 +83,9 @@ class TwoRobots:
         self, k: int, planners: list, places: np.ndarray, busy: np.ndarray
     ) -> Planned:
         """Return robot k; it waits clear of the other one at all of `busy` (n, dof)."""
-        surface, T = self.surfaces[1 - k], self.T_other[k]
-        points = np.concatenate([surface.at(q, T).copy() for q in busy])
-        wait = waiting_place(planners[k][0], places, points)
+        spheres, T = self.spheres[1 - k], self.T_other[k]
+        taken = Obstacles(spheres=np.concatenate([spheres.at(q, T) for q in busy]))
+        wait = waiting_place(planners[k][0], places, taken)
         return Planned(planners[k], places, wait, self.settings, ASK_AGAIN[k])
 
     def frame(self) -> None:
@@ -96,9 +94,9 @@ class TwoRobots:
         for k, robot in enumerate(self.robots):
             if isinstance(robot, Scripted):
                 continue
-            other, surface = self.robots[1 - k], self.surfaces[1 - k]
-            points = surface.at(other.q, self.T_other[k]).copy()
-            robot.decide(points, self._threat(k, other), now)
+            other = self.robots[1 - k]
+            there = self.spheres[1 - k].obstacles(other.q, self.T_other[k])
+            robot.decide(there, self._threat(k, other), now)
         for robot in self.robots:
             robot.advance()
         if self.settings.other == PLANNED:
@@ -115,13 +113,13 @@ class TwoRobots:
                 one.give_way(True)
 
     def _threat(self, k: int, other: object) -> object:
-        surface, T = self.surfaces[1 - k], self.T_other[k]
+        spheres, T = self.spheres[1 - k], self.T_other[k]
         if not self.settings.braking:
             return None
         if isinstance(other, Scripted):
             scale = self.settings.script_scale
-            return limits_threat(surface, T, other.q, other.dq, speed_scale=scale)
-        return intent_threat(surface, other.intent(), T)
+            return limits_threat(spheres, T, other.q, other.dq, speed_scale=scale)
+        return intent_threat(spheres, other.intent(), T)
 
     def separation(self) -> float:
         """Return the exact distance of the two robots, bases included [m]."""
@@ -217,14 +215,14 @@ def places_beside(planner: ReactivePlanner) -> np.ndarray:
 
 
 def waiting_place(
-    planner: ReactivePlanner, places: np.ndarray, busy: np.ndarray
+    planner: ReactivePlanner, places: np.ndarray, busy: Obstacles
 ) -> np.ndarray:
     """Return the roadmap node nearest to the places that is out of the other's way.
 
     Args:
         planner: The planner of the robot that waits.
         places: (n, dof) its work places.
-        busy: (m, 3) points of the other robot at all of its places [m].
+        busy: The other robot at all of its places.
 
     Raises:
         BadInput: The other robot is in the way everywhere.

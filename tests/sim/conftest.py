@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from odm import sample_capsules
 from roadmap import load_robot
 from roadmap.kinematics.forward import sphere_centers
 from sim.cli import main as cli
@@ -55,13 +56,14 @@ class Straight:
 
 
 class Careful(Straight):
-    """Drives straight, but holds while a point is nearer than 15 cm."""
+    """Drives straight, but holds while a capsule's sample is nearer than 15 cm."""
 
     def __init__(self, robot, retreat=None):
         self.robot, self.retreat, self.held = robot, retreat, False
         self.gap = np.inf
 
-    def step(self, points, q, dq=None, stamp=None, now=None, **told):
+    def step(self, obstacles, q, dq=None, stamp=None, now=None, **told):
+        points = sample_capsules(obstacles.capsules, 0.03)
         centers = sphere_centers(self.robot, q)[self.robot.moving]
         radii = self.robot.spheres[self.robot.moving, 3]
         gaps = np.linalg.norm(points[:, None] - centers, axis=2) - radii

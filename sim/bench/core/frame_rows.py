@@ -1,13 +1,18 @@
 """Rows that time the planner frame by frame."""
 
+import time
+from collections.abc import Callable
+from unittest.mock import patch
+
 import numpy as np
 
 from odm import ReactivePlanner
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
-from odm.search.touched import bytes_touched
+from odm.search import _frame, _step
 from sim.bench.clock import Clock
-from sim.bench.frames import RATE_HZ, ROUND, Pair
+from sim.bench.core.touched import bytes_touched
+from sim.bench.frames import RATE_HZ, Pair
 from sim.tables.table import value_row
 
 REPLAN = {"p50": 14.0, "p99": 70.0}
@@ -20,23 +25,13 @@ _AT_GOAL = 1e-6  # [rad or m]
 
 
 def replanned(cell_map: CellMap, pairs: list[Pair]) -> list:
-    """Time frames replanned from scratch at the same q."""
-    planner = ReactivePlanner(cell_map, always_replan=True)
-    clock, vertices = Clock(), []
-    for pair in pairs:
-        points = pair.points()
-        planner.reset()
-        planner.set_goals([pair.q_goal])
-        planner.step(points[0], q=pair.q_start, rounding=ROUND)
-        answers = [
-            clock(planner.step, p, q=pair.q_start, rounding=ROUND) for p in points
-        ]
-        vertices += [len(a.path) for a in answers]
-    vertices = np.array(vertices)
+    """Time frames replanned from scratch at the same q; by shapes, then by points."""
+    clock, vertices = _replanned(cell_map, pairs, shapes=True)
+    sampled, _ = _replanned(cell_map, pairs, shapes=False)
     blocked = vertices != 2
-    note = "same q, searched from scratch in every frame"
+    note = "same q, searched from scratch in every frame; capsules written in place"
     return [
-        clock.row("points in -> path out", note, **REPLAN),
+        clock.row("capsules in -> path out", note, **REPLAN),
         clock.row("... frames with a path", "", vertices > 0, **REPLAN),
         clock.row("... frames without a path", "holding", vertices == 0),
         clock.row(
@@ -44,55 +39,117 @@ def replanned(cell_map: CellMap, pairs: list[Pair]) -> list:
         ),
         value_row("frames without a path", 100 * np.mean(vertices == 0), "%"),
         value_row("frames with the straight motion blocked", 100 * blocked.mean(), "%"),
+        sampled.row("points in -> path out", "the same frames, sampled"),
     ]
+
+
+def _replanned(
+    cell_map: CellMap, pairs: list[Pair], shapes: bool
+) -> tuple[Clock, np.ndarray]:
+    """Return the times, and the number of corners of each path."""
+    planner, clock, vertices = (
+        ReactivePlanner(cell_map, always_replan=True),
+        Clock(),
+        [],
+    )
+    for pair in pairs:
+        frames = pair.asked(shapes)
+        _begin(planner, pair, frames[0])
+        vertices += [len(clock(ask, planner, pair.q_start).path) for ask in frames]
+    return clock, np.array(vertices)
 
 
 def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
     """Time frames of a planner as users have it: the path is kept while it is free."""
     planner, clock = ReactivePlanner(cell_map), Clock()
-    changed, touched = [], []
+    changed, touched, around = [], [], []
     for pair in pairs:
-        points = pair.points()
-        _begin(planner, pair, points[0])
+        frames = pair.asked()
+        _begin(planner, pair, frames[0])
         last = np.empty((0, cell_map.robot.dof))
-        for p in points:
-            path = clock(planner.step, p, q=pair.q_start, rounding=ROUND).path
+        for ask in frames:
+            path = clock(ask, planner, pair.q_start).path
             if len(last) and len(path):
                 changed.append(difference_of(last, path) > CHANGED)
             last = path
-            segment = planner.path.segment
-            touched.append(bytes_touched(planner.memory, segment, len(p)))
+            segment, points = planner.path.segment, len(planner.points)
+            touched.append(bytes_touched(planner.memory, segment, points))
+        around += python_around(planner, frames[-1], pair.q_start)
     note, share = "same q, default settings, searched only where it is blocked", 0.5
     late = float(np.percentile(clock.wall, 95)) / 1e3
     return [
         clock.row("path kept while it is free", note, **KEPT),
         value_row("... p95", late, "us", most=KEPT["p95"]),
         value_row(
+            "... Python around the compiled calls", np.median(around), "us", most=3
+        ),
+        value_row(
             "... changed by more than 0.5 rad", 100 * np.mean(changed), "%", most=share
         ),
         value_row("... bytes touched, estimated, p50", np.median(touched), "bytes"),
         value_row("... the same, p99", np.percentile(touched, 99), "bytes"),
+        _kept_by_points(cell_map, pairs),
         _improved(cell_map, pairs),
     ]
+
+
+def python_around(
+    planner: ReactivePlanner, ask: Callable, q: np.ndarray, times: int = 40
+) -> list[float]:
+    """Time what of a frame is not inside its two compiled calls [us]; it is repeated.
+
+    The calls are wrapped by clocks meanwhile, whose own time counts as Python's.
+    """
+    inside, around = [0], []
+
+    def timed(function: Callable) -> Callable:
+        def call(*args: object) -> object:
+            begun = time.perf_counter_ns()
+            result = function(*args)
+            inside[0] += time.perf_counter_ns() - begun
+            return result
+
+        return call
+
+    with (
+        patch.object(_frame, "begin_shapes", timed(_frame.begin_shapes)),
+        patch.object(_step, "respond", timed(_step.respond)),
+    ):
+        for _ in range(times):
+            inside[0], begun = 0, time.perf_counter_ns()
+            ask(planner, q)
+            around.append(1e-3 * (time.perf_counter_ns() - begun - inside[0]))
+    return around
+
+
+def _kept_by_points(cell_map: CellMap, pairs: list[Pair]) -> dict:
+    """Time the same frames where the arm is given as points."""
+    planner, clock = ReactivePlanner(cell_map), Clock()
+    for pair in pairs:
+        frames = pair.asked(shapes=False)
+        _begin(planner, pair, frames[0])
+        for ask in frames:
+            clock(ask, planner, pair.q_start)
+    return clock.row("... the same frames, sampled", "points at hand")
 
 
 def _improved(cell_map: CellMap, pairs: list[Pair]) -> dict:
     """Time the same where the path is improved between frames, which is not timed."""
     planner, clock = ReactivePlanner(cell_map), Clock()
     for pair in pairs:
-        points = pair.points()
-        _begin(planner, pair, points[0])
-        for p in points:
-            clock(planner.step, p, q=pair.q_start, rounding=ROUND)
+        frames = pair.asked()
+        _begin(planner, pair, frames[0])
+        for ask in frames:
+            clock(ask, planner, pair.q_start)
             planner.improve(4)
     return clock.row("... improve(4) between frames", "the step alone is timed")
 
 
-def _begin(planner: ReactivePlanner, pair: Pair, points: np.ndarray) -> None:
+def _begin(planner: ReactivePlanner, pair: Pair, ask: Callable) -> None:
     """Take the first frame of a pair, which pays for a q never seen."""
     planner.reset()
     planner.set_goals([pair.q_goal])
-    planner.step(points, q=pair.q_start, rounding=ROUND)
+    ask(planner, pair.q_start)
 
 
 def difference_of(one: np.ndarray, other: np.ndarray) -> float:
@@ -127,17 +184,12 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
     planner = ReactivePlanner(cell_map, always_replan=always)
     clock, turned = Clock(), Clock()
     for pair in pairs:
-        points = pair.points()
+        frames, q = pair.asked(), pair.q_start
         goals, at = [pair.q_goal, pair.q_start], 0
-        q = pair.q_start
-        planner.reset()
-        planner.set_goals(goals[:1])
-        planner.step(
-            points[0], q=q, rounding=ROUND
-        )  # the first step at a q never seen: another row
+        _begin(planner, pair, frames[0])
         timed = clock
-        for p in points:
-            answer = timed(planner.step, p, q=q, rounding=ROUND)
+        for ask in frames:
+            answer = timed(ask, planner, q)
             timed = clock
             if answer.status == HOLDING:
                 continue
@@ -165,10 +217,10 @@ def first_steps(cell_map: CellMap, pairs: list[Pair], each: int = 5) -> list:
     for pair in pairs:
         planner.set_goals([pair.q_goal])
         step = max(1, len(pair.capsules) // each)
-        for points in pair.part(slice(None, None, step)).points():
+        for ask in pair.asked()[::step]:
             planner.reset()
-            clock(planner.step, points, q=pair.q_start, rounding=ROUND)
-    note = "nothing known of q: motions to near nodes are tested and swept"
+            clock(ask, planner, pair.q_start)
+    note = "nothing known of q: motions to near nodes are tested"
     return [clock.row("first step at a q never seen", note, p99=3000.0)]
 
 

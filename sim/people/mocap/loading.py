@@ -124,7 +124,7 @@ def load_mocap(
     if wrong and not settings.accept_defects:
         raise BadMocap(
             f"{tracks.source} shows what no person does: {'; '.join(wrong)}; take the "
-            "measured tracks instead, or accept_defects to play it all the same"
+            "measured tracks instead, or play it all the same with --accept-defects"
         )
     notes += [f"no person does this: {clause}" for clause in wrong]
     floor, said = settings.floor, "as given"

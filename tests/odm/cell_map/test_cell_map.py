@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from naive_cells import edge_cells, occupied_cells
 from small import small_recipe
 
 import odm
@@ -165,7 +166,7 @@ def test_a_map_that_would_not_fit_in_memory_is_refused_before_the_build():
         odm.build_map(fine)
 
 
-def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map):
+def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map, rng):
     from dataclasses import replace
 
     recipe = small_recipe(h=0.008)
@@ -174,11 +175,13 @@ def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map):
     assert fine.grid.n_blocks > 65535
     assert fine.arm_cells.block.dtype == np.uint32
     planner = odm.ReactivePlanner(fine)
-    planner.set_goals([np.array([-1.2, -0.6, 0.0])])
     points = odm.sample_capsules(np.array([[0, 0, 0.9, 0, 0, 1.4, 0.05]]), 0.03)
-    answer = planner.step(points, q=np.array([1.2, 0.6, 0.0]))
-    assert answer.status in ("replanned", "holding")
-    assert len(planner.invalid_edges())
+    planner.frame.look_at(points)  # a whole step: `odm warmup --fine`
+    invalid = planner.invalid_edges()
+    valid = np.setdiff1d(np.arange(fine.roadmap.n_edges), invalid)
+    occupied = occupied_cells(fine, points)
+    assert all(edge_cells(fine, e) & occupied for e in rng.choice(invalid, 12))
+    assert not any(edge_cells(fine, e) & occupied for e in rng.choice(valid, 12))
 
 
 @pytest.mark.parametrize(

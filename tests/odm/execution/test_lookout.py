@@ -10,7 +10,7 @@ from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.kinematics.forward import sphere_centers
 
 PERIOD = 0.01
-TOUCH = 0.021  # [m] nearer than this to a sample it may touch the hand
+TOUCH = 0.0  # [m] nearer than this it may touch the hand
 WAITS = np.array([0.0, 0.8, 0.4])
 
 
@@ -28,13 +28,12 @@ class Scene:
 
     def frame(self, p, known=True):
         capsule = np.array([[*p, *p, 0.05]])
-        points = odm.sample_capsules(capsule, 0.03)
         commit = self.executor.commit()
-        answer = self.planner.step(points, q=commit.q)
-        now = PERIOD * len(self.gaps)
-        threat = self.watcher.look(capsule, points, np.zeros((1, 3)), now)
+        answer = self.planner.step(odm.Obstacles(capsules=capsule), q=commit.q)
+        threat = self.watcher.look(capsule, PERIOD * len(self.gaps))
         if not known:
-            threat = Threat(points, None, 0.0, ThreatSettings())
+            lost = np.array([np.inf])
+            threat = Threat(capsule, threat.velocity, lost, 0.0, ThreatSettings())
         self.executor.update(answer, commit, threat)
         point = self.executor.set_point
         self.gaps.append(self.planner.separation(point.q))
@@ -50,7 +49,7 @@ class Scene:
         return self
 
     def touched(self):
-        """Return the frames in which the cover holds a sample."""
+        """Return the frames in which the cover touches the ball."""
         return np.flatnonzero(np.array(self.gaps) < 0.0)
 
 
@@ -116,22 +115,22 @@ def test_the_way_out_keeps_more_distance_than_staying(small_map):
         side = rng.normal(size=3)
         side /= np.linalg.norm(side)
         p = tool_of(planner, q) + 0.35 * side
-        now = odm.sample_capsules(np.array([[*p, *p, 0.05]]), 0.03)
-        coming = [(t, now - t * side) for t in (0.1, 0.2, 0.3, 0.4)]
-        planner.step(now, q=q)
-        way = planner.evasion(q, coming, 0.5)
+        coming = [(t, p - t * side) for t in (0.1, 0.2, 0.3, 0.4)]
+        shapes = [(t, odm.Obstacles(spheres=np.array([[*c, 0.05]]))) for t, c in coming]
+        planner.step(odm.Obstacles(spheres=np.array([[*p, 0.05]])), q=q)
+        way = planner.evasion(q, shapes, 0.5)
         if way is None:
             continue
         found += 1
         assert np.array_equal(way[0], q)
         if planner.separation(q) > planner.keep:
             assert planner.is_free(way[0], way[1])
-        stays = min(gap_to(planner, q, points) for _, points in coming)
+        stays = min(gap_to(planner, q, p) for _, p in coming)
         needed = np.abs(way[1] - q) / (0.5 * small_map.robot.max_velocity)
         goes = []
-        for t, points in coming:
+        for t, p in coming:
             share = min(1.0, (t - 0.06) / needed.max())
-            goes.append(gap_to(planner, q + share * (way[1] - way[0]), points))
+            goes.append(gap_to(planner, q + share * (way[1] - way[0]), p))
         assert min(goes) > stays + 0.029
     assert found > 3
 
@@ -143,18 +142,41 @@ def test_a_way_out_at_no_such_speed_is_refused(small_map, speed_scale):
         planner.evasion(WAITS, [], speed_scale)
 
 
-def gap_to(planner, q, points):
+def gap_to(planner, q, p):
     robot = planner.robot
     centers = sphere_centers(robot, q)[robot.moving]
-    off = np.linalg.norm(points[:, None] - centers, axis=2)
-    return (off - robot.spheres[robot.moving, 3]).min()
+    off = np.linalg.norm(centers - p, axis=1) - robot.spheres[robot.moving, 3]
+    return off.min() - 0.05
 
 
-def test_where_velocities_lead_is_where_the_points_will_be():
-    points = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    velocity = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
-    ahead = Threat(points, velocity, 0.1, ThreatSettings()).likely(0.0, 0.1, 0.2, 0.3)
-    assert ahead.shape == (8, 3)
+def test_points_that_come_are_evaded_as_the_shapes_they_stand_for(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    p = tool_of(planner, WAITS) + [0.0, 0.3, 0.0]
+    planner.step(odm.Obstacles(spheres=np.array([[*p, 0.05]])), q=WAITS)
+    ball = odm.sample_capsules(np.array([[*p, *p, 0.05]]), 0.003)
+    ways = []
+    for kind in ("points", "shapes"):
+        coming = []
+        for t in (0.1, 0.2, 0.3, 0.4):
+            off = np.array([0.0, t, 0.0])
+            shape = odm.Obstacles(spheres=np.array([[*(p - off), 0.05]]))
+            coming.append((t, ball - off if kind == "points" else shape))
+        ways.append(planner.evasion(WAITS, coming, 0.5))
+    assert ways[0] is not None and np.array_equal(*ways)
+    nowhere = odm.Obstacles(spheres=1)
+    assert planner.evasion(WAITS, [(0.1, nowhere)], 0.5) is None
+
+
+def test_where_velocities_lead_is_where_the_parts_will_be():
+    capsules = np.array([[1.0, 0, 0, 1.0, 0, 0.2, 0.05], [0, 1.0, 0, 0, 1.2, 0, 0.04]])
+    velocity = np.zeros((2, 2, 3))
+    velocity[0, :, 2], velocity[1, 1, 0] = 1.0, -1.0
+    sure = np.zeros(2)
+    threat = Threat(capsules, velocity, sure, 0.1, ThreatSettings())
+    ahead = threat.likely(0.0, 0.1, 0.2, 0.3).capsules
+    assert ahead.shape == (8, 7)
     for k, t in enumerate((0.1, 0.2, 0.3, 0.4)):
-        assert np.allclose(ahead[2 * k : 2 * k + 2], points + t * velocity)
-    assert Threat(points, None, 0.0, ThreatSettings()).likely(0.3) is None
+        moved = capsules + np.c_[t * velocity.reshape(-1, 6), np.zeros(2)]
+        assert np.allclose(ahead[2 * k : 2 * k + 2], moved)
+    nobody = Threat(capsules, velocity, sure + np.inf, 0.0, ThreatSettings())
+    assert nobody.likely(0.3) is None

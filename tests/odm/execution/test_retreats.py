@@ -29,15 +29,14 @@ class Scene:
         self.path = np.stack([START, AWAY])
 
     def frame(self, place, velocity):
-        """Hold for a frame beside a ball of 5 cm; return its samples."""
-        points = odm.sample_capsules(np.array([[*place, *place, 0.05]]), 0.03)
+        """Hold for a frame beside a ball of 5 cm."""
+        ball = np.array([[*place, *place, 0.05]])
         commit = self.executor.commit()
-        self.planner.step(points, q=commit.q)
-        speeds = np.tile(np.asarray(velocity, float), (len(points), 1))
-        threat = Threat(points, speeds, 0.0, ThreatSettings())
+        self.planner.step(odm.Obstacles(capsules=ball), q=commit.q)
+        rates = np.tile(np.asarray(velocity, float), (1, 2, 1))
+        threat = Threat(ball, rates, np.zeros(1), 0.0, ThreatSettings())
         answer = SimpleNamespace(status="holding", retreat=self.path, reason="")
         self.executor.update(answer, commit, threat)
-        return points
 
 
 @pytest.fixture

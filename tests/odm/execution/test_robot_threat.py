@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from small import DATA
 
+from odm.audit.exact import ExactRobot
+from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.robot_threat import Stretch, intent_threat, limits_threat
-from odm.obstacles.robot_surface import RobotSurface
+from odm.obstacles.shapes import Sphere
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.motion.motion import time_path
@@ -15,8 +17,8 @@ T = pose_of((0.9, 0.1, 0.0), (0.0, 0.0, 3.0))
 
 
 @pytest.fixture(scope="module")
-def surface():
-    return RobotSurface(load_robot(DATA / "arm3.urdf", tip="tool"), parts="moving")
+def spheres():
+    return RobotSpheres(load_robot(DATA / "arm3.urdf", tip="tool"))
 
 
 def motion_of(robot, rng, scale=0.7):
@@ -24,65 +26,89 @@ def motion_of(robot, rng, scale=0.7):
     return time_path(robot, path, speed_scale=scale)
 
 
-def test_an_intent_holds_the_whole_motion_at_all_times(surface, rng):
+def held(rows, there):
+    """Whether each sphere (n, 4) is inside the one of its number in any of the sets."""
+    sets = rows.reshape(-1, len(there), 4)
+    off = np.linalg.norm(sets[:, :, :3] - there[:, :3], axis=2) + there[:, 3]
+    return bool((off <= sets[:, :, 3] + 1e-9).any(axis=0).all())
+
+
+def test_the_spheres_hold_the_links_where_the_joints_bring_them(spheres, rng):
+    """A ball that touches no sphere is as far from the exact solids, at least."""
+    robot = spheres.robot
+    exact, apart = ExactRobot(robot), 0
+    for _ in range(60):
+        q = rng.uniform(robot.lower, robot.upper)
+        p = rng.uniform([-0.9, -0.9, 0.0], [0.9, 0.9, 1.2])
+        rows = spheres.at(q)
+        gap = (np.linalg.norm(rows[:, :3] - p, axis=1) - rows[:, 3]).min()
+        true = exact.distance(q, [Sphere(0.01, pose_of(p, (0.0, 0.0, 0.0)))]).distance
+        if gap > 0.01:
+            apart += 1
+            assert true >= gap - 0.01 - 1e-6
+        placed = spheres.at(q, T)
+        assert np.allclose(placed[:, :3], rows[:, :3] @ T[:3, :3].T + T[:3, 3])
+    assert apart > 20
+
+
+def test_an_intent_holds_the_whole_motion_at_all_times(spheres, rng):
     for _ in range(6):
-        motion = motion_of(surface.robot, rng)
+        motion = motion_of(spheres.robot, rng)
         begin = rng.uniform(0.0, motion.duration)
         end = min(begin + rng.uniform(0.0, 0.4), motion.duration)
-        threat = intent_threat(surface, (Stretch(motion, begin, end),), T)
-        clouds = threat.points.reshape(-1, len(surface), 3)
+        threat = intent_threat(spheres, (Stretch(motion, begin, end),), T)
         for t in rng.uniform(begin, end, 60):
-            points = surface.at(motion.at(t).q, T)
-            off = np.linalg.norm(clouds - points, axis=2).max(axis=1)
-            assert off.min() <= threat.radius + 1e-9
+            assert held(threat.swept.spheres, spheres.at(motion.at(t).q, T))
         # the same at all times: nobody has to be on time
         assert threat.between(0.0, 0.01)[0] is threat.between(0.3, 0.5)[0]
+        assert threat.between(0.0, 0.01)[1] == 0.0
 
 
-def test_a_robot_at_rest_intends_to_stay(surface):
-    still = time_path(surface.robot, np.zeros((1, 3)))
-    threat = intent_threat(surface, (Stretch(still, 0.0, 0.0),), T)
-    assert threat.radius == 0.0 and threat.fastest == 0.0
-    assert np.allclose(threat.points, surface.at(np.zeros(3), T))
+def test_a_robot_at_rest_intends_to_stay(spheres):
+    still = time_path(spheres.robot, np.zeros((1, 3)))
+    threat = intent_threat(spheres, (Stretch(still, 0.0, 0.0),), T)
+    assert threat.strays(0.1) == 0.0 and threat.fastest == 0.0
+    assert np.allclose(threat.swept.spheres, spheres.at(np.zeros(3), T))
 
 
-def test_the_limits_hold_what_a_robot_can_do(surface, rng):
+def test_the_limits_hold_what_a_robot_can_do(spheres, rng):
     for _ in range(8):
-        motion = motion_of(surface.robot, rng)
+        motion = motion_of(spheres.robot, rng)
         now = rng.uniform(0.0, motion.duration)
         point = motion.at(now)
-        threat = limits_threat(surface, T, point.q, point.dq, speed_scale=0.7)
+        threat = limits_threat(spheres, T, point.q, point.dq, speed_scale=0.7)
         for begin, end in ((0.0, 0.0), (0.0, 0.05), (0.1, 0.13), (0.3, 0.3)):
-            points, radius = threat.between(begin, end)
+            there, more = threat.between(begin, end)
+            assert more == 0.0
             for t in np.linspace(begin, end, 7):
-                there = surface.at(motion.at(now + t).q, T)
-                off = np.linalg.norm(there - points, axis=1)
-                assert off.max() <= radius + 1e-9
+                assert held(there.spheres, spheres.at(motion.at(now + t).q, T))
 
 
-def test_old_data_make_the_ball_larger(surface):
+def test_old_data_make_the_spheres_larger(spheres):
     q, dq = np.zeros(3), np.full(3, 0.2)
-    fresh = limits_threat(surface, T, q, dq).between(0.0, 0.1)[1]
-    stale = limits_threat(surface, T, q, dq, age=0.1).between(0.0, 0.1)[1]
-    assert stale > fresh
+    fresh = limits_threat(spheres, T, q, dq)
+    stale = limits_threat(spheres, T, q, dq, age=0.1)
+    sizes = [t.between(0.0, 0.1)[0].spheres[:, 3] for t in (fresh, stale)]
+    assert (sizes[1] > sizes[0]).any() and (sizes[1] >= sizes[0]).all()
+    assert stale.strays(0.1) > fresh.strays(0.1)
 
 
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
-def test_data_of_unknown_age_make_it_be_anywhere(surface, age):
-    threat = limits_threat(surface, T, np.zeros(3), np.zeros(3), age=age)
+def test_data_of_unknown_age_make_it_be_anywhere(spheres, age):
+    threat = limits_threat(spheres, T, np.zeros(3), np.zeros(3), age=age)
     assert threat.between(0.0, 0.1)[1] == np.inf
 
 
-def test_a_robot_whose_joints_are_not_known_is_refused(surface):
+def test_a_robot_whose_joints_are_not_known_is_refused(spheres):
     q = np.array([0.0, np.nan, 0.0])
     for state in ((q, np.zeros(3)), (np.zeros(3), q)):
         with pytest.raises(BadInput, match="of the other robot"):
-            limits_threat(surface, T, *state)
+            limits_threat(spheres, T, *state)
 
 
-def test_a_robot_faster_than_it_says_is_refused(surface):
+def test_a_robot_faster_than_it_says_is_refused(spheres):
     dq = np.array([10.0, 0.0, 0.0])
     with pytest.raises(BadInput, match="more than"):
-        limits_threat(surface, T, np.zeros(3), dq, speed_scale=0.1)
+        limits_threat(spheres, T, np.zeros(3), dq, speed_scale=0.1)
     with pytest.raises(BadInput, match="3 finite"):
-        limits_threat(surface, T, np.zeros(3), np.zeros(2))
+        limits_threat(spheres, T, np.zeros(3), np.zeros(2))

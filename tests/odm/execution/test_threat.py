@@ -1,92 +1,76 @@
-"""Which points are near, and how they move."""
+"""Where a person can be: capsules that hold whoever keeps to the bounds."""
 
 import numpy as np
 import pytest
 
 import odm
 from odm.execution.stop_test import BrakingTest
-from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.execution.threat import CloudThreat, Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.motion.motion import time_path
 
-CENTERS = np.array([[0.0, 0.0, 0.5], [0.2, 0.0, 0.8]])
+
+def beyond(capsules, points):
+    """Return how far points (n, 3) are outside the nearest of capsules, at most [m]."""
+    off = []
+    for row in capsules:
+        a, b, r = row[:3], row[3:6], row[6]
+        s = np.clip((points - a) @ (b - a) / max(np.dot(b - a, b - a), 1e-12), 0, 1)
+        off.append(np.linalg.norm(points - a - s[:, None] * (b - a), axis=1) - r)
+    return np.min(off, axis=0).max()
 
 
-def naive_velocity(p, ends, before, passed, radii):
-    """Return the velocity of a point above the nearest of some rigid capsules."""
-    found = []
-    for (a, b), (a0, b0), r in zip(ends, before, radii, strict=True):
-        t = np.clip(np.dot(p - a, b - a) / max(np.dot(b - a, b - a), 1e-12), 0, 1)
-        on = a + t * (b - a)
-        off = abs(np.linalg.norm(p - on) - r)
-        u, v = (a - a0) / passed, (b - b0) / passed
-        turn = np.cross(b - a, v - u) / max(np.dot(b - a, b - a), 1e-12)
-        found.append((off, (1 - t) * u + t * v + np.cross(turn, p - on)))
-    return min(found, key=lambda entry: entry[0])[1]
+def growth(threat, begin, end):
+    """Return by how much each capsule has grown [m]."""
+    there, more = threat.between(begin, end)
+    return there.capsules[:, 6] + more - threat.capsules[:, 6]
 
 
-def test_points_move_with_the_capsule_that_they_are_on(rng):
+def test_the_ends_move_as_they_did_in_the_last_frame(rng):
     for _ in range(20):
         before = rng.uniform(-0.5, 0.5, (3, 7))
         before[:, 6] = rng.uniform(0.03, 0.08, 3)
         step = rng.normal(0, 0.01, (3, 7))
         step[:, 6] = 0.0
-        before[0, :3], step[0, :3] = before[0, 3:6], step[0, 3:6]  # a ball
-        arms = before + step
-        points = odm.sample_capsules(arms, 0.03)
         watcher = Watcher()
         # two frames could show two parts, and a third one that they are the same
         for capsules, now in ((before - step, 0.98), (before, 1.0)):
-            assert watcher.look(capsules, points, CENTERS, now).velocity is None
-        threat = watcher.look(arms, points, CENTERS, 1.02)
-        assert np.array_equal(threat.points, points) and not threat.lost
-        ends, old = (a[:, :6].reshape(-1, 2, 3) for a in (arms, before))
-        for p, v in zip(points, threat.velocity, strict=True):
-            slow = naive_velocity(p, ends, old, 0.02, arms[:, 6])
-            assert v == pytest.approx(slow, abs=1e-9)
+            assert not watcher.look(capsules, now).known.any()
+        threat = watcher.look(before + step, 1.02)
+        assert threat.known.all()
+        rates = step[:, :6].reshape(-1, 2, 3) / 0.02
+        assert np.allclose(threat.velocity, rates, atol=1e-9)
+        there, more = threat.between(0.1, 0.1)
+        assert more == 0.0
+        ahead = before + step + step * 0.1 / 0.02
+        assert np.allclose(there.capsules[:, :6], ahead[:, :6])
 
 
-def test_points_that_cannot_come_in_time_are_left_out_and_no_others(rng):
-    points = rng.uniform(-4, 4, (500, 3))
-    points[7, 1] = np.nan
-    arm = np.array([[1.0, 0, 0, 1.0, 0, 0.5, 0.05]])
-    settings = ThreatSettings(horizon_s=0.25)
-    watcher = Watcher(settings, robot_speed=1.0)
-    threat = watcher.look(arm, points, CENTERS, 0.0, age=0.05, margin=0.2)
-    far = (settings.speed + 1.0) * 0.3 + 0.2
-    low, high = CENTERS.min(axis=0) - far, CENTERS.max(axis=0) + far
-    near = ((points > low) & (points < high)).all(axis=1)
-    near[7] = True  # what is nowhere is near
-    assert 1 < near.sum() < 500
-    assert np.array_equal(threat.points, points[near], equal_nan=True)
-    early, late = threat.between(0.0, 0.25)[0], threat.between(0.0, 0.26)[0]
-    assert len(early) == near.sum() and len(late) == 500
-
-
-def test_who_comes_fast_is_seen_from_afar():
-    for distance in (1.3, 2.0):
-        watcher = Watcher(robot_speed=0.5)
-        for k in range(4):
-            x = 0.2 + distance + 0.04 * (3 - k)
-            arm = np.array([[x, 0.0, 0.5, x, 0.0, 0.8, 0.05]])
-            points = odm.sample_capsules(arm, 0.03)
-            threat = watcher.look(arm, points, CENTERS, 0.01 * k)
-        assert len(threat.points) and threat.fastest == pytest.approx(4.0)
+def test_each_part_grows_by_its_own_speed_and_no_other():
+    watcher = Watcher()
+    for k in range(4):
+        arm = np.array([[0.3, 0, 0.5, 0.3, 0, 0.8, 0.05], [2.0, 0, 0, 2.0, 0, 1, 0.05]])
+        arm[1, [0, 3]] -= 0.015 * k
+        threat = watcher.look(arm, 0.01 * k)
+    slow, fast = growth(threat, 0.0, 0.2)
+    assert fast == pytest.approx(slow + 0.1 * 1.5)
+    assert threat.fastest == pytest.approx(1.5)
 
 
 def test_balls_hold_a_point_that_speeds_up_within_the_bound(rng):
     settings = ThreatSettings(acceleration=4.0)
-    v = np.array([[0.7, -0.3, 0.1]])
-    threat = Threat(np.zeros((1, 3)), v, 0.01, settings)
+    v = np.array([0.7, -0.3, 0.1])
+    ball = np.array([[0, 0, 0, 0, 0, 0, 0.01]], float)
+    threat = Threat(ball, np.array([[v, v]]), np.zeros(1), 0.01, settings)
     for _ in range(50):
         begin = rng.uniform(0, 0.2)
         end = begin + rng.uniform(0, 0.1)
-        centers, radius = threat.between(begin, end)
+        row = threat.between(begin, end)[0].capsules[0].copy()
         pushed = rng.normal(size=3)
         pushed *= 4.0 / np.linalg.norm(pushed)
         for t in np.linspace(begin, end, 7) + 0.01:
-            at = v[0] * t + 0.5 * pushed * t * t
-            assert np.linalg.norm(at - centers[0]) <= radius + 1e-12
+            at = v * t + 0.5 * pushed * t * t
+            assert np.linalg.norm(at - row[:3]) <= row[6] - 0.01 + 1e-12
 
 
 # --- a person within the bounds, measured with noise ------------------------------
@@ -160,28 +144,22 @@ def test_balls_hold_whoever_keeps_to_the_bounds(rate, noise, ball):
         for _ in range(600):
             person.move()
             path.append(person.ends())
-        every, watcher = 600 // rate, Watcher(settings, covering=0.03)
+        every, watcher = 600 // rate, Watcher(settings)
         last = int(rng.integers(6, 12)) * (2 if rate == 100 else 1)
         for k in range(last):
             measured = path[k * every] + within(rng, noise, (2, 3))
             if ball:
                 measured[1] = measured[0]
             arm = np.r_[measured.ravel(), radius][None]
-            points = odm.sample_capsules(arm, 0.03)
-            threat = watcher.look(arm, points, CENTERS, k / rate)
-        known += threat.velocity is not None
+            threat = watcher.look(arm, k / rate)
+        known += threat.known.all()
         start = (last - 1) * every
         for begin, end in ((0.0, 0.05), (0.0, 0.3), (0.1, 0.2), (0.3, 0.3)):
-            at, size = threat.between(begin, end)
+            there, more = threat.between(begin, end)
             for t in np.linspace(begin, end, 4):
                 true = path[start + round(600 * t)]
                 surface = odm.sample_capsules(np.r_[true.ravel(), radius][None], 0.01)
-                off = np.linalg.norm(surface[:, None] - at, axis=2).min(axis=1).max()
-                worst = max(worst, off - size - 0.03)
-                if ball:  # each point where it went itself
-                    gone = points + true[0] - measured[0]
-                    exact = np.linalg.norm(gone - at, axis=1).max() - size
-                    worst = max(worst, exact)
+                worst = max(worst, beyond(there.capsules, surface) - more)
     assert worst <= 1e-9
     assert known == 12
 
@@ -193,12 +171,10 @@ def test_without_noise_the_ball_is_as_large_as_it_must_be_and_no_larger(rate):
     for k in range(4):
         x = 0.5 * a * (k * period) ** 2
         arm = np.array([[x, 0, 0.5, x, 0, 0.5, 0.05]])
-        points = odm.sample_capsules(arm, 0.03)
-        threat = watcher.look(arm, points, CENTERS, k * period)
-    at, radius = threat.between(0.3, 0.3)
-    true = points + [0.5 * a * (3 * period + 0.3) ** 2 - x, 0, 0]
-    off = np.linalg.norm(true - at, axis=1)
-    assert radius == pytest.approx(off.max()) and off.max() > 0.18
+        threat = watcher.look(arm, k * period)
+    row = threat.between(0.3, 0.3)[0].capsules[0]
+    off = 0.5 * a * (3 * period + 0.3) ** 2 - row[0]
+    assert row[6] - 0.05 == pytest.approx(off) and off > 0.18
 
 
 # --- names -----------------------------------------------------------------------
@@ -221,29 +197,21 @@ def test_parts_that_exchange_their_names_are_of_unknown_speed(rate, gap, times):
     for k in range(max(times) + 2):
         arms = arms_apart(gap, begin + k / rate, v)
         swapped ^= k in times
-        points = odm.sample_capsules(arms, 0.03)
-        threat = watcher.look(
-            arms[::-1] if swapped else arms, points, CENTERS, k / rate
-        )
-        if k >= times[0] and not (threat.velocity is not None and not threat.lost):
-            _, radius = threat.between(0.0, 0.2)
-            assert radius >= 0.2 * ThreatSettings().speed
+        threat = watcher.look(arms[::-1] if swapped else arms, k / rate)
         if k >= times[0]:  # whatever is known of them
+            lost = growth(threat, 0.0, 0.2)[~threat.known]
+            assert (lost >= 0.2 * ThreatSettings().speed).all()
             arms = arms_apart(gap, begin + k / rate + 0.2, v)
             later = odm.sample_capsules(arms, 0.02)
-            at, radius = threat.between(0.2, 0.2)
-            off = np.linalg.norm(later[:, None] - at, axis=2).min(axis=1)
-            assert off.max() <= radius + 0.03
+            there, more = threat.between(0.2, 0.2)
+            assert beyond(there.capsules, later) <= more + 1e-9
         if k in times:
-            assert threat.velocity is None or threat.lost
+            assert not threat.known.all()
     for j in range(3):  # and soon known again
         k += 1
         arms = arms_apart(gap, begin + k / rate, v)
-        points = odm.sample_capsules(arms, 0.03)
-        threat = watcher.look(
-            arms[::-1] if swapped else arms, points, CENTERS, k / rate
-        )
-    assert threat.velocity is not None and not threat.lost
+        threat = watcher.look(arms[::-1] if swapped else arms, k / rate)
+    assert threat.known.all()
 
 
 def test_ends_that_change_places_and_parts_that_jump_are_of_unknown_speed():
@@ -256,13 +224,10 @@ def test_ends_that_change_places_and_parts_that_jump_are_of_unknown_speed():
                     arm[0, [0, 3]] += 0.2
                 else:
                     arm[0] = arm[0, change]
-            points = odm.sample_capsules(arm, 0.03)
-            threat = watcher.look(arm, points, CENTERS, 0.01 * k)
-        assert threat.lost and threat.velocity is not None
-        near = points[:, 1] > 0.3
-        assert (np.abs(threat.velocity[near, 0] + 0.4) < 1e-6).all()
-        _, radius = threat.between(0.1, 0.2)
-        assert radius == pytest.approx(0.2 * ThreatSettings().speed)
+            threat = watcher.look(arm, 0.01 * k)
+        assert threat.known.tolist() == [False, True]
+        assert np.allclose(threat.velocity[1, :, 0], -0.4, atol=1e-6)
+        assert growth(threat, 0.1, 0.2)[0] == pytest.approx(0.4)
 
 
 def test_a_hand_that_trembles_is_still_followed():
@@ -270,23 +235,34 @@ def test_a_hand_that_trembles_is_still_followed():
     for k in range(200):
         x = 0.3 + 0.02 * np.sin(2 * np.pi * 5.0 * 0.01 * k)
         arm = np.array([[x, 0.0, 0.4, 0.6, 0.0, 0.4, 0.05]])
-        points = odm.sample_capsules(arm, 0.03)
-        threat = watcher.look(arm, points, CENTERS, 0.01 * k)
-        lost += threat.velocity is None or threat.lost
+        lost += not watcher.look(arm, 0.01 * k).known.all()
     assert lost < 15
 
 
 # --- what is not known -------------------------------------------------------------
 
 
+BALL = np.array([[0.3, 0.1, 0.4, 0.3, 0.1, 0.4, 0.05]])
+RESTS = np.zeros((1, 2, 3))
+
+
+def threats(age):
+    """Return all kinds of threats of a ball, seen so long ago."""
+    settings = ThreatSettings()
+    for error in (0.0, np.inf):
+        yield Threat(BALL, RESTS, np.array([error]), age, settings)
+    yield Threat(BALL[:0], RESTS[:0], np.zeros(0), age, settings)
+    yield CloudThreat(BALL[:, :3], age, settings)
+
+
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
 def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
-    points = np.zeros((1, 3))
-    for velocity in (None, np.zeros((1, 3))):
-        threat = Threat(points, velocity, age, ThreatSettings())
-        assert threat.between(0.0, 0.1)[1] == np.inf
-        assert threat.likely(0.1) is None
-    assert Threat(points, None, 0.0, ThreatSettings()).between(0.0, np.nan)[1] == np.inf
+    for threat in threats(age):
+        assert threat.between(0.0, 0.1)[1] == threat.strays(0.1) == np.inf
+        assert isinstance(threat, CloudThreat) or threat.likely(0.1) is None
+    for threat in threats(0.0):
+        assert threat.between(0.0, np.nan)[1] == np.inf
+        assert threat.between(0.0, 1e6)[1] > 0.0 or not len(threat.capsules)
 
 
 @pytest.mark.parametrize("age", [None, np.nan])
@@ -295,10 +271,16 @@ def test_a_stop_beside_a_person_of_unknown_age_does_not_pass(small_map, age):
     q = np.array([1.2, 0.9, 0.0])
     planner.step(np.zeros((0, 3)), q=q)
     motion = time_path(small_map.robot, np.stack([q, q - 0.3]))
-    for points in (np.zeros((0, 3)), np.array([[0.3, 0.1, 0.4]])):
-        threat = Threat(points, None, age, ThreatSettings())
-        test = BrakingTest(planner)
+    test = BrakingTest(planner)
+    for threat in threats(age):
         assert not test.passes(motion, 0.0, 0.01, motion.stop(0.01), threat)
+
+
+def test_a_cloud_comes_as_fast_as_it_may():
+    cloud = CloudThreat(BALL[:, :3], 0.05, ThreatSettings(speed=1.5, noise=0.01))
+    points, more = cloud.between(0.1, 0.2)
+    assert np.array_equal(points, BALL[:, :3]) and cloud.fastest == 1.5
+    assert more == pytest.approx(0.01 + 1.5 * 0.25)
 
 
 @pytest.mark.parametrize(
@@ -311,13 +293,12 @@ def test_settings_that_bound_nothing_are_refused(name, value):
 
 def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
     watcher = Watcher()
-    centers = np.zeros((1, 3))
     speed, rate, hand = 3.0, 100.0, np.array([[0.0, 0, 1, 0, 0, 1.2, 0.05]])
     for k in range(12):
         jumped = 0.5 if k >= 10 else 0.0
         at = hand + [*np.tile([speed * k / rate, jumped, 0.0], 2), 0.0]
-        threat = watcher.look(at, odm.sample_capsules(at), centers, k / rate)
+        threat = watcher.look(at, k / rate)
         if k == 0:  # nobody was seen before
-            assert threat.between(0.0, 0.2)[1] == pytest.approx(0.4)
+            assert growth(threat, 0.0, 0.2)[0] == pytest.approx(0.4)
         if k >= 10:
-            assert threat.between(0.0, 0.2)[1] >= 0.2 * speed
+            assert growth(threat, 0.0, 0.2)[0] >= 0.2 * speed

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from shapes_drawn import exact_distance
 
 import odm
+from odm.close_test._static import solid_distance
 from odm.obstacles.scenery import Scenery, parse_scenery
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, surface_of
@@ -34,6 +36,24 @@ SPHERE = {
 CAPSULE = {**SPHERE, "type": "capsule", "length": 0.4, "rpy": [0.0, 0.1, 0.2]}
 CYLINDER = {**CAPSULE, "type": "cylinder"}
 WRONG = [np.nan, np.inf, -np.inf, 1e9, None, "1", True, [1.0], {}]
+SHAPES = {"box": Box, "sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}
+CELL = """cell
+* table
+1
+box
+0.4 0.6 0.1
+0.5 0 0.2
+0 0 0 1
+0 0 0 0
+* post
+1
+cylinder
+0.05 0.8
+0 0.5 0.4
+0 0 0 1
+0 0 0 0
+.
+"""
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
@@ -64,16 +84,63 @@ def test_each_number_of_a_recipe_must_be_one(table, key, at, wrong):
         parse_scenery((changed(table, key, at, wrong),))
 
 
-@pytest.mark.parametrize("table", [SPHERE, CAPSULE, CYLINDER])
-def test_round_scenery_is_sampled_with_a_proved_covering_radius(table):
-    found = parse_scenery((table, PLANE, table))
-    kind = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[table["type"]]
-    sizes = [table[key] for key in ("radius", "length") if key in table]
+@pytest.mark.parametrize("table", [SPHERE, CAPSULE, CYLINDER, BOX])
+def test_scenery_of_simple_shapes_is_exact(table, rng):
+    found = parse_scenery((table, PLANE, {**table, "name": "it"}))
+    assert len(found.points) == 0 and found.covering_radius == 0.0
+    assert found.names == (f"{table['type']} 0", "plane 1", "it")
+    sizes = [table[key] for key in ("size", "radius", "length") if key in table]
     pose = pose_of(table["position"], table.get("rpy", (0.0, 0.0, 0.0)))
-    alone = surface_of(kind(*sizes, pose), 0.02).points
-    assert np.array_equal(found.points, np.concatenate([alone, alone]))
-    assert found.covering_radius == 0.02 and found.names == ("plane 1",)
-    assert len(parse_scenery((table,), meshes=False).points) == 0
+    shape = SHAPES[table["type"]](*sizes, pose)
+    points = pose[:3, 3] + rng.uniform(-2.0, 2.0, (300, 3))
+    exact = exact_distance(shape, points)
+    for row in (found.solids[0], found.solids[2]):
+        d = [solid_distance(*p, row, found.faces) for p in points]
+        assert np.allclose(np.maximum(d, 0.0), exact, atol=1e-9)
+
+
+def test_a_small_convex_mesh_is_exact_and_another_one_is_sampled(tmp_path, rng):
+    import trimesh
+
+    hull = trimesh.creation.icosphere(1, 0.2)
+    bent = trimesh.util.concatenate(
+        [trimesh.creation.box((0.4, 0.1, 0.1)), trimesh.creation.box((0.1, 0.1, 0.4))]
+    )
+    for name, mesh in (("hull", hull), ("bent", bent)):
+        mesh.export(tmp_path / f"{name}.stl")
+    place = {"position": [0.3, 0.0, 0.5], "rpy": [0.3, 0.2, 0.1]}
+    found = parse_scenery(
+        (BOX, {"type": "mesh", "file": "hull.stl", "scale": 0.5, **place}), tmp_path
+    )
+    assert len(found.points) == 0 and len(found.faces) == len(hull.faces)
+    vertices = 0.5 * np.asarray(hull.vertices)
+    shape = Mesh(vertices, hull.faces, pose_of(place["position"], place["rpy"]))
+    points = np.array(place["position"]) + rng.uniform(-0.6, 0.6, (300, 3))
+    exact = exact_distance(shape, points)
+    d = [solid_distance(*p, found.solids[1], found.faces) for p in points]
+    assert np.allclose(np.maximum(d, 0.0), exact, atol=1e-6)
+    far = np.array([4.0, 0.0, 0.5])  # there a ball around it is told
+    lower = solid_distance(*far, found.solids[1], found.faces)
+    assert 0.9 * exact_distance(shape, far[None])[0] < lower
+    assert lower <= exact_distance(shape, far[None])[0]
+    again = Scenery.from_store(found.meta(), found.arrays())
+    assert np.array_equal(again.faces, found.faces)
+    sampled = parse_scenery(({"type": "mesh", "file": "bent.stl"},), tmp_path)
+    assert len(sampled.points) and not len(sampled.solids)
+    assert sampled.covering_radius <= 0.01
+
+
+def test_a_scene_file_is_scenery(tmp_path):
+    (tmp_path / "cell.scene").write_text(CELL)
+    table = {"type": "file", "file": "cell.scene", "position": [0.0, 0.0, 0.1]}
+    found = parse_scenery((table, PLANE), tmp_path)
+    assert found.names == ("table", "post", "plane 1")
+    assert np.allclose(found.solids[0, 1:4], [0.5, 0.0, 0.3])
+    with pytest.raises(BadRecipe, match="scenery 0: there is no file"):
+        parse_scenery(({**table, "file": "none.scene"},), tmp_path)
+    (tmp_path / "broken.scene").write_text(CELL[:60])
+    with pytest.raises(BadRecipe, match="scenery 0: scene file .* in line"):
+        parse_scenery(({**table, "file": "broken.scene"},), tmp_path, meshes=False)
 
 
 @pytest.mark.parametrize("wrong", [None, 3, [], [1.0, 2.0], "abc", [[1.0], [1.0, 2.0]]])

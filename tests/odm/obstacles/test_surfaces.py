@@ -301,3 +301,15 @@ def test_a_mesh_comes_from_a_file_in_its_own_unit(tmp_path):
     (tmp_path / "bad.stl").write_text("nothing")
     with pytest.raises(BadInput, match="repair|cannot be read"):
         shapes.Mesh.from_file(tmp_path / "bad.stl")
+
+
+def test_a_hull_with_corners_nanometres_apart_is_closed():
+    """One of a Panda's fingers has such; to make them one tore the hull open."""
+    from scipy.spatial import ConvexHull
+
+    rng = np.random.default_rng(0)
+    corners = 0.03 * np.round(rng.normal(size=(12, 3)), 1)
+    points = np.vstack([corners, corners + 2e-9 * rng.normal(size=(12, 3))])
+    faces = ConvexHull(points).simplices
+    surface = surface_of(shapes.Mesh(points, faces), 0.01)
+    assert surface.closed and surface.covering_radius <= 0.01

@@ -163,6 +163,48 @@ def test_what_is_to_be_wary_of_is_grown_by_calm(small_map):
         assert wary == {cell_at(planner, p + h * d) for d in ball}
 
 
+def test_cells_that_will_be_occupied_are_remembered_as_if_they_were(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    p, here = np.array([[0.5, 0.3, 0.5], [0.4, -0.3, 0.6]]), np.array([0.6, 0.1, 0.4])
+    seen(planner, here, 0.0)
+    planner.expect(np.vstack([p, [9.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]))
+    must = {cell_at(planner, x) for x in (*p, here)}
+    lately, wary = seen(planner, here, 0.01)
+    assert lately == must and must <= wary
+    lately, _ = seen(planner, here, 0.4)
+    assert lately == {cell_at(planner, here)}
+    rod = np.array([[0.5, 0.2, 0.5, 0.5, 0.4, 0.5, 0.04]])
+    planner.expect(odm.Obstacles(capsules=rod))
+    lately, _ = seen(planner, here, 0.41)
+    rim = {cell_at(planner, x) for x in ([0.5, 0.3, 0.541], [0.459, 0.3, 0.5])}
+    assert rim <= lately
+    with pytest.raises(odm.planner.planner.BadInput):
+        planner.expect(np.zeros((3, 2)))
+
+
+def test_a_new_path_heeds_who_will_be_somewhere_as_who_has_been_there(small_map):
+    """What is expected ranks paths; it blocks none, and the path in use is kept."""
+    rng, other = np.random.default_rng(8), 0
+    for _ in range(30):
+        place = rng.uniform([0.3, -0.4, 0.2], [0.8, 0.4, 0.6])
+        ball, paths = ball_at(place, 0.08), []
+        for first, soon in ((NOBODY, NOBODY), (ball, NOBODY), (NOBODY, ball)):
+            planner = odm.ReactivePlanner(small_map)
+            planner.set_goals([-AWAY])
+            planner.step(first, q=HOME, now=0.0, stamp=0.0)
+            planner.set_goals([AWAY])
+            planner.expect(soon)
+            answer = planner.step(NOBODY, q=HOME, now=0.01, stamp=0.01)
+            paths.append(answer.path)
+            planner.expect(ball_at(HOME, 0.1))
+            after = planner.step(NOBODY, q=HOME, now=0.02, stamp=0.02)
+            assert after.status == "following"
+        assert np.array_equal(*paths[1:])
+        other += not np.array_equal(*paths[:2])
+    assert other > 3
+
+
 def test_a_clock_that_is_set_back_begins_anew(small_map):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from naive_cells import smallest_gap
+from shapes_drawn import smallest_solid_gap
 from small import AWAY, HOME, NOBODY, small_recipe
 
 import odm
@@ -11,6 +11,7 @@ from odm.cell_map.recipe import Recipe, RobotRecipe
 from odm.close_test.safety import Safety
 from roadmap.errors import BadInput
 from roadmap.graph.connecting import RoadmapSettings
+from roadmap.transforms import pose_of
 
 # the fore arm turns without limit: half way round, the hand would pass through
 # the upper arm
@@ -91,18 +92,19 @@ def test_a_mesh_of_the_recipe_is_heeded_by_nodes_edges_paths_and_questions(
     beside_a_mesh,
 ):
     planner = odm.ReactivePlanner(beside_a_mesh, always_replan=True)
-    scenery = beside_a_mesh.scenery
-    points, keep = scenery.points, scenery.covering_radius + beside_a_mesh.safety.m
+    beam = [odm.Box((0.1, 0.6, 0.3), pose_of([0.0, 0.0, 0.95], np.zeros(3)))]
+    keep = beside_a_mesh.safety.m - 1e-6
+    assert not len(beside_a_mesh.scenery.points)  # it is convex: held exactly
     through = planner.is_free(HOME, AWAY)
     assert through.failed == "scenery" and "mesh" in through.reason
     roadmap = beside_a_mesh.roadmap
-    for a, b in roadmap.edges[::9]:
+    for a, b in roadmap.edges[::29]:
         q, dq = roadmap.nodes[a], planner.frame.difference(*roadmap.nodes[[a, b]])
-        assert smallest_gap(beside_a_mesh, q, dq, points, 20) >= keep
+        assert smallest_solid_gap(beside_a_mesh, q, dq, beam, 5) >= keep
     planner.set_goals([AWAY])
     answer = planner.step(NOBODY, q=HOME)
     for a, b in zip(answer.path, answer.path[1:], strict=False):
-        assert smallest_gap(beside_a_mesh, a, b - a, points, 40) >= keep
+        assert smallest_solid_gap(beside_a_mesh, a, b - a, beam, 20) >= keep
 
 
 def test_scenery_of_the_place_must_be_dense_enough(small_map, planner):

@@ -117,10 +117,10 @@ def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
 
 def test_sequences_find_a_certificate_that_is_used_for_a_shifted_motion(small_map):
     judge = Judge(small_map)
-    for seed in range(40):
-        steps = Sequence(small_map, seed, judge, reuse_certificate).run(250, 50)
-        if any(step.verdict and step.verdict.wrong for step in steps):
-            return
+    for seed in (*range(35, 40), *range(35)):  # few of them show it, 35 soon
+        for step in Sequence(small_map, seed, judge, reuse_certificate).run(250, 50):
+            if step.verdict and step.verdict.wrong:
+                return
     raise AssertionError("the reused certificate was not found")
 
 

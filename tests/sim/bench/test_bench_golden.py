@@ -65,4 +65,4 @@ def test_bad_input_is_one_sentence(odm, tmp_path, monkeypatch, words):
     (tmp_path / "odd.json").write_text("{}")
     code, _, err = odm("bench", "golden", *words)
     told = [line for line in err.splitlines() if line.startswith("odm: ")]
-    assert code == 1 and len(told) == 1 and "Traceback" not in err
+    assert code == 2 and len(told) == 1 and "Traceback" not in err

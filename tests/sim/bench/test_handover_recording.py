@@ -168,11 +168,11 @@ def test_files_that_are_no_handover_are_refused(tmp_path, odm, name, text, said)
     with pytest.raises(BadInput, match=said):
         read_handover(folder)
     code, _, err = odm("bench", "handover-recording", "--file", folder, "--short")
-    assert code == 1 and one_sentence(err) and said in err
+    assert code == 2 and one_sentence(err) and said in err
 
 
 def test_the_bench_needs_a_folder(odm, tmp_path):
     code, _, err = odm("bench", "handover-recording")
-    assert code == 1 and "needs --file" in err
+    assert code == 2 and "needs --file" in err
     code, _, err = odm("bench", "handover-recording", "--file", tmp_path / "none")
-    assert code == 1 and "is no folder" in err
+    assert code == 2 and "is no folder" in err

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import typer
 from command_line import one_sentence
 
 from odm import build_map, load_map
@@ -12,7 +13,8 @@ from sim.cli.build_command import built_facts
 from sim.loop.warmup import tiny_recipe
 
 COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup")
-COMMANDS += ("human",)
+COMMANDS += ("human", "doctor")
+DOOR = typer.main.get_command(cli.app)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +55,7 @@ def test_a_wrong_option_is_a_usage_error(odm):
 )
 def test_a_mistake_is_told_in_one_sentence(odm, words):
     code, out, err = odm(*words)
-    assert code == 1 and out == "" and one_sentence(err), err
+    assert code == 2 and out == "" and one_sentence(err), err
 
 
 def test_json_may_stand_alone_and_never_swallows_an_argument():
@@ -62,8 +64,15 @@ def test_json_may_stand_alone_and_never_swallows_an_argument():
         ("info maps/a --json", "info maps/a --json=-"),
         ("info --json a.json maps/a", "info --json=a.json maps/a"),
         ("bench latency --markdown --map m", "bench latency --markdown=- --map m"),
+        ("run --map m --json figures", "run --map m --json=figures"),
+        ("info maps/a --json figures", "info maps/a --json=figures"),
+        ("info --plot p.png --json maps/a", "info --plot p.png --json=- maps/a"),
+        ("build --json panda", "build --json=- panda"),
+        ("build --robot a.urdf --json out", "build --robot a.urdf --json=out"),
+        ("workspace meet --robot x --json out", "workspace meet --robot x --json=out"),
+        ("--json human info", "--json=- human info"),
     ):
-        assert cli.with_targets(words.split()) == meant.split()
+        assert cli.with_targets(words.split(), DOOR) == meant.split()
 
 
 def test_build_makes_a_map_and_does_not_replace_another_one(odm, tmp_path):
@@ -75,12 +84,12 @@ def test_build_makes_a_map_and_does_not_replace_another_one(odm, tmp_path):
     assert code == 0 and made["hash"] == load_map(out).hash
     assert made["nodes"] == load_map(out).roadmap.n_nodes
     code, _, err = odm(*words, out, "--nodes", 50)
-    assert code == 1 and "--force" in err and load_map(out).hash == made["hash"]
+    assert code == 2 and "--force" in err and load_map(out).hash == made["hash"]
     assert odm(*words, out, "--nodes", 50, "--force")[0] == 0
     assert load_map(out).hash != made["hash"]
     (tmp_path / "mine").mkdir()
     code, _, err = odm(*words, tmp_path / "mine", "--nodes", 40, "--force")
-    assert code == 1 and "not a map folder" in err
+    assert code == 2 and "not a map folder" in err
 
 
 def test_a_recipe_is_built_from_another_folder(odm, tmp_path, monkeypatch):
@@ -125,7 +134,7 @@ def test_suggest_agrees_with_a_real_build_and_builds_nothing(odm, tmp_path):
 
 
 def test_info_tells_what_the_map_holds(odm, map_dir):
-    code, text, _ = odm("info", map_dir, "--json")
+    code, text, _ = odm("info", map_dir, "--tax", "--json")
     found, cell_map = json.loads(text), load_map(map_dir)
     assert code == 0 and found["hash"] == cell_map.hash
     assert found["safety"] == cell_map.safety.as_dict()
@@ -134,7 +143,7 @@ def test_info_tells_what_the_map_holds(odm, map_dir):
         a.nbytes for a in cell_map.arm_cells.arrays().values()
     )
     assert {row["link"] for row in found["cover"]} == set(cell_map.robot.link_names)
-    code, text, _ = odm("info", map_dir)
+    code, text, _ = odm("info", map_dir, "--tax")
     assert code == 0
     tax = found["clearance_tax"]
     assert 0 < tax["edges, close test"]["mean"] < tax["edges, cells"]["mean"] < 0.12
@@ -151,7 +160,7 @@ def test_an_audit_passes_a_sound_map_and_fails_a_spoiled_one(odm, map_dir):
     code, text, _ = odm(*words, "--sabotage", "rho")
     assert json.loads(text)["violations"] > 0 and code == 1
     code, _, err = odm("audit", map_dir, "--sabotage", "luck")
-    assert code == 1 and one_sentence(err)
+    assert code == 2 and one_sentence(err)
 
 
 def test_a_damaged_map_is_one_sentence(odm, map_dir, tmp_path):
@@ -163,7 +172,7 @@ def test_a_damaged_map_is_one_sentence(odm, map_dir, tmp_path):
     data[-5] ^= 1
     (broken / "arm.mask.npy").write_bytes(data)
     code, _, err = odm("info", broken)
-    assert code == 1 and one_sentence(err) and "arm.mask" in err
+    assert code == 2 and one_sentence(err) and "arm.mask" in err
 
 
 def test_a_run_writes_its_figures(odm, map_dir, tmp_path):
@@ -177,7 +186,7 @@ def test_a_run_writes_its_figures(odm, map_dir, tmp_path):
 def test_benches_are_found_by_name(odm):
     assert "latency" in bench_names()
     code, _, err = odm("bench", "latency")
-    assert code == 1 and "--map" in err
+    assert code == 2 and "--map" in err
 
 
 def test_a_table_goes_between_its_markers_only(tmp_path):

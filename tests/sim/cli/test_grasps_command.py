@@ -55,7 +55,7 @@ def test_info_tells_the_same(built, odm):
 )
 def test_bad_input_is_one_sentence(words, told, odm, tmp_path):
     code, _, err = odm("grasps", "build", *words, "--out", str(tmp_path / "set"))
-    assert code == 1 and one_sentence(err) and told in err
+    assert code == 2 and one_sentence(err) and told in err
     assert not (tmp_path / "set").exists()
 
 
@@ -63,9 +63,9 @@ def test_what_is_no_grasp_set_is_left_alone(odm, tmp_path):
     (tmp_path / "mine").mkdir()
     words = ("--object", "cup", "--hand", "sdh", "--out", str(tmp_path / "mine"))
     code, _, err = odm("grasps", "build", *words)
-    assert code == 1 and one_sentence(err) and "holds no grasp set" in err
+    assert code == 2 and one_sentence(err) and "holds no grasp set" in err
     code, _, err = odm("grasps", "info", str(tmp_path / "mine"))
-    assert code == 1 and one_sentence(err) and "build one with" in err
+    assert code == 2 and one_sentence(err) and "build one with" in err
 
 
 def test_ctrl_c_leaves_nothing(tmp_path):

@@ -177,14 +177,14 @@ def test_a_robot_with_a_tall_base_stands_on_the_floor(robot):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--object", "hammer"), "no object 'hammer'; choose one of wrench, mallet"),
-        (("--human", "3"), "body height of 3.0 m"),
-        (("--side", "up"), "choose left or right"),
-        (("--posture", "flying"), "no posture 'flying'"),
+        (("--object", "hammer"), "--object is 'hammer': choose wrench or mallet"),
+        (("--height", "3"), "--height is 3: give a number from 1.2 to 2.2 m"),
+        (("--side", "up"), "choose right or left"),
+        (("--posture", "flying"), "--posture is 'flying'"),
         (("--cell", "0.01"), "are finer than the"),
         (("--rotations", "5"), "no grid has 5 rotations"),
-        (("--distance", "nan"), "finite x, y"),
-        (("--human-map", "MAP", *COARSE), "a map of kawasaki"),
+        (("--distance", "nan"), "--distance is nan"),
+        (("--human-reach", "MAP", *COARSE), "a map of kawasaki"),
         (("--robot", "plain_arm"), "was built for another robot"),
     ],
 )
@@ -192,11 +192,11 @@ def test_bad_input_is_one_sentence(odm, reach_dir, tmp_path, words, said):
     words = [str(reach_dir) if word == "MAP" else word for word in words]
     picture = tmp_path / "cut.png"
     code, _, err = run(odm, reach_dir, *words, "--plot", picture)
-    assert code == 1 and one_sentence(err) and said in err, err
+    assert code == 2 and one_sentence(err) and said in err, err
     assert not picture.exists()
 
 
 def test_a_missing_map_says_how_to_build_it(odm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, _, err = odm("workspace", "meet", "--robot", ROBOT)
-    assert code == 1 and "odm workspace build" in err and one_sentence(err)
+    assert code == 2 and "odm workspace build" in err and one_sentence(err)

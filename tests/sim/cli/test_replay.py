@@ -144,7 +144,7 @@ def test_a_malformed_recording_is_refused(name, odm, map_dir, recording, tmp_pat
     WRONG[name](arrays)
     np.savez(tmp_path / "f.npz", **arrays)
     code, out, err = odm("replay", "--map", map_dir, "--frames", tmp_path / "f.npz")
-    assert code == 1 and out == "" and one_sentence(err), err
+    assert code == 2 and out == "" and one_sentence(err), err
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from command_line import one_sentence
 from small import AWAY, HOME, POST, small_recipe
 
 import odm as planning
@@ -50,15 +51,14 @@ def test_data_of_the_future_hold_and_the_next_good_frame_goes_on(arm3):
 
 @pytest.mark.parametrize("now", [0.99, 1.0, -3.0])
 def test_a_watcher_whose_clock_does_not_advance_expects_the_worst(now):
-    watcher, centers = Watcher(), np.zeros((1, 3))
-    points = planning.sample_capsules(ARM, 0.03)
-    watcher.look(ARM, points, centers, 1.0)
-    threat = watcher.look(ARM + 0.001, points, centers, now)
-    assert threat.velocity is None
-    _, radius = threat.between(0.0, 0.1)
-    assert radius == pytest.approx(0.1 * ThreatSettings().speed)
+    watcher = Watcher()
+    watcher.look(ARM, 1.0)
+    threat = watcher.look(ARM + 0.001, now)
+    assert not threat.known.any()
+    grown = threat.between(0.0, 0.1)[0].capsules[:, 6] - threat.capsules[:, 6]
+    assert grown == pytest.approx(0.1 * ThreatSettings().speed)
     for passed in (0.01, 0.02):
-        later = watcher.look(ARM + 0.001, points, centers, now + passed)
+        later = watcher.look(ARM + 0.001, now + passed)
     assert later.fastest == pytest.approx(0.0)  # from here on it is followed again
 
 
@@ -67,8 +67,8 @@ def test_a_rate_that_is_none_is_refused_before_any_work(odm, map_dir, tmp_path, 
     out = tmp_path / "run.npz"
     words = ("--motion", "sweep", "--rate", rate, "--record", out)
     code, shown, err = odm("run", "--map", map_dir, *words)
-    assert code == 1 and "rate_hz is" in err and "above 0" in err
-    assert len(err.strip().splitlines()) == 1 and not shown and not out.exists()
+    assert code == 2 and "--rate is" in err and "above 0" in err
+    assert one_sentence(err) and not shown and not out.exists()
     with pytest.raises(BadInput, match="rate_hz"):
         LoopSettings(rate_hz=rate)
 
@@ -89,8 +89,8 @@ def test_a_file_of_another_format_is_one_sentence(
     clip = tmp_path / name
     clip.write_bytes(content)
     code, shown, err = odm("run", "--map", map_dir, "--motion", "mocap", "--file", clip)
-    assert code == 1 and words in err and "Traceback" not in err
-    assert len(err.strip().splitlines()) == 1 and not shown
+    assert code == 2 and words in err and "Traceback" not in err
+    assert one_sentence(err) and not shown
 
 
 @pytest.mark.parametrize("motion", ["hold", "backoff", "escape"])

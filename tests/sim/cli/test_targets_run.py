@@ -90,7 +90,7 @@ def test_a_run_with_targets_is_not_recorded_and_says_so(
     record = tmp_path / "run.npz"
     words = ["run", "--targets", "meet", "--motion", motion, "--record", record]
     code, _, err = odm(*words, "--map", meet_maps[0], "--reach", meet_maps[1])
-    assert code == 1 and "--record" in err and one_sentence(err)
+    assert code == 2 and "--record" in err and one_sentence(err)
     assert not record.exists()
 
 
@@ -120,7 +120,7 @@ def test_a_broken_reach_map_is_told_in_one_sentence(
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     words = ["run", "--targets", "meet", "--map", meet_maps[0], "--reach", broken]
     code, out, err = odm(*words, "--seconds", "1")
-    assert code == 1 and one_sentence(err) and "broken" in err
+    assert code == 2 and one_sentence(err) and "broken" in err
     assert "Targets" not in out
 
 
@@ -128,4 +128,4 @@ def test_no_time_is_no_run(odm, meet_maps):
     words = ["run", "--targets", "meet", "--map", meet_maps[0], "--reach", meet_maps[1]]
     for seconds in ("0", "-1", "nan"):
         code, _, err = odm(*words, "--seconds", seconds)
-        assert code == 1 and "duration_s" in err and one_sentence(err)
+        assert code == 2 and "--seconds" in err and one_sentence(err)

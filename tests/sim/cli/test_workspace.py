@@ -101,7 +101,7 @@ def test_info_tells_the_same_and_sees_an_altered_byte(built, odm, tmp_path):
     data[-1] ^= 1
     (place / "quality.npy").write_bytes(bytes(data))
     code, out, err = odm("workspace", "info", str(place))
-    assert code == 1 and one_sentence(err) and "altered" in err
+    assert code == 2 and one_sentence(err) and "altered" in err
 
 
 @pytest.mark.parametrize(
@@ -120,14 +120,14 @@ def test_info_tells_the_same_and_sees_an_altered_byte(built, odm, tmp_path):
 def test_a_mistake_is_told_in_one_sentence(odm, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = odm("workspace", *words)
-    assert code == 1 and out == "" and one_sentence(err), err
+    assert code == 2 and out == "" and one_sentence(err), err
     assert not list(tmp_path.iterdir())
 
 
 def test_what_is_no_reach_map_is_left_alone(odm, tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     code, _, err = odm("workspace", "build", ARM, *QUICK, "--out", str(tmp_path))
-    assert code == 1 and "left alone" in err
+    assert code == 2 and "left alone" in err
     assert [p.name for p in tmp_path.iterdir()] == ["letter.txt"]
 
 

@@ -93,7 +93,7 @@ def test_the_level_cut_is_above_a_person_who_lies(odm):
 def test_bad_input_is_one_sentence(odm, tmp_path, words, said):
     picture = tmp_path / "arm.png"
     code, _, err = odm("workspace", "human", *words, "--plot", picture)
-    assert code == 1 and said in err and not picture.exists()
+    assert code == 2 and said in err and not picture.exists()
     assert one_sentence(err.strip().splitlines()[-1])
 
 

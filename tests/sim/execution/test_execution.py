@@ -91,15 +91,16 @@ def _at_work(small_map):
     executor = Executor(small_map.robot, planner, a, 0.01)
 
     def frame(capsule, velocity):
-        points = odm.sample_capsules(np.array([capsule]), 0.03)
+        capsule = np.array([capsule])
+        person = odm.Obstacles(capsules=capsule)
         commit = executor.commit()
-        answer = planner.step(points, q=commit.q)
-        speeds = np.tile(np.array(velocity, float), (len(points), 1))
-        threat = Threat(points, speeds, 0.0, ThreatSettings())
+        answer = planner.step(person, q=commit.q)
+        rates = np.tile(np.array(velocity, float), (1, 2, 1))
+        threat = Threat(capsule, rates, np.zeros(1), 0.0, ThreatSettings())
         executor.update(answer, commit, threat)
         stop = executor.motion.stop(executor.t)
         executor.advance()
-        return answer, stop, points
+        return answer, stop, person
 
     return frame, executor
 
@@ -173,55 +174,30 @@ def seen_thrice(velocity, spin=0.0):
     moved = arm + 2 * step
     watcher = Watcher()
     for k, capsule in enumerate((arm, arm + step, moved)):
-        points = odm.sample_capsules(capsule, 0.03)
-        threat = watcher.look(capsule, points, np.zeros((1, 3)), 0.01 * k)
+        threat = watcher.look(capsule, 0.01 * k)
     return moved, threat
 
 
 @pytest.mark.parametrize("velocity", [(0.7, 0.0, 0.2), (-1.0, 0.5, 0.0)])
 def test_a_part_is_expected_where_its_velocity_brings_it(velocity):
-    _, threat = seen_thrice(velocity)
-    points, radius = threat.between(0.1, 0.1)
-    assert np.allclose(points, threat.points + 0.1 * np.array(velocity))
+    moved, threat = seen_thrice(velocity)
+    step = np.array([*velocity, *velocity, 0.0])
+    rows = threat.between(0.1, 0.1)[0].capsules.copy()
+    assert np.allclose(rows[:, :6], (moved + 0.1 * step)[:, :6])
     a = ThreatSettings().acceleration
     late = 0.5 * a * 0.01 * 0.1  # the velocity is the mean of the last 10 ms
-    assert radius == pytest.approx(0.5 * a * 0.1**2 + late)
-    middle, more = threat.between(0.0, 0.1)
-    assert np.allclose(middle, threat.points + 0.05 * np.array(velocity))
+    assert rows[0, 6] - 0.05 == pytest.approx(0.5 * a * 0.1**2 + late)
+    middle = threat.between(0.0, 0.1)[0].capsules
+    assert np.allclose(middle[:, :6], (moved + 0.05 * step)[:, :6])
     speed = np.linalg.norm(velocity)
-    assert more == pytest.approx(radius + 0.05 * speed)
+    assert middle[0, 6] == pytest.approx(rows[0, 6] + 0.05 * speed)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_balls_hold_whatever_accelerates_no_more_than_it_may(seed):
-    rng = np.random.default_rng(seed)
-    _, threat = seen_thrice(rng.normal(size=3), spin=rng.normal())
-    a = ThreatSettings().acceleration
-    for begin, end in ((0.0, 0.05), (0.1, 0.2), (0.05, 0.4)):
-        points, radius = threat.between(begin, end)
-        for t in np.linspace(begin, end, 7):
-            push = rng.normal(size=3)
-            push *= 0.5 * a * t * t / np.linalg.norm(push)
-            there = threat.points + t * threat.velocity + push
-            off = np.linalg.norm(there - points, axis=1)
-            assert (off <= radius + 1e-12).all()
-
-
-def test_a_turning_arm_moves_faster_at_its_end():
-    _, threat = seen_thrice((0.0, 0.0, 0.0), spin=1.0)
-    along = (threat.points[:, 0] - 0.6) / 0.3
-    assert np.allclose(threat.velocity[:, 1], along, atol=0.01)
-
-
-def test_nobody_near_is_no_threat_and_an_unknown_speed_is_the_worst():
-    centers = np.zeros((1, 3))
-    far = np.array([[3.0, 0, 0, 3.3, 0, 0, 0.05]])
-    near = far - [2.5, 0, 0, 2.5, 0, 0, 0]
-    nobody = Watcher().look(far, odm.sample_capsules(far, 0.03), centers, 0.0)
-    assert len(nobody.points) == 0
-    somebody = Watcher().look(near, odm.sample_capsules(near, 0.03), centers, 0.0)
-    points, radius = somebody.between(0.1, 0.2)
-    assert len(points) and radius == pytest.approx(0.4)
+def test_an_unknown_speed_is_the_worst():
+    near = np.array([[0.5, 0, 0, 0.8, 0, 0, 0.05]])
+    there, more = Watcher().look(near, 0.0).between(0.1, 0.2)
+    assert more == 0.0 and there.capsules[0, 6] == pytest.approx(0.45)
+    assert np.array_equal(there.capsules[:, :6], near[:, :6])
 
 
 def test_an_unknown_execution_is_refused():

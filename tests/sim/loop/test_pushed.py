@@ -221,14 +221,14 @@ def gets_away(small_map, far, off, standing=None):
     tip = tool_pose(small_map.robot, executor.motion.stop(executor.t).q_end)[:3, 3]
     middle = tip + [0.0, 0.0, far]
     capsule = np.r_[middle - [0.05, 0.0, 0.0], middle + [0.05, 0.0, 0.0], 0.03]
-    points = odm.sample_capsules(capsule[None], 0.03)
-    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    down = np.tile([0.0, 0.0, -1.0], (1, 2, 1))
     if standing is not None:
         pushable.planner.set_static(standing)
-    pushable.planner.step(points, q=executor.set_point.q)
+    person = odm.Obstacles(capsules=capsule[None])
+    pushable.planner.step(person, q=executor.set_point.q)
     executor.state = RETREATING  # as if it had begun to before the push
     executor._separation.measure(executor.set_point.q)
-    threat = Threat(points, down, 0.0, ThreatSettings())
+    threat = Threat(capsule[None], down, np.zeros(1), 0.0, ThreatSettings())
     pushable.frame(executor.set_point.q + pushable.beside(off), threat)
     return executor.state == RETREATING
 
@@ -265,8 +265,8 @@ def test_a_test_of_a_stop_asks_for_the_points_grown_by_the_deviation(small_map):
             asked.append(extra)
 
     executor._test.planner = Spy()
-    points = np.array([[3.0, 0.0, 0.5]])
-    threat = Threat(points, np.zeros_like(points), 0.0, ThreatSettings())
+    ball, rates = np.array([[3.0, 0, 0.5, 3.0, 0, 0.5, 0.05]]), np.zeros((1, 2, 3))
+    threat = Threat(ball, rates, np.zeros(1), 0.0, ThreatSettings())
     for far in (0.0, 0.01, 0.03):
         q = executor.set_point.q + pushable.beside(far)
         executor.locate(q)
@@ -342,7 +342,7 @@ def test_beside_a_person_told_as_shapes_it_touches_nobody_while_it_moves(
 ):
     planner = odm.ReactivePlanner(small_map)
     person = before_work_places(make_motion(name, 0), planner.robot, PLACES)
-    settings = LoopSettings(duration_s=4.0, execution=execution, shapes=True)
+    settings = LoopSettings(duration_s=4.0, execution=execution)
     result = run_loop(planner, planner.robot, PLACES, person, settings)
     assert result.contacts == 0  # at rest it may be touched
     assert result.trips > 0 or execution == "timed"

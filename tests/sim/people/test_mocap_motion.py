@@ -5,7 +5,7 @@ from mocap_files import person, write_bvh, write_csv
 from handover.human.body import Part
 from odm import sample_capsules
 from roadmap.errors import BadInput
-from sim.draw.mocap_picture import write_strip
+from sim.draw.human_picture import write_strip
 from sim.people.mocap import MocapSettings, load_mocap
 
 HAND = Part.RIGHT_HAND

@@ -164,7 +164,7 @@ def test_a_hand_that_keeps_flying_is_refused(tmp_path):
         joints["left_hand"][start : start + 12, 0] -= way
     sentence = refusal(write_bvh(tmp_path / "a.bvh", joints))
     assert "the left hand flies at up to 12 m/s" in sentence
-    assert "accept_defects to play it all the same" in sentence
+    assert "play it all the same with --accept-defects" in sentence
 
 
 def test_jumps_in_every_few_frames_are_refused(tmp_path):

@@ -134,7 +134,7 @@ def test_another_map_is_refused_with_both_hashes(odm, map_dir, file, tmp_path):
     folder = build_map(other, threads=1).save(tmp_path / "other")
     code, _, err = odm("replay", file, "--map", folder)
     told = sentence(err)
-    assert code == 1
+    assert code == 2
     for one in (map_dir, folder):
         assert load_map(one).hash[:12] in told
     assert f"odm replay {file} --build DIR" in told
@@ -145,7 +145,7 @@ def test_without_a_map_it_looks_where_maps_are_built(
 ):
     monkeypatch.setattr("sim.cli.replay_command.MAPS", tmp_path / "none")
     code, _, err = odm("replay", file)
-    assert code == 1 and "--build" in sentence(err)
+    assert code == 2 and "--build" in sentence(err)
     monkeypatch.setattr("sim.cli.replay_command.MAPS", map_dir.parent)
     code, out, err = odm("replay", file)
     assert code == 0 and out.startswith("same"), err
@@ -164,7 +164,7 @@ def test_a_truncated_recording_is_one_sentence(odm, map_dir, file, tmp_path):
     part = tmp_path / "part.npz"
     part.write_bytes(file.read_bytes()[:5000])
     code, _, err = odm("replay", part, "--map", map_dir)
-    assert code == 1 and "truncated or damaged" in sentence(err)
+    assert code == 2 and "truncated or damaged" in sentence(err)
 
 
 def test_the_planner_of_the_run_knows_nothing_of_the_warming_up(
@@ -199,7 +199,7 @@ def test_a_target_that_cannot_be_written_is_refused_before_the_run(
     # the map is read after the target was tried
     words = ("--motion", motion, "--map", tmp_path / "no_map")
     code, _, err = odm("run", *words, *target)
-    assert code == 1 and told in sentence(err)
+    assert code == 2 and told in sentence(err)
 
 
 def test_ctrl_c_writes_what_was_run(odm, map_dir, tmp_path, monkeypatch):
@@ -246,10 +246,10 @@ def test_a_live_run_with_the_keyboard_is_repeated(end, map_dir, tmp_path):
 
 def test_options_of_the_other_kind_of_file_are_refused(odm, map_dir, file, tmp_path):
     code, _, err = odm("replay", file, "--map", map_dir, "--always-replan")
-    assert code == 1 and "--always-replan goes with recorded obst" in sentence(err)
+    assert code == 2 and "--always-replan goes with recorded obst" in sentence(err)
     np.savez(tmp_path / "frames.npz", capsules=np.zeros((1, 1, 7)))
     code, _, err = odm("replay", tmp_path / "frames.npz", "--holds")
-    assert code == 1 and "--holds goes with a recorded run" in sentence(err)
+    assert code == 2 and "--holds goes with a recorded run" in sentence(err)
     assert odm("replay", tmp_path / "frames.npz")[0] == 2
     assert odm("replay")[0] == 2
     assert odm("replay", file, "--frames", file)[0] == 2

@@ -51,6 +51,23 @@ def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
     assert result.summary()["contact_frames"] == 2
 
 
+def test_who_came_to_a_standing_robot_is_counted_apart():
+    gaps = [0.1, -0.01, -0.02, 0.1, -0.01, 0.1, 0.0]
+    result = result_of(gaps, [1.0, 0.0, 0.50, 1.0, 0.00, 1.0, 0.02])
+    assert result.contacts == 2 and result.standing_contacts == 1
+    assert result.summary()["standing_contacts"] == 1
+    assert "the person came to it standing" in text_of([result])
+
+
+def test_tables_fit_a_narrow_terminal_and_no_number_is_broken():
+    file = open("/dev/null", "w")
+    console = Console(width=80, record=True, file=file)
+    print_report([result_of([0.3, 0.1], [1.0, 0.0])], console=console)
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.split()[:2] == ["step,", "CPU"] for line in lines)
+
+
 def test_creeping_below_the_limit_is_no_motion():
     assert result_of([-0.1, -0.1], [0.009, 0.01]).contacts == 0
 

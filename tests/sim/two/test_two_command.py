@@ -51,16 +51,16 @@ def test_a_base_in_the_first_robot_is_one_sentence(odm, map_dir):
     code, _, said = odm(
         "run-two", "--map", map_dir, "--seconds", 1, "--base", 0.1, 0, 0
     )
-    assert code == 1
+    assert code == 2
     assert "always be in contact; move the second base away" in said
     assert "Traceback" not in said
 
 
 def test_a_base_that_is_no_number_and_a_wrong_other_are_refused(odm, map_dir):
     code, _, said = odm("run-two", "--map", map_dir, "--base", "nan", 0, 0)
-    assert code == 1 and "two lengths in m and degrees" in said
+    assert code == 2 and "--base is nan" in said
     code, _, said = odm("run-two", "--map", map_dir, "--other", "human")
-    assert code == 1 and "planned or scripted" in said
+    assert code == 2 and "planned or scripted" in said
 
 
 def test_a_contact_makes_the_exit_code_one(odm, map_dir, monkeypatch):

@@ -92,7 +92,7 @@ def test_bases_that_always_meet_are_refused(small_map):
 
 def test_a_base_that_leaves_no_place_is_refused(small_map):
     with pytest.raises(BadInput, match="move the second base away"):
-        across = pose_of((0.19, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
+        across = pose_of((0.18, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
         TwoRobots((small_map, small_map), across)
 
 

@@ -22,14 +22,17 @@ Progress = Callable[[str, int, int], None]
 TAX_LINES, TAX_EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
 
 
-def facts(cell_map: CellMap, tell: Progress | None = None) -> dict:
+def facts(
+    cell_map: CellMap, tell: Progress | None = None, with_tax: bool = True
+) -> dict:
     """Return everything `odm info` says about a map, as plain JSON data.
 
     Args:
         cell_map: The map.
         tell: Called with (stage, done, total).
+        with_tax: Measure the clearance tax, too; else it is None.
     """
-    tax = _tax_facts(cell_map, tell or (lambda *_: None))
+    tax = _tax_facts(cell_map, tell or (lambda *_: None)) if with_tax else None
     robot, roadmap = cell_map.robot, cell_map.roadmap
     edge_major, block_major = cell_map.arm_cells.bytes_by_view()
     n_edges = max(1, roadmap.n_edges)
@@ -153,7 +156,10 @@ def show(facts: dict) -> None:
     low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
     console.print(f"grid of {grid} cells from {low} to {high} m")
     console.print(_safety_table(facts["safety"]))
-    console.print(_tax_table(facts["clearance_tax"]))
+    if facts["clearance_tax"] is None:
+        console.print("[bold]Clearance tax[/]: not measured; --tax takes a quick look")
+    else:
+        console.print(_tax_table(facts["clearance_tax"]))
     console.print(_joint_table(robot))
     console.print(_cover_table(facts["cover"]))
     _show_lists(console, facts)

@@ -1,0 +1,1 @@
+"""Whole hand-overs: arm, grasps, pose and proved motions of two agents."""

@@ -1,0 +1,268 @@
+"""Algorithms 2 and 3 of [Huaman2014]: which arm, grasps and pose, best first.
+
+The tuples of H are made in the order of the receiver's dexterity at the goal, so that
+the first one is the one that the paper selects from all of them. Where the paper's
+reduced set holds none, it is widened step by step; each tuple says which step it is of.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from handover.grasps.arm_choice import ArmReach, build_arm_reach
+from handover.grasps.grasp_set import GraspSet
+from handover.grasps.hand import load_hand
+from handover.plans.limb import Limb
+from handover.plans.mover import Mover
+from handover.plans.prune import Executed, prune_grasps
+from handover.plans.settings import PlanSettings
+from handover.scenes.scene import Scene
+
+_SAMPLES = 100_000  # configurations behind an arm's reachability
+_CELL = 0.05  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Tuple:
+    """One way to hand over: an element of H.
+
+    Attributes:
+        arm, arm_receiver: Sides of the arms of giver and receiver.
+        grasp_giver, grasp_receiver: Numbers in the sets.
+        T_world_handover: (4, 4) the object then [m].
+        q_start, q_giver: (dof,) giver's arm and hand at the start and then.
+        q_receiver, q_goal: (dof,) receiver's then and at the goal.
+        dexterity: The receiver's at the goal: what is selected by.
+        dexterity_giver: The giver's at the hand-over: what decides among equals.
+        step: Which step of the search found it.
+    """
+
+    arm: str
+    arm_receiver: str
+    grasp_giver: int
+    grasp_receiver: int
+    T_world_handover: np.ndarray
+    q_start: np.ndarray
+    q_giver: np.ndarray
+    q_receiver: np.ndarray
+    q_goal: np.ndarray
+    dexterity: float
+    dexterity_giver: float
+    step: str
+
+
+@dataclass(eq=False)
+class Report:
+    """What was pruned where, and why.
+
+    Attributes:
+        arm: Why the giver's arm was chosen.
+        grasps: Where -> (of how many, how many are left, why the others are not).
+        poses: Hand-over poses looked at, and those that the receiver can take.
+        tuples: Tuples of H that were found.
+        step: Which step of the search found the plan's tuple.
+        failed: Motions that were not found, one line for each tuple tried.
+        seconds: Stage -> time spent [s]; no part of a plan's bytes.
+    """
+
+    arm: str = ""
+    grasps: dict = field(default_factory=dict)
+    poses: list = field(default_factory=lambda: [0, 0])
+    tuples: int = 0
+    step: str = ""
+    failed: list = field(default_factory=list)
+    seconds: dict = field(default_factory=dict)
+
+    def pruned(self, where: str, total: int, left: Executed) -> None:
+        """Note what Algorithm 1 left."""
+        self.grasps[where] = (total, len(left), left.refused)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A giver's arm and a receiver's arm, ready to move."""
+
+    giver: Mover
+    receiver: Mover
+    of_giver: GraspSet
+    of_receiver: GraspSet
+
+
+@lru_cache(maxsize=16)
+def reach_of(limb: Limb) -> ArmReach:
+    """Return an arm's average manipulability by voxel, frame of its mount."""
+    center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
+    return build_arm_reach(limb.chain, limb.side, center, samples=_SAMPLES, cell=_CELL)
+
+
+def arms_in_order(
+    limbs: dict[str, Limb],
+    mounts: dict[str, np.ndarray],
+    point: np.ndarray,
+    size: float,
+) -> tuple[list[str], str]:
+    """Return the arms that reach a thing, the best first, and why (section IV-A).
+
+    Args:
+        limbs, mounts: The arms by side, and what they hang on, world frame [m].
+        point: (3,) the thing's middle, world frame [m].
+        size: How far it reaches from there [m]: an arm that only comes so near to the
+            middle is taken after those that reach it.
+    """
+    entries, gaps = {}, {}
+    for side, limb in limbs.items():
+        local = np.linalg.inv(mounts[side]) @ np.r_[point, 1.0]
+        entries[side] = reach_of(limb).at(local[:3])
+        gaps[side] = local[:3]
+    able = sorted((s for s in entries if entries[s] > 0.0), key=lambda s: -entries[s])
+    near = {s: reach_of(limbs[s]).gap(gaps[s]) for s in limbs if s not in able}
+    late = sorted((s for s in near if near[s] <= size), key=near.__getitem__)
+    place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
+    if not able and not late:
+        best = min(near, key=near.__getitem__)
+        return [], (
+            f"no arm reaches {place}; the {best} one comes within {near[best]:.2f} m"
+        )
+    if not able:
+        return late, (
+            f"no arm reaches {place}; the {late[0]} one comes within "
+            f"{near[late[0]]:.2f} m, which is less than the thing is long"
+        )
+    told = ", ".join(f"{s} {entries[s]:.3g}" for s in able)
+    only = "only " if len(able) == 1 else ""
+    text = f"{only}the {able[0]} arm: manipulability at {place} {told}"
+    return able + late, text
+
+
+def tuples(
+    scene: Scene, pair: Pair, settings: PlanSettings, report: Report
+) -> Iterator[Tuple]:
+    """Yield the tuples of H, the receiver's most dexterous first, then wider ones."""
+    giver, receiver = pair.giver, pair.receiver
+    sides = giver.limb.side, receiver.limb.side
+    receiver.put_object(scene.T_world_goal)
+    receiver.let_touch()
+    goals = prune_grasps(receiver, pair.of_receiver, scene.T_world_goal)
+    report.pruned(f"receiver {sides[1]}, goal", len(pair.of_receiver), goals)
+    if not len(goals):
+        return
+    giver.put_object(scene.T_world_start)
+    giver.let_touch()
+    starts = prune_grasps(giver, pair.of_giver, scene.T_world_start)
+    report.pruned(f"giver {sides[0]}, start", len(pair.of_giver), starts)
+    if not len(starts):
+        return
+    q_start = dict(zip(starts.grasp.tolist(), starts.q, strict=True))
+    for step, places, turns in _steps(pair, settings):
+        for place in places:
+            for turn in turns:
+                for k, grasp in enumerate(goals.grasp.tolist()):
+                    T = _handover_pose(scene, pair, grasp, place, turn)
+                    report.poses[0] += 1
+                    q_receiver = _taken(pair, grasp, T)
+                    if q_receiver is None:
+                        continue
+                    report.poses[1] += 1
+                    for g, q, value in _given(pair, starts, T, q_receiver):
+                        yield Tuple(
+                            *sides, g, grasp, T, q_start[g], q, q_receiver,
+                            goals.q[k], float(goals.dexterity[k]), value, step,
+                        )  # fmt: skip
+
+
+def _steps(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
+    """Yield (name, places, turns) of each step: the paper's first, then wider."""
+    places = common_voxels(pair, settings.near)
+    if len(places):
+        first, rest = places[:1], places[1 : settings.voxels]
+        more = 2.0 * np.pi * np.arange(1, settings.turns) / settings.turns
+        yield "the paper's reduced set", first, [0.0]
+        yield "more voxels", rest, [0.0]
+        yield "more rotations", places[: max(1, settings.voxels // 4)], more.tolist()
+        yield "more rotations, more voxels", rest, more.tolist()
+
+
+def common_voxels(pair: Pair, near: float) -> np.ndarray:
+    """Return the voxels that both arms reach (n, 3), the most dexterous first.
+
+    They are neighbours of the middle between the shoulders, nearer than `near` [m].
+    """
+    middle = 0.5 * (shoulder(pair.giver) + shoulder(pair.receiver))
+    n = int(np.ceil(near / _CELL))
+    steps = np.arange(-n, n + 1) * _CELL
+    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
+    offsets = grid.reshape(-1, 3)
+    offsets = offsets[np.linalg.norm(offsets, axis=1) <= near + 1e-9]
+    points = middle + offsets
+    value = np.ones(len(points))
+    total = np.zeros(len(points))
+    for mover in (pair.giver, pair.receiver):
+        reach = reach_of(mover.limb)
+        T = np.linalg.inv(mover.T_mount)
+        local = points @ T[:3, :3].T + T[:3, 3]
+        entry = np.array([reach.at(p) for p in local])
+        value *= entry > 0.0
+        total += entry / reach.average.max()
+    able = np.flatnonzero(value > 0.0)
+    order = able[np.argsort(-total[able], kind="stable")]
+    return points[order]
+
+
+def shoulder(mover: Mover) -> np.ndarray:
+    """Return where an arm's shoulder is, world frame (3,) [m]."""
+    limb = mover.limb
+    local = limb.chain.fixed[0, 9:] if limb.seven is None else limb.seven.shoulder
+    return mover.T_mount[:3, :3] @ local + mover.T_mount[:3, 3]
+
+
+def _handover_pose(
+    scene: Scene, pair: Pair, grasp: int, place: np.ndarray, turn: float
+) -> np.ndarray:
+    """Return T_world_handover of Algorithm 3, lines 8 to 13."""
+    T_object_palm = pair.of_receiver.T_object_palm[grasp]
+    R_palm = scene.T_world_goal[:3, :3] @ T_object_palm[:3, :3]
+    z = shoulder(pair.giver) - shoulder(pair.receiver)
+    z /= np.linalg.norm(z)
+    R = _about(z, turn) @ min_rotation(R_palm[:, 2], z) @ R_palm
+    T = np.eye(4)
+    T[:3, :3] = R @ T_object_palm[:3, :3].T
+    T[:3, 3] = place - T[:3, :3] @ pair.of_receiver.thing.center
+    return T
+
+
+def min_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least rotation (3, 3) from unit vector a to b."""
+    v, c = np.cross(a, b), float(a @ b)
+    if c < -1.0 + 1e-9:
+        side = np.eye(3)[int(np.argmin(np.abs(a)))]
+        axis = np.cross(a, side)
+        axis /= np.linalg.norm(axis)
+        return 2.0 * np.outer(axis, axis) - np.eye(3)
+    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + K + K @ K / (1.0 + c)
+
+
+def _about(axis: np.ndarray, angle: float) -> np.ndarray:
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+
+
+def _taken(pair: Pair, grasp: int, T: np.ndarray) -> np.ndarray | None:
+    """Return the receiver's joints that hold the object at a pose, None: none do."""
+    receiver = pair.receiver
+    receiver.hold(np.linalg.inv(pair.of_receiver.T_object_palm[grasp]))
+    found = prune_grasps(receiver, pair.of_receiver, T, np.array([grasp]))
+    return found.q[0] if len(found) else None
+
+
+def _given(pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray):
+    """Yield (grasp, q, dexterity) of the giver; the receiver holds the object, too."""
+    giver = pair.giver
+    giver.put_other(q_receiver)
+    giver.put_object(T)
+    giver.let_touch()
+    found = prune_grasps(giver, pair.of_giver, T, starts.grasp)
+    yield from zip(found.grasp.tolist(), found.q, found.dexterity.tolist(), strict=True)

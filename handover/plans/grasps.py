@@ -1,0 +1,65 @@
+"""Which grasps a hand has of an object: stored sets, found again or made."""
+
+from functools import lru_cache
+from pathlib import Path
+
+from handover.grasps.build import Progress, build_grasps
+from handover.grasps.grasp_set import GraspSet, load_grasps
+from handover.grasps.hands import HandSpec, hand_spec
+from handover.grasps.objects import GraspObject
+from roadmap.errors import BadInput, BadMap
+
+FOLDER = Path("maps/built/grasps")
+_ALIKE = {"sdh_right": "sdh_left"}  # the same hand on the other arm
+
+
+def grasps_for(
+    thing: GraspObject,
+    hand: HandSpec,
+    folder: Path | None = None,
+    build: bool = True,
+    progress: Progress | None = None,
+) -> GraspSet:
+    """Return the grasps of an object by a hand: the stored set, else a new one, stored.
+
+    Args:
+        thing: The object.
+        hand: The hand; those that are alike share a set.
+        folder: Where sets are, OBJECT-HAND each; `maps/built/grasps` if left.
+        build: Make a set that is missing, which takes a minute.
+        progress: Called with (stage, done, total) while one is made.
+
+    Raises:
+        BadInput: There is none, and none is to be made; says how.
+    """
+    name = _ALIKE.get(hand.name, hand.name)
+    if name in _ALIKE.values() or name == hand.name:
+        hand = hand if name == hand.name else hand_spec(name)
+    path = Path(folder or FOLDER) / f"{thing.name}-{name}"
+    found = _stored(path, thing.fingerprint())
+    if found is not None:
+        return found
+    if not build:
+        raise BadInput(
+            f"{path} holds no grasps of this {thing.name} by the hand {name}; make "
+            f"them with `odm grasps build --object {thing.name} --hand {name}`"
+        )
+    made = build_grasps(thing, hand.name, progress=progress)
+    made.save(path)
+    return made
+
+
+def _stored(path: Path, fingerprint: str) -> GraspSet | None:
+    manifest = path / "manifest.json"
+    if not manifest.is_file():
+        return None
+    try:
+        grasps = _loaded(path, manifest.stat().st_mtime_ns)
+    except BadMap:
+        return None
+    return grasps if grasps.thing.fingerprint() == fingerprint else None
+
+
+@lru_cache(maxsize=32)
+def _loaded(path: Path, changed: int) -> GraspSet:
+    return load_grasps(path)

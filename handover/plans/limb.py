@@ -1,0 +1,372 @@
+"""An arm with its hand, read from any URDF: bodies, convex parts, kinematics."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from handover.chain import Chain
+from handover.grasps.agents import Agent
+from handover.grasps.hand import load_hand
+from handover.grasps.hands import HandSpec
+from roadmap.errors import BadInput
+from roadmap.geometry.solids import Solid, solid_of
+from roadmap.kinematics import _seven
+from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics.axis_reach import group_reach, joint_span
+from roadmap.kinematics.seven import seven_of
+from roadmap.kinematics.tool_chain import tool_chain
+from roadmap.loading.body_tree import BodyTree, bodies_of, drive
+from roadmap.robot.description import MOVABLE, Description, read_description
+from roadmap.robot.known import known_robot, robot_file
+from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
+
+_SIDES = 12  # of the prism round a cylinder without round ends
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A convex part of a link: points, thickened by a radius.
+
+    Attributes:
+        link: Its link.
+        body: The body that it is on.
+        points: (n, 3) in the body's frame [m].
+        radius: Round each point [m].
+    """
+
+    link: str
+    body: int
+    points: np.ndarray
+    radius: float
+
+    @property
+    def ball(self) -> tuple[float, float, float, float]:
+        """A ball around it: centre in the body's frame, radius [m]."""
+        return ball_of(self.points, self.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class AgentModel:
+    """A whole agent: every joint moves.
+
+    Attributes:
+        description: Its URDF.
+        tree: Its bodies, for all driving joints.
+        parts: All its convex parts.
+        neighbours: Pairs of links joined by a joint.
+    """
+
+    description: Description
+    tree: BodyTree
+    parts: tuple[Part, ...]
+    neighbours: frozenset[frozenset[str]]
+
+    def frames(self, values: dict[str, float]) -> np.ndarray:
+        """Return (n_bodies, 12) poses in the base frame, joints at `values`."""
+        q = np.array([values[name] for name in self.tree.joint_names])
+        frames = np.empty((len(self.tree.tree_i), 12))
+        body_frames(self.tree.tree_i, self.tree.tree_f, q, frames)
+        return frames
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """One arm of an agent with its hand; body 0 is what it is mounted on.
+
+    Attributes:
+        side: "left" or "right".
+        model: The agent.
+        joints: (dof,) names, those of the arm first, then those of the hand.
+        n_arm: How many are the arm's.
+        lower, upper: (dof,) limits [rad or m].
+        max_velocity, max_acceleration, max_jerk: (dof,).
+        tree_i, tree_f: Its bodies, frame of body 0.
+        mount: Body of the agent that it hangs on.
+        parts: Its convex parts, those of the arm first.
+        groups: (link or "hand", first part, end) of each group, the hand last.
+        reach: (n parts, dof) how far a unit of each joint moves a part [m].
+        palm_reach: (dof,) the same of the palm's origin.
+        palm: Body of the palm.
+        T_body_palm: (4, 4).
+        chain: The arm, from body 0 to the palm.
+        seven: The same in closed form, or None.
+        spec: The hand.
+        own: The agent's bodies that it is made of.
+    """
+
+    side: str
+    model: AgentModel
+    joints: tuple[str, ...]
+    n_arm: int
+    lower: np.ndarray
+    upper: np.ndarray
+    max_velocity: np.ndarray
+    max_acceleration: np.ndarray
+    max_jerk: np.ndarray
+    tree_i: np.ndarray
+    tree_f: np.ndarray
+    mount: int
+    parts: tuple[Part, ...]
+    groups: tuple[tuple[str, int, int], ...]
+    reach: np.ndarray
+    palm_reach: np.ndarray
+    palm: int
+    T_body_palm: np.ndarray
+    chain: Chain
+    seven: _seven.Seven | None
+    spec: HandSpec
+    own: frozenset[int]
+
+    @property
+    def dof(self) -> int:
+        """Number of joints of arm and hand."""
+        return len(self.joints)
+
+    def palm_pose(self, q: np.ndarray) -> np.ndarray:
+        """Return the palm's pose (4, 4) in the frame of body 0."""
+        return self.chain.tool_pose(np.ascontiguousarray(q[: self.n_arm]))
+
+
+def ball_of(points: np.ndarray, radius: float = 0.0) -> tuple:
+    """Return a ball around points with a radius: centre and radius [m]."""
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    far = np.linalg.norm(points - center, axis=1).max()
+    return (*center.tolist(), float(far + radius + 1e-9))
+
+
+@lru_cache(maxsize=8)
+def agent_model(source: str) -> AgentModel:
+    """Return an agent's whole model; `source` is a known robot or a URDF's path."""
+    path = robot_file(source)
+    description = read_description(path)
+    drivers = dict.fromkeys(
+        drive(description, j)[0]
+        for j in description.joints.values()
+        if j.kind in MOVABLE
+    )
+    tree = bodies_of(description, list(drivers), {})
+    parts = []
+    for name, link in description.links.items():
+        shapes = link.collisions or link.visuals
+        T = tree.T_body_link[name]
+        solids = [solid_of(s, link, 0, T, (path, ()))[0] for s in shapes]
+        parts += [
+            Part(name, tree.link_body[name], points, radius)
+            for points, radius in _convex(solids)
+        ]
+    return AgentModel(description, tree, tuple(parts), _neighbours(description))
+
+
+def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:
+    """Return solids as points with a radius; a cylinder between balls is a capsule."""
+    found, used = [], set()
+    for k, rod in enumerate(solids):
+        if rod.kind != CYLINDER:
+            continue
+        radius, length = rod.size[:2]
+        ends = _moved(rod, np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length)
+        caps = [
+            i
+            for i, ball in enumerate(solids)
+            if ball.kind == SPHERE
+            and abs(ball.size[0] - radius) < 1e-9
+            and np.abs(ends - ball.T_body_solid[:3, 3]).max(axis=1).min() < 1e-9
+        ]
+        if len(caps) == 2:
+            found.append((ends, float(radius)))
+            used |= {k, *caps}
+    for k, solid in enumerate(solids):
+        if k in used:
+            continue
+        if solid.kind == SPHERE:
+            found.append((_moved(solid, np.zeros((1, 3))), float(solid.size[0])))
+        elif solid.kind == BOX:
+            signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+            found.append((_moved(solid, signs * solid.size), 0.0))
+        elif solid.kind == CYLINDER:
+            found.append((_moved(solid, prism(*solid.size[:2])), 0.0))
+        elif solid.kind == HULL:
+            found.append((_moved(solid, solid.points), 0.0))
+    return found
+
+
+def prism(radius: float, length: float) -> np.ndarray:
+    """Return corners of a prism around a cylinder along z [m]."""
+    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ring *= radius / np.cos(np.pi / _SIDES)
+    half = np.full((_SIDES, 1), 0.5 * length)
+    return np.concatenate([np.hstack([ring, -half]), np.hstack([ring, half])])
+
+
+def hull_points(points: np.ndarray) -> np.ndarray:
+    """Return the corners of a convex hull."""
+    return points[ConvexHull(points).vertices]
+
+
+def _moved(solid: Solid, points: np.ndarray) -> np.ndarray:
+    T = solid.T_body_solid
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def _neighbours(description: Description) -> frozenset[frozenset[str]]:
+    """Return pairs of links joined by a joint, or through links without geometry."""
+    pairs = set()
+    for link in description.links.values():
+        joint = description.parent_joint(link.name)
+        while joint is not None:
+            pairs.add(frozenset((joint.parent, link.name)))
+            parent = description.links[joint.parent]
+            if parent.collisions or parent.visuals:
+                break
+            joint = description.parent_joint(parent.name)
+    return frozenset(pairs)
+
+
+@lru_cache(maxsize=16)
+def _limb(source: str, side: str, hand: str) -> Limb:
+    model, spec = agent_model(source), load_hand(hand).spec
+    description, whole = model.description, model.tree
+    path = description.path(spec.palm)
+    arm = list(
+        dict.fromkeys(
+            drive(description, j)[0]
+            for j in path
+            if j.kind in MOVABLE and j.name not in spec.joints
+        )
+    )
+    arm = _arm_only(source, arm)
+    joints = (*arm, *spec.joints)
+    rows = [whole.joint_names.index(name) for name in joints]
+    # bodies that these joints move, and what the first hangs on
+    moved = np.zeros(len(whole.tree_i), bool)
+    for b, (parent, joint, _) in enumerate(whole.tree_i):
+        moved[b] = (parent >= 0 and moved[parent]) or joint in rows
+    order = np.flatnonzero(moved)
+    mount = int(whole.tree_i[order[0], 0])
+    index = {mount: 0} | {int(b): k + 1 for k, b in enumerate(order)}
+    if any(int(whole.tree_i[b, 0]) not in index for b in order):
+        raise BadInput(
+            f"the {side} arm of {description.name} hangs on two bodies; its joints "
+            "must be one chain"
+        )
+    tree_i, tree_f = (
+        [(-1, -1, 0)],
+        [np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0]],
+    )
+    for b in order:
+        parent, joint, kind = whole.tree_i[b]
+        tree_i.append((index[int(parent)], rows.index(joint), kind))
+        tree_f.append(whole.tree_f[b])
+    tree_i, tree_f = np.array(tree_i, np.int32), np.array(tree_f, float)
+    limits = {k: np.asarray(v)[rows] for k, v in whole.limits.items()}
+    known = known_robot(source)
+    parts, groups = _parts_of(model, spec, index)
+    span = joint_span(tree_i, tree_f, limits["lower"], limits["upper"])
+    palm = index[whole.link_body[spec.palm]]
+    T_palm = whole.T_body_link[spec.palm] @ spec.T_link_palm
+    bodies = np.array([p.body for p in parts] + [palm], np.int32)
+    clouds = [np.concatenate([p.points]) for p in parts] + [T_palm[None, :3, 3]]
+    far = group_reach(tree_i, tree_f, span, bodies, clouds)
+    far[:-1] += np.array([p.radius for p in parts])[:, None] * (far[:-1] > 0)
+    reach = np.zeros((len(far), len(joints)))
+    for b in range(1, len(tree_i)):
+        reach[:, tree_i[b, 1]] += abs(tree_f[b, 15]) * far[:, b]
+    chain = _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm)
+    acceleration, jerk = limits["max_acceleration"], limits["max_jerk"]
+    for k, name in enumerate(joints):
+        acceleration[k] = (known.acceleration if known else {}).get(
+            name, acceleration[k]
+        )
+        jerk[k] = (known.jerk if known else {}).get(name, jerk[k])
+    return Limb(
+        side=side, model=model, joints=joints, n_arm=len(arm),
+        lower=limits["lower"], upper=limits["upper"],
+        max_velocity=limits["max_velocity"], max_acceleration=acceleration,
+        max_jerk=jerk, tree_i=tree_i, tree_f=tree_f, mount=mount,
+        parts=parts, groups=groups, reach=reach[:-1], palm_reach=reach[-1],
+        palm=palm, T_body_palm=T_palm, chain=chain, seven=seven_of(chain.arrays),
+        spec=spec, own=frozenset(order.tolist()),
+    )  # fmt: skip
+
+
+def _arm_only(source: str, arm: list[str]) -> list[str]:
+    """Leave out joints that the known robot of one arm holds still."""
+    known = known_robot(source)
+    held = known.locked if known else {}
+    return [name for name in arm if name not in held]
+
+
+def limb_of(agent: Agent, side: str) -> Limb:
+    """Return an arm of an agent, with its hand; made once.
+
+    Raises:
+        BadInput: The agent has no such arm.
+    """
+    if side not in agent.arms:
+        raise BadInput(
+            f"{agent.name} has no {side} arm; give one of {', '.join(agent.arms)}"
+        )
+    arm = agent.arms[side]
+    return _limb(arm.robot, side, arm.hand)
+
+
+def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple:
+    """Return the parts on the limb's bodies by link, those of the hand last."""
+    hand, links = [], {}
+    below = _below(model.description, spec.root)
+    for part in model.parts:
+        if part.body not in index or index[part.body] == 0:
+            continue
+        moved = Part(part.link, index[part.body], part.points, part.radius)
+        if part.link in below:
+            hand.append(moved)
+        else:
+            links.setdefault(part.link, []).append(moved)
+    parts, groups = [], []
+    for name, own in [*links.items(), ("hand", hand)]:
+        groups.append((name, len(parts), len(parts) + len(own)))
+        parts += own
+    return tuple(parts), tuple(groups)
+
+
+def _below(description: Description, root: str) -> set[str]:
+    links = [root]
+    for link in links:
+        links += [joint.child for joint in description.children(link)]
+    return set(links)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tree:
+    """What `tool_chain` reads of a robot."""
+
+    name: str
+    joint_names: tuple[str, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    continuous: np.ndarray
+    tree_i: np.ndarray
+    tree_f: np.ndarray
+    tip_body: int
+    T_body_tip: np.ndarray
+
+
+def _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm) -> Chain:
+    """Return the arm from body 0 to the palm."""
+    n = len(arm)
+    name = f"{source} {side}"
+    still = np.zeros(len(limits["lower"]), bool)
+    tree = _Tree(
+        name, tuple(arm), limits["lower"], limits["upper"], still, tree_i, tree_f,
+        palm, T_palm,
+    )  # fmt: skip
+    arrays, rows = tool_chain(tree)
+    if rows != list(range(n)):
+        raise BadInput(f"{name}: joints of the hand move its palm; name another palm")
+    return Chain(
+        name=name, joint_names=tuple(arm), fixed=arrays.fixed, kind=arrays.kind,
+        scale=arrays.scale, limits=arrays.limits, endless=arrays.endless,
+    )  # fmt: skip

@@ -1,0 +1,404 @@
+"""One arm ready to move in a scene: what it keeps clear of, and proofs that it does.
+
+All else stands: its own body, the other agent, furniture, and the object, unless the
+arm holds it. The other agent's arm and the object are bodies of their own, so that they
+are put elsewhere by writing a pose.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from handover.plans import _space as kernels
+from handover.plans.limb import Limb, ball_of, hull_points, prism
+from handover.scenes.scene import PlacedAgent, Scene
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics.seven import free_angles, room
+from roadmap.transforms import flat_pose
+
+MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
+SELF_MARGIN = 1e-4  # [m] the same between links of one arm
+TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
+_OFF = -1e6  # margin of a pair that is not looked at [m]
+_DEPTH = 40
+STEPS = 12  # values of the free angle of an arm
+
+
+class Mover:
+    """An arm in a scene; the other arm of interest is `other`.
+
+    Args:
+        scene: The scene.
+        placed: The agent whose arm it is.
+        limb: The arm.
+        other_placed, other: The other agent and its arm, which may be put anywhere.
+
+    Attributes:
+        space: For the kernels.
+        T_mount: (4, 4) what the arm hangs on, world frame [m].
+        T_world_object: (4, 4) where the object is; None: the arm holds it.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        placed: PlacedAgent,
+        limb: Limb,
+        other_placed: PlacedAgent,
+        other: Limb,
+    ) -> None:
+        """Lay out bodies, parts and pairs."""
+        self.limb, self.other = limb, other
+        self.T_mount = mount_pose(placed, limb)
+        self._T_other = mount_pose(other_placed, other)
+        self._layout(scene, placed, other_placed)
+        self._scratch = kernels.Scratch(
+            frames=np.zeros((len(self.space.tree_i), 12)),
+            moves=np.zeros(len(self.space.pairs)),
+            lists=np.zeros((_DEPTH, len(self.space.pairs)), np.int32),
+            stack=np.zeros((_DEPTH + 1, max(4, limb.dof))),
+            v=np.zeros(3),
+            simplex=np.zeros((16, 3)),
+        )
+        steps = STEPS
+        self.prune = None if limb.seven is None else kernels.Pruning(
+            seven=limb.seven,
+            chain=limb.chain.arrays,
+            free=free_angles(limb.seven, steps),
+            room=room(),
+            found=np.zeros((8 * steps, 7)),
+            value=np.zeros(8 * steps),
+            frames=np.zeros((8, 12)),
+            jac=np.zeros((6, 7)),
+            weighted=np.zeros((7, 7)),
+            gram=np.zeros((6, 6)),
+        )  # fmt: skip
+        self.T_world_object: np.ndarray | None = None
+        self.put_object(scene.T_world_start)
+        self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
+
+    # --- layout -----------------------------------------------------------------
+
+    def _layout(self, scene, placed, other_placed) -> None:
+        limb, other = self.limb, self.other
+        n = len(limb.tree_i)
+        self._world = n
+        self._first_other = n + 1
+        self._object = n + 1 + len(other.tree_i)
+        total = self._object + 1
+        tree_i = np.full((total, 3), (-1, -1, 0), np.int32)
+        tree_f = np.tile(
+            np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0], (total, 1)
+        )
+        tree_i[:n], tree_f[:n] = limb.tree_i, limb.tree_f
+        tree_f[0, :12] = flat_pose(self.T_mount)
+        groups = [  # name, body of the ball, its parts (body, points, radius), ball
+            *_limb_groups(limb, 0, limb.groups),
+            ("object", self._object, _object_parts(scene, self._object)),
+        ]
+        self.n_limb, self.object_group = len(limb.groups), len(limb.groups)
+        self.hand_group = self.n_limb - 1
+        still = [
+            *_limb_groups(other, self._first_other, other.groups),
+            *_rest(placed, limb, self._world, "own "),
+            *_rest(other_placed, other, self._world, "other "),
+            *(
+                (f.name, self._world, [(self._world, *shape_points(f.shape))])
+                for f in scene.scenery
+            ),
+        ]
+        groups += still
+        self.names = tuple(g[0] for g in groups)
+        balls = [_group_ball(g, limb, other, self._first_other) for g in groups]
+        self._object_ball = balls[self.object_group]
+        pairs, reach, margin, first = self._pairs(groups, balls, placed)
+        parts = [p for g in groups for p in g[2]]
+        ends = np.cumsum([0, *(len(p[1]) for p in parts)])
+        spans = np.cumsum([0, *(len(g[2]) for g in groups)])
+        self.space = kernels.Space(
+            tree_i=tree_i,
+            tree_f=tree_f,
+            part_body=np.array([p[0] for p in parts]),
+            part_span=np.stack([ends[:-1], ends[1:]], axis=1),
+            part_ball=np.array([ball_of(p[1], p[2]) for p in parts]),
+            radius=np.array([p[2] for p in parts], float),
+            points=np.ascontiguousarray(np.concatenate([p[1] for p in parts])),
+            group_body=np.array([g[1] for g in groups]),
+            group_ball=np.array(balls),
+            group_span=np.stack([spans[:-1], spans[1:]], axis=1),
+            pairs=pairs,
+            reach=reach,
+            margin=margin.copy(),
+            first=first,
+        )
+        self._margin = margin
+        self._object_rows = np.flatnonzero((pairs == self.object_group).any(axis=1))
+
+    def _pairs(self, groups, balls, placed) -> tuple:
+        """Return pairs, reach, margins, and how many depend on the hand alone."""
+        limb, hand, thing = self.limb, self.hand_group, self.object_group
+        near = placed.body.neighbours
+        extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
+        origin = origin + self.T_mount[:3, 3]
+        rows_hand, rows_arm = [], []
+        for k in range(thing + 1, len(groups)):
+            name, body, _ = groups[k]
+            center, radius = np.array(balls[k][:3]), balls[k][3]
+            away = np.linalg.norm(center - origin) if body == self._world else 0.0
+            for a in range(thing + 1):
+                far = extent[min(a, hand)] + (
+                    2.0 * balls[thing][3] if a == thing else 0.0
+                )
+                if away - radius > far + 0.01:
+                    continue
+                if a < hand and name.startswith("own "):
+                    links = (limb.groups[a][0], name[4:])
+                    if links in near:
+                        continue
+                (rows_hand if a >= hand else rows_arm).append((a, k, MARGIN))
+        first = len(rows_hand) + 1
+        rows_hand.append((hand, thing, MARGIN))
+        for a in range(hand):
+            rows_arm.append((a, thing, MARGIN))
+            for b in range(a + 1, hand + 1):
+                other = limb.spec.root if b == hand else limb.groups[b][0]
+                if (limb.groups[a][0], other) not in near:
+                    rows_arm.append((a, b, SELF_MARGIN))
+        rows = [*rows_hand, *rows_arm]
+        pairs = np.array([r[:2] for r in rows])
+        margin = np.array([r[2] for r in rows])
+        reach = np.zeros((len(rows), limb.dof))
+        for p, (a, b) in enumerate(pairs):
+            if a == thing:
+                continue  # when it is held
+            if b == thing or b > thing:
+                reach[p] = _group_reach(limb, a)
+            if b <= hand:  # joints below a carry both
+                body = limb.parts[limb.groups[a][1]].body
+                reach[p] = _group_reach(limb, b) * (np.arange(limb.dof) >= body)
+        return pairs, reach, margin, first
+
+    # --- where things are ---------------------------------------------------------
+
+    def put_other(self, q: np.ndarray) -> None:
+        """Let the other arm stand at joints (dof,), its hand included."""
+        frames = limb_frames(self.other, self._T_other, q)
+        n = len(self.other.tree_i)
+        rows = slice(self._first_other, self._first_other + n)
+        self.space.tree_f[rows, :12] = frames
+
+    def put_object(self, T_world_object: np.ndarray) -> None:
+        """Let the object stand somewhere; the arm does not hold it."""
+        self.T_world_object = np.asarray(T_world_object, float)
+        space, thing = self.space, self.object_group
+        space.tree_i[self._object] = -1, -1, 0
+        space.tree_f[self._object, :12] = flat_pose(self.T_world_object)
+        space.margin[:] = self._margin
+        for p in self._object_rows:
+            a, b = space.pairs[p]
+            if a == thing:
+                space.margin[p] = _OFF  # neither moves
+            elif b == thing:
+                space.reach[p] = _group_reach(self.limb, a)
+
+    def hold(self, T_palm_object: np.ndarray) -> None:
+        """Let the hand hold the object: it goes with the palm, and touches the hand."""
+        self.T_world_object = None
+        space, thing, limb = self.space, self.object_group, self.limb
+        T = limb.T_body_palm @ T_palm_object
+        space.tree_i[self._object] = limb.palm, -1, 0
+        space.tree_f[self._object, :12] = flat_pose(T)
+        space.margin[:] = self._margin
+        center = T[:3, :3] @ self._object_ball[:3] + T[:3, 3] - limb.T_body_palm[:3, 3]
+        far = np.linalg.norm(center) + self._object_ball[3]
+        reach = np.where(limb.palm_reach > 0.0, limb.palm_reach + far, 0.0)
+        for p in self._object_rows:
+            a, b = space.pairs[p]
+            space.reach[p] = reach
+            if b == thing and a == self.hand_group:
+                space.margin[p] = _OFF
+            elif b == thing:
+                body = limb.parts[limb.groups[a][1]].body
+                space.reach[p] = reach * (np.arange(limb.dof) >= body)
+
+    def let_touch(self) -> None:
+        """Let both hands touch the object: they grasp it, or have just let go."""
+        other_hand = self.object_group + len(self.other.groups)
+        for p in self._object_rows:
+            if set(self.space.pairs[p]) & {self.hand_group, other_hand}:
+                self.space.margin[p] = _OFF
+
+    # --- questions ------------------------------------------------------------------
+
+    def target(self, T_world_palm: np.ndarray) -> np.ndarray:
+        """Return a palm's pose in the frame of the arm's mount, (..., 12)."""
+        T = np.linalg.inv(self.T_mount) @ T_world_palm
+        return np.concatenate(
+            [T[..., :3, :3].reshape(*T.shape[:-2], 9), T[..., :3, 3]], axis=-1
+        )
+
+    def palm(self, q: np.ndarray) -> np.ndarray:
+        """Return T_world_palm, (4, 4) [m]."""
+        return self.T_mount @ self.limb.palm_pose(q)
+
+    def why(self, q: np.ndarray) -> str | None:
+        """Say what is too near at joints (dof,), None: nothing."""
+        q = np.ascontiguousarray(q, float)
+        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
+        out = (q < low) | (q > high)
+        if out.any():
+            return f"{self.limb.joints[int(out.argmax())]} is outside its limits"
+        p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
+        return None if p < 0 else self._told(p)
+
+    def motion_blocked(self, q: np.ndarray, q_to: np.ndarray) -> str | None:
+        """Say what a straight motion is not proved clear of, None: it is proved."""
+        q, q_to = np.ascontiguousarray(q, float), np.ascontiguousarray(q_to, float)
+        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
+        for end in (q, q_to):
+            out = (end < low) | (end > high)
+            if out.any():
+                return f"{self.limb.joints[int(out.argmax())]} leaves its limits"
+        p, _ = kernels.motion_clear(self.space, q, q_to - q, TOLERANCE, self._scratch)
+        return None if p < 0 else self._told(p)
+
+    def _told(self, p: int) -> str:
+        a, b = self.space.pairs[p]
+        return f"{self.names[a]} would touch {self.names[b].removeprefix('other ')}"
+
+    @property
+    def scratch(self) -> kernels.Scratch:
+        """Working memory of one thread."""
+        return self._scratch
+
+
+def mount_pose(placed: PlacedAgent, limb: Limb) -> np.ndarray:
+    """Return what an arm hangs on, world frame, (4, 4) [m]."""
+    frame = limb.model.frames(placed.joints)[limb.mount]
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = frame[:9].reshape(3, 3), frame[9:]
+    return placed.T_world_base @ T
+
+
+def limb_frames(limb: Limb, T_mount: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return (n_bodies, 12) world poses of an arm's bodies at joints (dof,)."""
+    tree_f = limb.tree_f.copy()
+    tree_f[0, :12] = flat_pose(T_mount)
+    frames = np.empty((len(tree_f), 12))
+    body_frames(limb.tree_i, tree_f, np.ascontiguousarray(q, float), frames)
+    return frames
+
+
+def _limb_groups(limb: Limb, first: int, groups: Sequence) -> list[tuple]:
+    """Return groups of a limb whose bodies begin at row `first`."""
+    found = []
+    for name, begin, end in groups:
+        own = limb.parts[begin:end]
+        body = limb.palm if name == "hand" else own[0].body
+        parts = [(first + p.body, p.points, p.radius) for p in own]
+        found.append((name, first + body, parts))
+    return found
+
+
+def _group_ball(group, limb: Limb, other: Limb, first_other: int) -> tuple:
+    """Return a group's ball in its body's frame; a hand's holds all its postures."""
+    name, body, parts = group
+    if name == "hand":
+        mine = body < first_other
+        owner = limb if mine else other
+        return hand_ball(owner)
+    points = np.concatenate([p[1] for p in parts])
+    radius = max(p[2] for p in parts)
+    return ball_of(points, radius)
+
+
+def hand_ball(limb: Limb) -> tuple:
+    """Return a ball round a hand for all joints of its fingers, frame of its body."""
+    _, begin, end = limb.groups[-1]
+    center = np.zeros(3)
+    own = [p for p in limb.parts[begin:end] if p.body == limb.palm]
+    if own:
+        center = np.array(ball_of(np.concatenate([p.points for p in own]))[:3])
+    far = 0.0
+    for part in limb.parts[begin:end]:
+        reach, body = np.linalg.norm(part.points, axis=1).max() + part.radius, part.body
+        if body == limb.palm:
+            reach = np.linalg.norm(part.points - center, axis=1).max() + part.radius
+        while body != limb.palm:
+            row = limb.tree_f[body]
+            at = row[9:12] - (center if limb.tree_i[body, 0] == limb.palm else 0.0)
+            reach += np.linalg.norm(at)
+            if limb.tree_i[body, 2] == 2:  # a slide
+                joint = limb.tree_i[body, 1]
+                ends = np.abs([limb.lower[joint], limb.upper[joint]])
+                reach += abs(row[15]) * ends.max() + abs(row[16])
+            body = limb.tree_i[body, 0]
+        far = max(far, reach)
+    return (*center.tolist(), far + 1e-9)
+
+
+def _extent(limb: Limb) -> list[float]:
+    """Bound how far each group gets from the arm's first joint [m]."""
+    far = np.zeros(len(limb.tree_i))
+    for b in range(2, len(limb.tree_i)):
+        far[b] = far[limb.tree_i[b, 0]] + np.linalg.norm(limb.tree_f[b, 9:12])
+    found = []
+    for name, begin, end in limb.groups:
+        parts = limb.parts[begin:end]
+        slide = 0.1 if name == "hand" else 0.0  # of the jaws of any gripper
+        found.append(
+            slide
+            + max(
+                far[p.body] + np.linalg.norm(p.points, axis=1).max() + p.radius
+                for p in parts
+            )
+        )
+    return found
+
+
+def _group_reach(limb: Limb, group: int) -> np.ndarray:
+    _, begin, end = limb.groups[group]
+    return limb.reach[begin:end].max(axis=0)
+
+
+def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple]:
+    """Return the links of an agent that are no part of its arm, world frame."""
+    frames, T = limb.model.frames(placed.joints), placed.T_world_base
+    links: dict[str, list] = {}
+    for part in limb.model.parts:
+        if part.body in limb.own:
+            continue
+        f = frames[part.body]
+        points = part.points @ f[:9].reshape(3, 3).T + f[9:]
+        points = points @ T[:3, :3].T + T[:3, 3]
+        links.setdefault(part.link, []).append((body, points, part.radius))
+    return [(prefix + name, body, parts) for name, parts in links.items()]
+
+
+def _object_parts(scene: Scene, body: int) -> list[tuple]:
+    found = []
+    for part in scene.obj.parts:
+        T = part.T_base_shape
+        points = part.vertices @ T[:3, :3].T + T[:3, 3]
+        found.append((body, hull_points(points), 0.0))
+    return found
+
+
+def shape_points(shape: Shape) -> tuple[np.ndarray, float]:
+    """Return a shape as points with a radius, world frame; a mesh as its hull [m]."""
+    T, radius = shape.T_base_shape, 0.0
+    if isinstance(shape, Sphere):
+        points, radius = np.zeros((1, 3)), shape.radius
+    elif isinstance(shape, Capsule):
+        points = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * shape.length
+        radius = shape.radius
+    elif isinstance(shape, Cylinder):
+        points = prism(shape.radius, shape.length)
+    elif isinstance(shape, Box):
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+        points = signs * shape.size
+    else:
+        assert isinstance(shape, Mesh)
+        points = hull_points(shape.vertices)
+    return points @ T[:3, :3].T + T[:3, 3], radius

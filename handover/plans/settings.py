@@ -1,0 +1,57 @@
+"""How hard a hand-over is looked for; every number counts work, none counts seconds."""
+
+from dataclasses import dataclass
+
+from roadmap.ranges import check_settings
+
+_RANGES = {
+    "voxels": (1, 200, ""),
+    "turns": (1, 36, ""),
+    "tuples": (1, 100_000, ""),
+    "near": (0.05, 1.0, "m"),
+    "back": (0.02, 0.3, "m"),
+    "lift": (0.005, 0.3, "m"),
+    "line": (0.002, 0.05, "m"),
+    "budget": (10, 1_000_000, ""),
+    "shorten": (0, 10_000, ""),
+    "tries": (1, 1000, ""),
+}
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """Settings of `plan_handover`.
+
+    Attributes:
+        voxels: Places for the hand-over that are tried where the best common voxel
+            gives nothing.
+        turns: Rotations of the object about the line between the shoulders tried then.
+        tuples: Tuples of H that are looked for; the first is the most dexterous one.
+        near: Voxels up to this far from the middle between the shoulders count [m].
+        back: Length of the straight line to a grasp and away from it [m].
+        lift: The object goes straight up by this much after the pick [m].
+        line: Longest piece of a straight line of the palm [m].
+        budget: Motions that a search between two configurations tests.
+        shorten: Motions tested to shorten a path that was found.
+        tries: Tuples whose motions are looked for before the planner gives up.
+    """
+
+    voxels: int = 24
+    turns: int = 8
+    tuples: int = 40
+    near: float = 0.25
+    back: float = 0.08
+    lift: float = 0.05
+    line: float = 0.01
+    budget: int = 4000
+    shorten: int = 60
+    tries: int = 12
+
+    def __post_init__(self) -> None:
+        """Check every number.
+
+        Raises:
+            BadInput: One out of range; names it, its value and its limits.
+        """
+        counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries")
+        check_settings(self, _RANGES, counts)

@@ -1,0 +1,78 @@
+"""A robot as an obstacle of another one: the spheres of its cover, moved by its joints.
+
+The cover holds every solid of the links, so spheres that keep clear keep the links
+clear. A sphere is moved with its link as a rigid body, and so holds the same part of it
+in every configuration: how far its centre gets is all that its motion can add.
+"""
+
+import numpy as np
+
+from odm.checks import check_configuration
+from odm.obstacles.obstacles import Obstacles
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.robot.robot import Robot
+from roadmap.transforms import check_pose
+
+
+class RobotSpheres:
+    """The moving links of a robot as spheres.
+
+    Args:
+        robot: The robot that is in the way of another one.
+
+    Attributes:
+        radii: (n,) radii of the spheres [m].
+        motion_bounds: (n, dof) bound on how far a centre moves per unit of each joint,
+            over all configurations [m per rad or m].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Take the spheres of the links that joints move."""
+        self.robot, self._chosen = robot, np.flatnonzero(robot.moving)
+        self.radii = frozen(robot.spheres[self._chosen, 3], np.float64)
+        bounds = np.zeros((len(self.radii), robot.dof))
+        reach = np.asarray(robot.sphere_reach)[self._chosen]
+        for joint in range(robot.dof):
+            bodies = robot.tree_i[:, 1] == joint
+            factor = np.abs(robot.tree_f[bodies, 15])
+            bounds[:, joint] = reach[:, bodies] @ factor
+        self.motion_bounds = frozen(bounds, np.float64)
+
+    def __len__(self) -> int:
+        """Return the number of spheres."""
+        return len(self.radii)
+
+    def at(self, q: np.ndarray, T_world_base: np.ndarray | None = None) -> np.ndarray:
+        """Return (n, 4) centres and radii at a configuration [m].
+
+        Args:
+            q: (dof,) configuration of the robot [rad or m].
+            T_world_base: (4, 4) its base in the frame wanted; None: its own base.
+
+        Raises:
+            BadInput: `q` has the wrong length or is not finite, or the pose is not
+                a rigid (4, 4) matrix.
+        """
+        q = check_configuration(self.robot, q, None)
+        if not np.isfinite(q).all():
+            raise BadInput(
+                f"q of the other robot is {q}: its links are nowhere; hold until its "
+                "joints are known again"
+            )
+        rows = np.empty((len(self), 4))
+        rows[:, :3] = sphere_centers(self.robot, q)[self._chosen]
+        rows[:, 3] = self.radii
+        if T_world_base is not None:
+            T = check_pose(T_world_base, "T_world_base")
+            rows[:, :3] = rows[:, :3] @ T[:3, :3].T + T[:3, 3]
+        return rows
+
+    def obstacles(self, q: np.ndarray, T_world_base: np.ndarray) -> Obstacles:
+        """Return the robot at a configuration as `planner.step` takes it; see `at`."""
+        return Obstacles(spheres=self.at(q, T_world_base))
+
+    def moved(self, dq: np.ndarray) -> np.ndarray:
+        """Return (n,) how far a centre gets where joint j moves by dq[j], at most."""
+        return self.motion_bounds @ np.abs(dq)

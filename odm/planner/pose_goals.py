@@ -1,0 +1,253 @@
+"""Goals by tool pose: inverse kinematics, what is valid of it, ranked, and why not."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm.approach.tool_line import NearPoses, ToolKinematics
+from odm.checks import MAX_GOALS
+from odm.frame.frame import Frame
+from odm.frame.freedom import check_valid
+from odm.obstacles.grid import bounding_ball
+from roadmap.arrays import frozen
+from roadmap.errors import BadConfiguration, BadInput
+from roadmap.kinematics.forward import difference
+from roadmap.kinematics.tool_chain import ToolDescent
+from roadmap.ranges import is_between
+from roadmap.transforms import check_pose
+
+SEEDS = 24  # roadmap nodes, the nearest by tool pose, that descents start from
+TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
+_STEPS = 16  # of a descent: from near it takes about 5
+_LONG = 4  # descents of more steps, where no quick one arrives
+_ENOUGH = 12  # solutions of a pose that are looked at
+_GOAL = 2e-7  # [m or rad] what a descent aims at
+_SAME = 0.15  # [rad or m] solutions nearer than that in all joints are one
+_LARGEST = (0.5, np.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Refused:
+    """A goal, or a solution of a pose, that cannot be taken.
+
+    Attributes:
+        index: Of the goal, or of the pose, as they were given.
+        reason: One sentence.
+        q: (dof,) the configuration; None where a pose has no solution at all.
+    """
+
+    index: int
+    reason: str
+    q: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GoalReport:
+    """What became of the goals, or poses, that were given.
+
+    Attributes:
+        goals: (g, dof) the goals that are set, best first; `answer.goal` counts these.
+        index: (g,) which of the given goals, or poses, each of them is.
+        solutions: (k, dof) all valid configurations, best first; more than `goals`
+            where a pose has many.
+        solution_index: (k,) their poses.
+        refused: What was not taken, and why.
+    """
+
+    goals: np.ndarray
+    index: np.ndarray
+    solutions: np.ndarray
+    solution_index: np.ndarray
+    refused: tuple[Refused, ...] = ()
+
+    def __repr__(self) -> str:
+        """Say how many are set and the first reason of what is not."""
+        told = f"GoalReport({len(self.goals)} goals set"
+        if self.refused:
+            first = self.refused[0]
+            told += f", {len(self.refused)} refused; {first.index}: {first.reason}"
+        return told + ")"
+
+
+class PoseGoals:
+    """Turns tool poses into goals.
+
+    Descents start from the roadmap nodes whose tools are nearest to the pose: they
+    keep clear of the robot itself and of the recipe's scenery, and so mostly does what
+    is reached from them in few steps. Where the frame's obstacles are known, solutions
+    that stand clear of them come first; then those with the least way from the robot.
+
+    Args:
+        frame: Robot, roadmap, scenery, and where the robot is.
+    """
+
+    def __init__(self, frame: Frame) -> None:
+        """Compute where the tool is at every node: milliseconds, once."""
+        self._frame, self._robot = frame, frame.robot
+        self._nodes = np.asarray(frame.cell_map.roadmap.nodes)
+        self._tool = ToolKinematics(frame.robot)
+        self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, _STEPS)
+        self._near = NearPoses(self._tool.tools(self._nodes))
+
+    def solve(
+        self, poses: Sequence[np.ndarray], tolerance: object, most: int | None
+    ) -> GoalReport:
+        """Return valid configurations for poses; see `ReactivePlanner.set_goals`.
+
+        Raises:
+            BadInput: A pose is no rigid motion, a tolerance or `most` out of range.
+            BadConfiguration: No pose has a valid solution; names the first reason.
+        """
+        tolerance, most = _checked_tolerance(tolerance), _checked_most(most)
+        rows = _checked_poses(poses)
+        world, refused = self._frame.world, []
+        found: list[tuple[tuple, int, np.ndarray]] = []
+        for k, T in enumerate(rows):
+            qs, why = self._solutions(np.asarray(world.pose(T)), tolerance)
+            if why is not None:
+                refused.append(Refused(k, why))
+            free = self._free(qs)
+            for q, is_free in zip(qs, free.tolist(), strict=True):
+                if is_free:
+                    found.append((self._rank(q), k, q))
+                else:
+                    refused.append(self._refused(k, q))
+        if not found:
+            first = refused[0]
+            raise BadConfiguration(
+                f"none of {len(rows)} poses can be a goal; pose {first.index}: "
+                f"{first.reason}"
+            )
+        found.sort(key=lambda one: (one[0], one[1], one[2].tobytes()))
+        qs = np.array([q for *_, q in found])
+        index = np.array([k for _, k, _ in found])
+        # the best solution of each pose first, then what is best of the rest
+        first = np.unique(index, return_index=True)[1]
+        order = np.argsort(~np.isin(np.arange(len(qs)), first), kind="stable")
+        order = order[: min(MAX_GOALS, most or len(rows))]
+        chosen = np.sort(order)
+        return GoalReport(
+            frozen(qs[chosen], np.float64),
+            frozen(index[chosen], np.int64),
+            frozen(qs, np.float64),
+            frozen(index, np.int64),
+            tuple(refused),
+        )
+
+    def _solutions(
+        self, T: np.ndarray, tolerance: tuple[float, float]
+    ) -> tuple[np.ndarray, str | None]:
+        """Return distinct (k, dof) within limits that reach a pose; or why not."""
+        pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
+        near = self._near.nearest(pose, min(SEEDS, len(self._nodes)))
+        kept: list[np.ndarray] = []
+        best, at = (np.inf, np.inf), self._nodes[near[0]]
+        lower, upper = self._robot.lower, self._robot.upper
+        starts = self._nodes[near]
+        if np.isfinite(self._frame.q).all():
+            starts = np.vstack([self._frame.q, starts])
+        long = list(starts[:_LONG])  # from there once more, if all were too short
+        for k, start in enumerate([*starts, *long]):
+            if len(kept) >= _ENOUGH or (kept and k >= len(starts)):
+                break
+            q = np.array(start)
+            if k < len(starts):
+                off, turned = self._quick.run(pose, q)
+            else:
+                _, off, turned = self._tool.reach(pose, q)
+            if off <= tolerance[0] and turned <= tolerance[1]:
+                turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
+                q = np.where(self._robot.continuous, q - turns, q)
+                inside = self._robot.continuous | ((lower <= q) & (q <= upper))
+                if inside.all() and not any(self._same(q, other) for other in kept):
+                    kept.append(q)
+            elif off + 0.3 * turned < sum(best):
+                best, at = (off, 0.3 * turned), q
+        if kept:
+            return np.array(kept), None
+        return np.empty((0, len(lower))), self._why(T, best, at)
+
+    def _same(self, q: np.ndarray, other: np.ndarray) -> bool:
+        return bool(np.abs(difference(self._robot, q, other)).max() < _SAME)
+
+    def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
+        """Say why a pose has no solution."""
+        off, turned = best[0], best[1] / 0.3
+        middle, reach = bounding_ball(self._robot)
+        far = float(np.linalg.norm(T[:3, 3] - middle))
+        if far > reach:
+            return (
+                f"it lies {far:.2f} m from the robot, beyond the reach of {reach:.2f} "
+                "m; move it nearer"
+            )
+        joints = self._tool.at_limits(q)
+        why = f" ({' and '.join(joints)} at the limit)" if joints else ""
+        return (
+            f"the tool comes no nearer than {100 * off:.1f} cm and "
+            f"{np.degrees(turned):.0f} deg{why}; move or turn it, or allow a larger "
+            "tolerance"
+        )
+
+    def _free(self, qs: np.ndarray) -> np.ndarray:
+        if not len(qs):
+            return np.zeros(0, np.bool_)
+        return self._frame.static.motions_free(qs, np.zeros_like(qs))
+
+    def _refused(self, k: int, q: np.ndarray) -> Refused:
+        try:
+            check_valid(self._frame.static, q, "it")
+        except BadConfiguration as error:
+            return Refused(k, str(error), frozen(q, np.float64))
+        return Refused(k, "it is not free, by less than can be told", q)
+
+    def _rank(self, q: np.ndarray) -> tuple[bool, float]:
+        """Return whether the frame blocks a configuration, and the way to it."""
+        frame = self._frame
+        known = frame.number > 0 and frame.trouble is None
+        blocked = known and not frame.motion_clear(q, np.zeros_like(q))
+        here = frame.q if np.isfinite(frame.q).all() else np.zeros_like(q)
+        way = difference(self._robot, here, q) * frame.cell_map.roadmap.weights
+        return blocked, float(np.linalg.norm(way))
+
+
+def _checked_tolerance(tolerance: object) -> tuple[float, float]:
+    if tolerance is None:
+        return TOLERANCE
+    both = tolerance if isinstance(tolerance, tuple | list) else (tolerance, None)
+    if len(both) == 2:
+        position, turn = both
+        turn = 10.0 * position if turn is None and is_between(position, 0, 1) else turn
+        values = (position, turn)
+        fits = zip(values, _LARGEST, strict=True)
+        if all(is_between(v, 1e-5, most) for v, most in fits):
+            return float(position), float(turn)  # type: ignore[arg-type]
+    raise BadInput(
+        f"tolerance is {tolerance!r}; give (position in m, angle in rad), from 0.00001 "
+        f"to {_LARGEST[0]:g} and {_LARGEST[1]:.3g}, or a position alone"
+    )
+
+
+def _checked_most(most: int | None) -> int | None:
+    if most is None:
+        return None
+    if isinstance(most, bool) or not isinstance(most, int | np.integer):
+        raise BadInput(f"most is {most!r}; give a whole number from 1 to {MAX_GOALS}")
+    if not 1 <= most <= MAX_GOALS:
+        raise BadInput(f"most is {most}; give a whole number from 1 to {MAX_GOALS}")
+    return int(most)
+
+
+def _checked_poses(poses: Sequence[np.ndarray]) -> list[np.ndarray]:
+    wanted = f"give 1 to {MAX_GOALS} poses (4, 4) of the tool in the world"
+    try:
+        rows = list(poses)
+    except TypeError as error:
+        raise BadInput(f"poses are a {type(poses).__name__}; {wanted}") from error
+    if not rows:
+        raise BadConfiguration(f"no poses were given; {wanted}")
+    if len(rows) > MAX_GOALS:
+        raise BadInput(f"{len(rows)} poses were given; {wanted}")
+    if np.ndim(rows[0]) == 1:
+        raise BadInput(f"poses have shape {np.shape(poses)}; {wanted}, as a list")
+    return [check_pose(T, f"pose {k}") for k, T in enumerate(rows)]

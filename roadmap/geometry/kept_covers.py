@@ -1,0 +1,99 @@
+"""Sphere covers that were found before, by what they cover: to find one takes seconds.
+
+A cover is proved for its solids when it is found. Its file is named by a SHA-256 over
+these very solids, the excess asked for and the text of all code that takes part; so
+another solid, or another way to find or prove covers, has another name. What is read
+must have the hash it was written with; anything else is found anew.
+
+Files lie in ODM_CACHE, else in `odm` of XDG_CACHE_HOME or ~/.cache; with an empty
+ODM_CACHE none are kept.
+"""
+
+import hashlib
+import os
+import platform
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.geometry.solids import Solid
+from roadmap.geometry.spheres import cover_solids
+from roadmap.kernel_cache import Sources
+from roadmap.unfinished import beside
+
+_HASH_BYTES = 32
+
+
+def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
+    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m].
+
+    Raises:
+        BadRobot: See there.
+    """
+    folder = cache_folder()
+    if folder is None or not solids:
+        return cover_solids(solids, excess)
+    name = _name(solids, excess)
+    file = folder / "covers" / name
+    found = _read(file, name)
+    if found is None:
+        found = cover_solids(solids, excess)
+        with suppress(OSError):  # a full disk or a folder of others: not kept
+            _write(file, name, found)
+    return found
+
+
+def cache_folder() -> Path | None:
+    """Return where files are kept, None for nowhere."""
+    told = os.environ.get("ODM_CACHE")
+    if told is not None:
+        return Path(told) if told else None
+    home = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(home) / "odm" if home else Path.home() / ".cache" / "odm"
+    except RuntimeError:  # a user without a home
+        return None
+
+
+def _name(solids: list[Solid], excess: float) -> str:
+    digest = hashlib.sha256(_code().encode())
+    digest.update(np.float64(excess).tobytes())
+    for solid in solids:
+        for part in (solid.kind, *solid.size, solid.T_body_solid, solid.points):
+            array = np.ascontiguousarray(part, np.float64)
+            digest.update(f"{array.shape}".encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Return a hash of all that takes part in finding and proving a cover."""
+    root = Path(__file__).parents[2]
+    text = Sources(root).digest(root / "roadmap" / "geometry" / "spheres.py")
+    return f"{text} numpy {np.__version__} {platform.machine()}"
+
+
+def _read(file: Path, name: str) -> np.ndarray | None:
+    """Return the spheres of a file, None where it is none or was altered."""
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return None
+    head, rows = data[:_HASH_BYTES], data[_HASH_BYTES:]
+    if head != _check(name, rows) or len(rows) % 32 or not rows:
+        return None
+    return np.frombuffer(rows, "<f8").reshape(-1, 4).copy()
+
+
+def _write(file: Path, name: str, spheres: np.ndarray) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    rows = np.ascontiguousarray(spheres, "<f8").tobytes()
+    with beside(file) as made:
+        made.write_bytes(_check(name, rows) + rows)
+        os.replace(made, file)
+
+
+def _check(name: str, rows: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + rows).digest()

@@ -1,0 +1,151 @@
+"""`odm view`: a recording or a map in the browser."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.run.folders import MAPS
+from sim.terminal.flags import argument, flag, from_request
+
+if TYPE_CHECKING:
+    from odm import CellMap
+    from sim.record import RunRecord
+    from sim.view.page import Show
+
+
+@dataclass(frozen=True)
+class ViewRequest:
+    """What `odm view` is asked for."""
+
+    file: Path | None = argument(
+        None, "A recording of `odm run --record`.", metavar="FILE"
+    )
+    map_dir: Path | None = flag(
+        None,
+        "A map's folder: alone, or for the cells and edges of a recording.  "
+        "[maps/built/NAME of the recording]",
+        "--map",
+        metavar="MAP",
+    )
+    at: float = flag(0.0, "Where in the recording it begins, in s.")
+    port: int = flag(8080, "Port of the page; 0: any that is free.")
+    host: str = flag(
+        "127.0.0.1",
+        "Address it listens at. Others than this machine's own (0.0.0.0: all) ask who "
+        "comes for a token, which is part of the address that is printed; it goes over "
+        "the network unencrypted, so use an SSH tunnel where others listen.",
+    )
+    token: str | None = flag(None, "The token; default: a new one where one is needed.")
+
+
+@from_request(ViewRequest)
+def view(request: ViewRequest) -> None:
+    """Show a recorded run, or a map, on a page in the browser; Ctrl-C ends it.
+
+    A recording can be played, scrubbed and searched for its events. It needs nothing
+    but the file: the robot is in it; with its map, cells and roadmap are shown, too.
+    A map alone shows its roadmap, and what an arm that you drag blocks of it.
+
+    A running loop is shown by `odm run --view`.
+    """
+    from roadmap.errors import BadInput
+    from sim.view.gate import is_local, listening, new_token
+    from sim.view.viewer import check_viewer
+
+    if not 0.0 <= request.at < math.inf:
+        raise BadInput(f"--at {request.at} is no time; give seconds from 0 on")
+    if request.file is None and request.map_dir is None:
+        raise BadInput("there is nothing to show; give a recording, or --map MAP")
+    check_viewer()
+    token = request.token
+    if token is None:
+        token = "" if is_local(request.host) else new_token()
+    if not token and not is_local(request.host):
+        raise BadInput(f"--host {request.host} needs a --token that is not empty")
+    shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
+    door = listening(request.host, request.port)
+    from sim.view.page import Page
+
+    page = Page(shown, door, request.host, token)
+    page.playback.seek(request.at)
+    print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)
+    page.run()
+
+
+def recorded_show(request: ViewRequest) -> "Show":
+    """Return a recording as what a page shows."""
+    from sim.record import read_record
+    from sim.view.page import Show
+    from sim.view.shapes import robot_parts
+    from sim.view.sources import Recorded
+
+    record = read_record(request.file)
+    source, head = Recorded(record), record.head["map"]
+    asked = head["recipe"].get("robot", {})
+    cell_map, lacking = _map_of(record, request)
+    sentences = [
+        "a recording holds no planned paths: the line is where the robot went",
+        *lacking,
+    ]
+    label = f"{request.file.name}: {source.robot.name}, {head['name']}"
+    load = None if cell_map is None else (lambda: cell_map)
+    return Show(
+        source,
+        source.robot,
+        label,
+        sentences,
+        lambda: robot_parts(source.robot, asked.get("source", ""), asked.get("locked")),
+        load,
+    )
+
+
+def _map_of(
+    record: "RunRecord", request: ViewRequest
+) -> tuple["CellMap | None", list[str]]:
+    """Return the map of a recording, or a sentence about what it would show."""
+    from odm import load_map
+    from roadmap.errors import BadMap
+    from sim.record.again import check_map
+
+    head = record.head["map"]
+    folder = request.map_dir or MAPS / head["name"]
+    if request.map_dir is not None:
+        cell_map = load_map(folder)
+        check_map(record, cell_map, request.file, folder)
+        return cell_map, []
+    try:
+        cell_map = load_map(folder, verify=False)
+        if cell_map.hash == head["hash"]:
+            return cell_map, []
+    except BadMap:
+        pass
+    told = (
+        f"its map {head['name']} {head['hash'][:12]} is not in {folder}, so occupied "
+        "cells and the roadmap are not shown; give it with --map"
+    )
+    return None, [told]
+
+
+def _map_alone(folder: Path) -> "Show":
+    """Return a map with an arm that can be dragged through it as a show."""
+    from odm import load_map
+    from sim.people.human_motion import make_motion
+    from sim.view.beside import ArmBeside
+    from sim.view.page import Show
+    from sim.view.shapes import robot_parts
+
+    cell_map = load_map(folder)
+    asked = cell_map.recipe.robot
+    beside = ArmBeside(cell_map, make_motion("reach"))
+    label = f"{cell_map.robot.name}, map {cell_map.recipe.name}"
+    return Show(
+        beside,
+        cell_map.robot,
+        label,
+        [],
+        lambda: robot_parts(cell_map.robot, asked.source, asked.locked),
+        lambda: cell_map,
+        beside.take,
+        ("cells", "blocked"),
+    )

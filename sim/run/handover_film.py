@@ -1,0 +1,97 @@
+"""A hand-over as a film: both agents and the object over the time of a plan."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from handover.scenes.plan_file import WHO, duration, joints_at, object_at
+from handover.scenes.scene import Scene
+from roadmap.unfinished import beside
+from sim.draw.scene_picture import agent_triangles, triangles_of
+from sim.draw.style import AMBER, INK, TEAL
+
+_FRAMES, _FPS = 60, 10
+_COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
+_LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
+
+
+def write_handover_film(scene: Scene, record: Mapping, path: str | Path) -> Path:
+    """Write a GIF of a plan, evenly sampled over its duration.
+
+    Args:
+        scene: The scene.
+        record: The plan, see `handover.scenes.plan_file`.
+        path: File to write, whole or not at all.
+
+    Returns:
+        The path written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    figure = Figure(figsize=(5.6, 4.8), dpi=80)
+    canvas = FigureCanvasAgg(figure)
+    furniture = [triangles_of(f.shape) for f in scene.scenery if f.name != "floor"]
+    still = np.concatenate(furniture) if furniture else np.empty((0, 3, 3))
+    end, pictures, box = duration(record), [], None
+    for t in np.linspace(0.0, end, _FRAMES):
+        agents = [
+            agent_triangles(getattr(scene, who), joints_at(record, who, t))
+            for who in WHO
+        ]
+        T = object_at(record, scene, t)
+        thing = np.concatenate([triangles_of(s) for s in scene.object_shapes(T)])
+        parts = [*agents, still, thing]
+        if box is None:
+            corners = np.concatenate(parts).reshape(-1, 3)
+            box = corners.min(axis=0), corners.max(axis=0)
+        figure.clear()
+        axis = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
+        _draw(axis, parts, box)
+        figure.text(0.02, 0.95, f"{_doing(record, t)}  {t:.1f} s", color=INK, size=10)
+        canvas.draw()
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+        pictures.append(picture.quantize(64))
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with beside(path) as made:
+        pictures[0].save(
+            made, format="GIF", save_all=True, append_images=pictures[1:],
+            duration=1000 // _FPS, loop=0,
+        )  # fmt: skip
+        made.replace(path)
+    return path
+
+
+def _doing(record: Mapping, t: float) -> str:
+    for motion in record["motions"]:
+        if t <= motion["times"][-1]:
+            return f"{motion['who']}: {motion['name']}"
+    return "done"
+
+
+def _draw(axis: object, parts: list[np.ndarray], box: tuple) -> None:
+    from matplotlib.colors import to_rgb
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    triangles = np.concatenate(parts)
+    colours = np.concatenate(
+        [np.tile(to_rgb(c), (len(p), 1)) for p, c in zip(parts, _COLOURS, strict=True)]
+    )
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    shade = 0.62 + 0.38 * np.abs(normal @ _LIGHT)
+    axis.add_collection3d(
+        Poly3DCollection(triangles, facecolors=colours * shade[:, None], linewidths=0.0)
+    )
+    low, high = box
+    half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
+    for name, at in zip("xyz", middle, strict=True):
+        getattr(axis, f"set_{name}lim")(at - half, at + half)
+    axis.view_init(18.0, -62.0)
+    axis.set_proj_type("ortho")
+    axis.set_box_aspect((1, 1, 1), zoom=1.4)
+    axis.set_axis_off()

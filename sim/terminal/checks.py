@@ -1,0 +1,194 @@
+"""What a flag is given is looked at before any work: numbers, choices, files to write.
+
+A file that cannot be written, or a picture whose library is missing, is told at once,
+not after the run whose figures it was to hold.
+"""
+
+import difflib
+import math
+import os
+import tempfile
+from dataclasses import dataclass
+from importlib import util
+from pathlib import Path
+
+# modules that come with an extra of the package only
+EXTRAS = {
+    "pybullet": "sim",
+    "pybullet_data": "sim",
+    "matplotlib": "sim",
+    "PIL": "sim",
+    "viser": "view",
+    "ompl": "bench",
+    "pinocchio": "bench",
+    "example_robot_data": "robots",
+    "sphinx": "docs",
+}
+
+
+class Refused(ValueError):
+    """What was typed cannot be done: one sentence with value, limit and remedy.
+
+    Not one of the planner's own errors, which bring its compiler along: a slip of the
+    keyboard is told at once.
+    """
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The numbers that a flag takes.
+
+    Attributes:
+        low, high: Least and largest; infinity: none.
+        unit: Of the numbers, for the sentence.
+        above: `low` itself is not taken.
+        hint: What else to say: why, or a value that works.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+    above: bool = False
+    hint: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Return whether a number is taken."""
+        over = value > self.low if self.above else value >= self.low
+        return math.isfinite(value) and over and value <= self.high
+
+    def words(self) -> str:
+        """Return the limits for people: "a number above 0 s, up to 100"."""
+        unit = f" {self.unit}" if self.unit else ""
+        high = f" up to {self.high:g}" if math.isfinite(self.high) else ""
+        if not math.isfinite(self.low):
+            return f"a finite number{high}{unit}"
+        if self.above:
+            return f"a number above {self.low:g}{high and ',' + high}{unit}"
+        low = f" from {self.low:g}" if high else f" of at least {self.low:g}"
+        return f"a number{low}{high.replace(' up', '')}{unit}"
+
+
+@dataclass(frozen=True)
+class Writes:
+    """What a flag has written.
+
+    Attributes:
+        endings: Endings that the file may have; empty: any.
+        what: The kind of file, for the sentence.
+        needs: Modules without which it cannot be made.
+        folder: A folder is named, not a file.
+    """
+
+    endings: tuple[str, ...] = ()
+    what: str = "file"
+    needs: tuple[str, ...] = ()
+    folder: bool = False
+
+
+PICTURE = Writes((".png",), "picture", ("matplotlib",))
+FILM = Writes((".gif",), "film", ("matplotlib", "PIL"))
+PICTURES = Writes(what="pictures", needs=("matplotlib", "PIL"), folder=True)
+FOLDER = Writes(folder=True)
+FINITE = Limits()
+POSITIVE = Limits(0.0, above=True)
+SECONDS = Limits(0.0, 86_400.0, "s", above=True)
+RATE = Limits(0.0, 10_000.0, "Hz", above=True, hint="such as 100")
+HEIGHT = Limits(1.2, 2.2, "m", hint="a height of 175 cm is 1.75")
+
+
+def check_value(
+    word: str,
+    value: object,
+    limits: Limits | None = None,
+    writes: Writes | None = None,
+    choices: str = "",
+) -> None:
+    """Refuse what a flag cannot be given.
+
+    Args:
+        word: The flag, as it is typed.
+        value: What it was given: text, number, path, or several of them.
+        limits: The numbers it takes; None: any that is finite.
+        writes: What it has written; None: nothing.
+        choices: Words it takes, with "|" between them; other text: any.
+
+    Raises:
+        Refused: One sentence with value, limit and remedy.
+    """
+    for one in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(one, float | int) and not isinstance(one, bool):
+            _check_number(word, one, limits or FINITE)
+        elif isinstance(one, str) and "|" in choices and choices.islower():
+            check_choice(word, one, choices.split("|"))
+    if writes is not None and value != "-" and value is not False:
+        check_target(word, Path(str(value)), writes)
+
+
+def _check_number(word: str, value: float, limits: Limits) -> None:
+    if not limits.holds(value):
+        hint = f"; {limits.hint}" if limits.hint else ""
+        raise Refused(f"{word} is {value:g}: give {limits.words()}{hint}")
+
+
+def check_choice(word: str, value: str, choices: list[str]) -> None:
+    """Refuse a word that is none of the choices, and name the nearest.
+
+    Raises:
+        Refused: It is none.
+    """
+    if value in choices:
+        return
+    near = difflib.get_close_matches(value.lower(), choices, 1, 0.6)
+    told = f"did you mean {near[0]}? " if near else ""
+    listed = f"{', '.join(choices[:-1])} or {choices[-1]}"
+    raise Refused(f"{word} is {value!r}: {told}choose {listed}")
+
+
+def check_target(word: str, path: Path, writes: Writes) -> None:
+    """Refuse a file or folder that could not be written, before any work.
+
+    A file is tried where it would lie, and leaves nothing behind.
+
+    Raises:
+        Refused: An ending that is not written, a library that is missing, a folder
+            where a file is wanted or the other way round, no permission.
+    """
+    endings = " or ".join(writes.endings)
+    if writes.endings and path.suffix.lower() not in writes.endings:
+        raise Refused(
+            f"{word} {path}: a {writes.what} is written as {endings} only; name it "
+            f"{path.with_suffix(writes.endings[0]).name}"
+        )
+    for module in writes.needs:
+        if not is_there(module):
+            raise Refused(
+                f"{word} needs {module}, which is not installed; run: pip install "
+                f"'odm-planner[{EXTRAS[module]}]', or leave {word} out"
+            )
+    if not writes.folder and path.is_dir():
+        raise Refused(f"{word} {path} is a folder; name a file in it")
+    if writes.folder and path.exists() and not path.is_dir():
+        raise Refused(f"{word} {path} is a file; name a folder")
+    place = path if writes.folder else path.parent
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise Refused(f"{word} {path}: {place} is no folder; choose another one")
+    try:
+        with tempfile.TemporaryFile(dir=place):
+            pass
+        if place.stat().st_mode & 0o222 == 0:  # the superuser may, but did not mean to
+            raise PermissionError(0, os.strerror(13))
+    except OSError as error:
+        raise Refused(
+            f"{word} {path} cannot be written: {place}: {error.strerror}; choose "
+            "another folder, or change its permissions"
+        ) from error
+
+
+def is_there(module: str) -> bool:
+    """Return whether a module is installed, without importing it."""
+    try:
+        return util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False

@@ -1,0 +1,111 @@
+"""How much is still to be compiled before a command can begin, and about how long.
+
+Numba compiles a loop when it is first called and keeps it beside its source, so a
+command's first run takes minutes and every other one none. Which loops a command needs
+and what each cost once is in `compile_costs.json` (see `sim/bench/compile_costs.py`);
+which are still missing is seen from the files. Both are told while somebody waits. A
+loop that is not in the table, or no longer there, only makes the estimate worse.
+"""
+
+import json
+import os
+import time
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLE = Path(__file__).with_name("compile_costs.json")
+TRUSTED_S = 5.0  # of the table's seconds: after so many the pace seen here counts
+WORTH_TELLING_S = 2.0
+
+
+@cache
+def table() -> dict[str, tuple[float, frozenset[str]]]:
+    """Return the cost of each loop [s], and the commands that need it."""
+    rows = json.loads(TABLE.read_text(encoding="utf-8"))
+    return {name: (cost, frozenset(by.split())) for name, (cost, by) in rows.items()}
+
+
+def commands() -> list[str]:
+    """Return the commands that the table knows."""
+    return sorted(frozenset().union(*(by for _, by in table().values())))
+
+
+class Compiling:
+    """What a command has still to compile.
+
+    Args:
+        command: Its name, such as "run"; one that is not in the table needs nothing.
+        root: The folder that holds the packages.
+    """
+
+    def __init__(self, command: str, root: Path = ROOT) -> None:
+        """Look at nothing yet."""
+        self.root, self._command = root, command
+        self._begun: float | None = None
+        self._first_s = 0.0
+        self._wanted: dict[str, float] | None = None
+
+    @property
+    def wanted(self) -> dict[str, float]:
+        """Cost of every loop of the command that is there [s]."""
+        if self._wanted is None:
+            texts: dict[Path, str] = {}
+            self._wanted = {}
+            for name, (cost, by) in table().items():
+                if self._command not in by:
+                    continue
+                module, _, loop = name.rpartition(".")
+                file = self.root / f"{module.replace('.', '/')}.py"
+                if file not in texts:
+                    texts[file] = file.read_text() if file.is_file() else ""
+                if f"def {loop}(" in texts[file]:
+                    self._wanted[name] = cost
+        return self._wanted
+
+    def missing(self) -> dict[str, float]:
+        """Return the cost of every loop that is not compiled [s]."""
+        there = compiled(self.root, self.wanted)
+        return {name: cost for name, cost in self.wanted.items() if name not in there}
+
+    def progress(self) -> tuple[int, int, float] | None:
+        """Return (loops done, of how many, about so many seconds left).
+
+        None: nothing worth telling is missing.
+        """
+        missing = self.missing()
+        left_s, now = sum(missing.values()), time.monotonic()
+        if self._begun is None or left_s > self._first_s:
+            self._begun, self._first_s = now, left_s  # a stale one was just dropped
+        if self._first_s < WORTH_TELLING_S or not missing:
+            return None
+        done_s, pace = self._first_s - left_s, 1.0
+        if done_s > TRUSTED_S:
+            pace = (now - self._begun) / done_s
+        return len(self.wanted) - len(missing), len(self.wanted), pace * left_s
+
+
+def compiled(root: Path, names: dict[str, float]) -> set[str]:
+    """Return those of the loops that lie compiled beside their sources.
+
+    Where that folder cannot be written, or NUMBA_CACHE_DIR says so, they lie elsewhere.
+    """
+    elsewhere = os.environ.get("NUMBA_CACHE_DIR")
+    by_folder: dict[Path, set[str]] = {}
+    found = set()
+    everywhere = _stems(Path(elsewhere).rglob("*.nbi")) if elsewhere else set()
+    for name in names:
+        module, _, loop = name.rpartition(".")
+        file = root / module.replace(".", "/")
+        folder = file.parent / "__pycache__"
+        if folder not in by_folder:
+            beside = () if elsewhere else folder.glob("*.nbi")
+            by_folder[folder] = _stems(beside) | everywhere
+        if f"{file.name}.{loop}" in by_folder[folder]:
+            found.add(name)
+    return found
+
+
+def _stems(files: object) -> set[str]:
+    """Return "_close.motion_clear" of "_close.motion_clear-352.py311.nbi"."""
+    return {file.name.partition("-")[0] for file in files}

@@ -1,0 +1,153 @@
+"""The words of a command line before they are parsed, and what is said of them."""
+
+import re
+import sys
+
+# options that may stand alone, and the ending that a file behind them often has
+_TARGETS = {"--json": ".json", "--markdown": ".md"}
+# an argument that may be left out, and the flag that then stands in its place
+_INSTEAD = {"build": "--robot", "replay": "--frames"}
+# older spellings, by command; what they are called now means the same everywhere
+RENAMED = {
+    ("workspace", "meet"): {
+        "--map": "--reach",
+        "--human-map": "--human-reach",
+        "--human": "--height",
+    },
+    ("workspace", "build"): {"--seconds": "--stop-after"},
+    ("run",): {"--distance": "--between", "--hand": "--side"},
+    ("run-two",): {"--picture": "--plot"},
+}
+
+
+def with_new_names(words: list[str]) -> list[str]:
+    """Return the words with the present names of flags; say which ones are older."""
+    commands = tuple(word for word in words[:2] if not word.startswith("-"))
+    new = RENAMED.get(commands) or RENAMED.get(commands[:1]) or {}
+    result = []
+    for word in words:
+        name, equals, value = word.partition("=")
+        if name in new:
+            print(
+                f"note: {name} is called {new[name]} now; the old name still works",
+                file=sys.stderr,
+            )
+            word = f"{new[name]}{equals}{value}"
+        result.append(word)
+    return result
+
+
+def with_targets(words: list[str], door: object) -> list[str]:
+    """Let `--json` stand alone, or with any file behind it.
+
+    The word behind it is the file, unless it begins with "-" or the command would then
+    lack an argument: `odm info --json maps/a` prints, `odm info maps/a --json out`
+    writes.
+
+    Args:
+        words: Of the command line, behind `odm`.
+        door: The command of all commands, as typer made it.
+    """
+    result, at = [], 0
+    while at < len(words):
+        word, at = words[at], at + 1
+        if word in _TARGETS:
+            after = words[at] if at < len(words) else ""
+            named = after == "-" or after.endswith(_TARGETS[word])
+            if after and not named and not after.startswith("-"):
+                named = not _is_wanted(after, words[: at - 1], words[at + 1 :], door)
+            if named:
+                word, at = f"{word}={after}", at + 1
+            else:
+                word += "=-"
+        result.append(word)
+    return result
+
+
+def _is_wanted(word: str, before: list[str], behind: list[str], door: object) -> bool:
+    """Return whether a command needs this word as an argument by its place."""
+    command, rest = _command_of([*before, *behind], door)
+    if hasattr(command, "commands"):
+        return not (rest and rest[0].startswith("-"))  # the word names the command
+    takes = {
+        name: 0 if getattr(p, "is_flag", False) else p.nargs
+        for p in command.params
+        for name in (*p.opts, *p.secondary_opts)
+        if name.startswith("-")
+    }
+    given, at = 0, 0
+    while at < len(rest):
+        one, at = rest[at], at + 1
+        if one in _TARGETS:
+            at += at < len(rest) and (
+                rest[at] == "-" or rest[at].endswith(_TARGETS[one])
+            )
+        elif one.startswith("-"):
+            at += takes.get(one, 0)
+        else:
+            given += 1
+    places = [p for p in command.params if p.param_type_name == "argument"]
+    instead = _INSTEAD.get(command.name)
+    missing = given < len(places)
+    return missing and instead not in rest
+
+
+def _command_of(words: list[str], door: object) -> tuple[object, list[str]]:
+    """Return the command that the first words name, as far as they do, and the rest."""
+    command, rest = door, words
+    while hasattr(command, "commands") and rest and rest[0] in command.commands:
+        command, rest = command.commands[rest[0]], rest[1:]
+    return command, rest
+
+
+_WRONG = re.compile(r"Invalid value for '?([^':]*)'?: (.*)")
+_COUNT = re.compile(r"Option '([^']*)' requires (\w+) arguments?")
+_KINDS = {  # what typer and its pydantic say, and what we do
+    "valid float": "give a number, such as 0.5",
+    "valid number": "give a number, such as 0.5",
+    "valid integer": "give a whole number, such as 10",
+}
+
+
+def mistake(error: Exception, words: list[str], door: object) -> str | None:
+    """Return one sentence for what typer says of wrong words, None for other errors."""
+    if not hasattr(error, "format_message"):
+        return None
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return error.ctx.get_help() if getattr(error, "ctx", None) else ""
+    text = " ".join(error.format_message().split())
+    context = getattr(error, "ctx", None)
+    helped = f"{context.command_path} --help" if context else "odm --help"
+    if found := _WRONG.match(text):
+        name, why = found.groups()
+        for kind, remedy in _KINDS.items():
+            if kind in why:
+                why = remedy
+        value = _value_of(name, words)
+        told = "" if value is None else f" is {value!r}"
+        return f"odm: {name}{told}: {why[:1].lower()}{why[1:].rstrip('.')}"
+    if found := _COUNT.match(text):
+        name, count = found.groups()
+        if count == "an":
+            return f"odm: {name} stands alone; give a value behind it"
+        behind = _metavar(name, _command_of(words, door)[0])
+        return f"odm: {name} needs {count} values behind it: {behind}"
+    text = text.removeprefix("Invalid value: ").rstrip(".?").replace(". Did", "; did")
+    return f"odm: {text[:1].lower()}{text[1:]}; see {helped}"
+
+
+def _metavar(name: str, command: object) -> str:
+    """Return what stands behind a flag in the help, or where to look."""
+    for one in getattr(command, "params", ()):
+        if name in one.opts and one.metavar:
+            return one.metavar
+    return "see --help"
+
+
+def _value_of(name: str, words: list[str]) -> str | None:
+    """Return what stands behind a flag, None where it cannot be told."""
+    for at, word in enumerate(words):
+        flag, equals, value = word.partition("=")
+        if flag in name.split(" / "):
+            return value if equals else next(iter(words[at + 1 :]), None)
+    return None

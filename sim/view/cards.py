@@ -1,0 +1,276 @@
+"""The words and strips of the panel: HTML and SVG from plain data."""
+
+from html import escape
+
+import numpy as np
+
+from sim.draw.style import AMBER, FAINT, INK, LINE, PALE, RED, TEAL
+from sim.view import looks
+from sim.view.moment import (
+    CONTACT,
+    GAP,
+    HOLDING,
+    LATENCY,
+    NEW_PATH,
+    ON_THE_WAY,
+    STATE,
+    STICKY_S,
+    TIME,
+    WORDS,
+    Event,
+    Moment,
+)
+
+STRIP_S = 10.0  # what the strips show before the present moment [s]
+COLUMNS = 400  # of a time line, at most
+NEAR = 0.10  # a separation below this is drawn as near [m]
+_FONT = "font-family:inherit"
+_MOST_TEXT = 400
+
+
+def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
+    """Return state, reason, time and separation of a moment in words."""
+    state = shown_state(moment, events)
+    word = WORDS[state]
+    colour = looks.STATE_COLOURS[state]
+    reason = moment.reason if state != NEW_PATH else ""
+    why = f'<div style="color:{INK};margin-top:4px">{_clip(reason)}</div>'
+    gap = moment.separation
+    at = f"{moment.time_s:.2f} / {length_s:.1f} s" if length_s > 0 else ""
+    told = "\N{EN DASH}" if not np.isfinite(gap) else f"{max(gap, 0.0) * 100:.1f} cm"
+    gap_colour = INK if not gap < NEAR else (RED if gap <= 0 else AMBER)
+    return (
+        f'<div style="{_FONT};padding:10px 14px 4px 14px;font-size:13px">'
+        f'<div style="display:flex;align-items:center;gap:8px">'
+        f'<span style="width:12px;height:12px;border-radius:6px;flex:none;'
+        f'background:{colour}"></span>'
+        f'<b style="font-size:15px;color:{INK}">{word[0].upper()}{word[1:]}</b>'
+        f'<span style="margin-left:auto;color:{FAINT};'
+        f'font-variant-numeric:tabular-nums">{at}'
+        f"</span></div>{why if reason else ''}"
+        f'<div style="margin-top:6px;color:{FAINT}">robot to person '
+        f'<b style="font-size:17px;color:{gap_colour};'
+        f'font-variant-numeric:tabular-nums">{told}</b></div></div>'
+    )
+
+
+def shown_state(moment: Moment, events: list[Event]) -> int:
+    """Return the state to tell; a new path is told long enough to be read."""
+    if moment.state != ON_THE_WAY:
+        return moment.state
+    new = any(
+        e.state == NEW_PATH and 0 <= moment.time_s - e.time_s < STICKY_S
+        for e in events[-8:]
+    )
+    return NEW_PATH if new else moment.state
+
+
+def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
+    """Return the separation and the latency of the last seconds as two strips.
+
+    Args:
+        rows: (n, 5) as in `Moment`, by time.
+        now: The present moment [s].
+        latency: Whether latencies are known.
+    """
+    recent = rows[(rows[:, TIME] > now - STRIP_S) & (rows[:, TIME] <= now + 1e-9)]
+    gap = recent[np.isfinite(recent[:, GAP])]
+    nearest = f"{100 * gap[:, GAP].min():.1f} cm at the least" if len(gap) else "nobody"
+    top = max(0.3, float(gap[:, GAP].max(initial=0.0)))
+    picture = _strip(gap[:, TIME], gap[:, GAP], now, top, TEAL, NEAR)
+    told = [_titled("Separation", nearest, picture, f"{100 * top:.0f} cm")]
+    if latency and len(recent):
+        took = 1e3 * recent[:, LATENCY]
+        p50, p99 = np.percentile(took, [50, 99])
+        most = float(took.max())
+        top = max(1.0, 1.1 * most)
+        picture = _strip(recent[:, TIME], took, now, top, "#4a7fb5")
+        words = f"p50 {p50:.2f}, p99 {p99:.2f}, most {most:.2f} ms"
+        told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
+    elif not latency:
+        told.append(_titled("Latency of a frame", "not in a recording", "", ""))
+    return f'<div style="{_FONT};padding:2px 14px">{"".join(told)}</div>'
+
+
+def _titled(name: str, words: str, picture: str, top: str) -> str:
+    return (
+        f'<div style="display:flex;font-size:12px;color:{FAINT};margin-top:6px">'
+        f'<span style="color:{INK}">{name}</span>'
+        f'<span style="margin-left:auto;font-variant-numeric:tabular-nums">{words}'
+        f"</span></div>"
+        f'<div style="position:relative">{picture}<span style="position:absolute;'
+        f'left:3px;top:1px;font-size:10px;color:{FAINT}">{top}</span></div>'
+    )
+
+
+def _strip(
+    times: np.ndarray,
+    values: np.ndarray,
+    now: float,
+    top: float,
+    colour: str,
+    line: float | None = None,
+) -> str:
+    """Return a filled curve over the last seconds, the newest at the right."""
+    width, height = 600.0, 46.0
+    body = f'<rect width="{width}" height="{height}" fill="{PALE}"/>'
+    if len(times) > 1:
+        step = -(-len(times) // COLUMNS)  # the extreme of each column stays
+        pick = np.arange(0, len(times), step)
+        worst = np.minimum if line is not None else np.maximum
+        y = worst.reduceat(np.clip(values / top, 0.0, 1.0), pick)
+        x = width * (1.0 + (times[pick] - now) / STRIP_S)
+        points = " ".join(
+            f"{a:.1f},{b:.1f}" for a, b in zip(x, height * (1 - y), strict=True)
+        )
+        area = f"{x[0]:.1f},{height} {points} {x[-1]:.1f},{height}"
+        body += f'<polygon points="{area}" fill="{colour}" opacity="0.18"/>'
+        body += (
+            f'<polyline points="{points}" fill="none" stroke="{colour}" '
+            'stroke-width="1.6" vector-effect="non-scaling-stroke"/>'
+        )
+    if line is not None and line < top:
+        y = height * (1 - line / top)
+        body += (
+            f'<line x1="0" x2="{width}" y1="{y:.1f}" y2="{y:.1f}" stroke="{AMBER}" '
+            'stroke-width="1" stroke-dasharray="4 4" '
+            'vector-effect="non-scaling-stroke"/>'
+        )
+    return _svg(width, height, body)
+
+
+def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) -> str:
+    """Return the whole run as a band of colours by state, with its events.
+
+    Args:
+        rows: (n, 5) as in `Moment`, by time.
+        events: What happened.
+        span: First and last moment [s].
+        now: The present moment [s].
+    """
+    width, height = 1000.0, 40.0
+    begin, length = span[0], max(span[1] - span[0], 1e-6)
+
+    def at(time_s: float) -> float:
+        return width * min(max((time_s - begin) / length, 0.0), 1.0)
+
+    body = f'<rect y="12" width="{width}" height="18" fill="{PALE}"/>'
+    for first, last, state in _stretches(rows, begin, length):
+        x, wide = at(first), max(at(last) - at(first), 1.5)
+        body += (
+            f'<rect x="{x:.1f}" y="12" width="{wide:.1f}" height="18" '
+            f'fill="{looks.STATE_COLOURS[state]}"/>'
+        )
+    for event in [e for e in events if e.state == NEW_PATH][-COLUMNS:]:
+        x = at(event.time_s)
+        colour = looks.STATE_COLOURS[NEW_PATH]
+        body += f'<rect x="{x - 1:.1f}" y="4" width="2.4" height="8" fill="{colour}"/>'
+    x = at(now)
+    body += f'<rect x="{x - 1.5:.1f}" y="0" width="3" height="{height}" fill="{INK}"/>'
+    latest = [e for e in events if e.time_s <= now + 1e-9][-4:]
+    lines = "".join(_event_line(e) for e in reversed(latest))
+    return (
+        f'<div style="{_FONT};padding:4px 14px">{_svg(width, height, body)}'
+        f'<div style="font-size:12px;min-height:72px">{lines}</div></div>'
+    )
+
+
+def _event_line(event: Event) -> str:
+    colour = looks.STATE_COLOURS[event.state]
+    return (
+        '<div style="white-space:nowrap;overflow:hidden;text-overflow:ellipsis" '
+        f'title="{_clip(event.text)}"><span style="color:{FAINT};'
+        f'font-variant-numeric:tabular-nums">{event.time_s:7.2f} s</span> '
+        f'<span style="color:{colour}">\N{BLACK CIRCLE}</span> '
+        f'<span style="color:{INK}">{_clip(event.text)}</span></div>'
+    )
+
+
+def _stretches(rows: np.ndarray, begin: float, length: float) -> list[tuple]:
+    """Return (first [s], last [s], state) by column; the gravest of a column stays."""
+    if len(rows) == 0:
+        return []
+    column = np.clip((rows[:, TIME] - begin) / length * COLUMNS, 0, COLUMNS - 1)
+    grave = np.full(COLUMNS, -1)
+    np.maximum.at(grave, column.astype(int), rows[:, STATE].astype(int))
+    for i in range(1, COLUMNS):  # where columns are finer than frames
+        if grave[i] < 0 and i <= column[-1]:
+            grave[i] = grave[i - 1]
+    grave[grave == NEW_PATH] = ON_THE_WAY
+    cuts = np.flatnonzero(np.r_[True, grave[1:] != grave[:-1]])
+    ends = np.r_[cuts[1:], COLUMNS]
+    scale = length / COLUMNS
+    return [
+        (begin + a * scale, begin + b * scale, int(grave[a]))
+        for a, b in zip(cuts, ends, strict=True)
+        if grave[a] >= 0
+    ]
+
+
+def legend(has_map: bool, has_quality: bool) -> str:
+    """Return what each colour means."""
+    rows = [("box", looks.SKIN, "person"), ("line", looks.PATH, "path of the tool")]
+    rows.append(("line", looks.BEFORE, "the path before it"))
+    if has_map:
+        rows.append(("line", looks.FREE_EDGE, "edge that is free"))
+        rows.append(("line", looks.BLOCKED_EDGE, "edge that is blocked"))
+        rows.append(("box", looks.CELL, "occupied cell"))
+    if not has_quality:
+        rows.append(("dot", looks.GOAL, "work place; the larger is the goal"))
+    items = "".join(_swatch(kind, looks.hex_of(c), text) for kind, c, text in rows)
+    states = "".join(
+        _swatch("box", looks.STATE_COLOURS[s], WORDS[s])
+        for s in (ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
+    )
+    bar = ""
+    if has_quality:
+        stops = looks.quality_colours(np.linspace(0, 1, 6))
+        gradient = ",".join(looks.hex_of(c) for c in stops)
+        bar = (
+            f'<div style="margin-top:6px;color:{FAINT}">target quality 0 '
+            f'<span style="display:inline-block;width:110px;height:9px;'
+            f'vertical-align:middle;background:linear-gradient(90deg,{gradient})">'
+            "</span> 1; the larger is pursued</div>"
+        )
+    grid = "display:grid;grid-template-columns:1fr 1fr;gap:2px 10px"
+    return (
+        f'<div style="{_FONT};font-size:12px;padding:4px 14px 8px 14px;color:{INK}">'
+        f'<div style="{grid}">{items}</div>{bar}'
+        f'<div style="border-top:1px solid {LINE};margin:8px 0 6px 0"></div>'
+        f'<div style="{grid}">{states}</div></div>'
+    )
+
+
+def _swatch(kind: str, colour: str, text: str) -> str:
+    height = {"box": 10, "line": 4, "dot": 10}[kind]
+    radius = 5 if kind == "dot" else 2
+    return (
+        '<div style="display:flex;align-items:center;gap:7px"><span style="width:'
+        f"{10 if kind == 'dot' else 16}px;height:{height}px;border-radius:{radius}px;"
+        f'flex:none;background:{colour}"></span>{escape(text)}</div>'
+    )
+
+
+def note(sentences: list[str]) -> str:
+    """Return sentences about what is not shown, "" for none."""
+    if not sentences:
+        return ""
+    text = " ".join(f"{_clip(s[:1].upper() + s[1:])}." for s in sentences)
+    return (
+        f'<div style="{_FONT};font-size:12px;color:{FAINT};padding:4px 14px 8px 14px">'
+        f"{text}</div>"
+    )
+
+
+def _clip(text: str) -> str:
+    """Return text that is safe in HTML, not too long."""
+    cut = text if len(text) <= _MOST_TEXT else text[:_MOST_TEXT] + "..."
+    return escape(cut.rstrip("."))
+
+
+def _svg(width: float, height: float, body: str) -> str:
+    return (
+        f'<svg viewBox="0 0 {width:g} {height:g}" preserveAspectRatio="none" '
+        f'style="width:100%;height:{height:g}px;display:block;border-radius:3px">'
+        f"{body}</svg>"
+    )

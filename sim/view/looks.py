@@ -1,0 +1,135 @@
+"""Colours of the page, the place of its camera, and small geometry for drawing."""
+
+import numpy as np
+
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.robot.robot import Robot
+from sim.draw.style import AMBER, FAINT, RED, SLATE, TEAL, rgb
+from sim.view import moment as m
+
+PURPLE = "#7050b0"
+FOV = np.radians(38.0)  # vertical opening of the camera [rad]
+STATE_COLOURS = {
+    m.STILL: FAINT,
+    m.ON_THE_WAY: TEAL,
+    m.NEW_PATH: "#2a6fbb",
+    m.SLOW: "#e0a63a",
+    m.BRAKING: AMBER,
+    m.AWAY: PURPLE,
+    m.HOLDING: RED,
+    m.CONTACT: "#7a0000",
+}
+ROBOT, BASE = (222, 225, 229), (176, 184, 192)
+SLEEVE, SKIN = (92, 133, 189), (237, 184, 153)
+LOAD = (217, 158, 41)
+CELL, POINT = (214, 120, 40), (120, 90, 60)
+FREE_EDGE, BLOCKED_EDGE = (150, 188, 186), (196, 62, 62)
+PATH, BEFORE = rgb(TEAL), (160, 168, 178)
+GOAL = rgb(SLATE)
+# viridis, from 0 to 1: equal steps look equal, also in grey
+_VIRIDIS = np.array(
+    [
+        [68, 1, 84],
+        [72, 40, 120],
+        [62, 74, 137],
+        [49, 104, 142],
+        [38, 130, 142],
+        [31, 158, 137],
+        [53, 183, 121],
+        [109, 205, 89],
+        [180, 222, 44],
+        [253, 231, 37],
+    ],
+    float,
+)
+
+
+def quality_colours(quality: np.ndarray) -> np.ndarray:
+    """Return (n, 3) uint8 colours of qualities in [0, 1]; slate where there is none."""
+    quality = np.asarray(quality, float)
+    at = np.clip(np.nan_to_num(quality), 0, 1) * (len(_VIRIDIS) - 1)
+    low = np.minimum(at.astype(int), len(_VIRIDIS) - 2)
+    share = (at - low)[:, None]
+    colours = (1 - share) * _VIRIDIS[low] + share * _VIRIDIS[low + 1]
+    colours[np.isnan(quality)] = GOAL
+    return colours.round().astype(np.uint8)
+
+
+def hex_of(colour: tuple) -> str:
+    """Return '#rrggbb' of three numbers from 0 to 255."""
+    return "#{:02x}{:02x}{:02x}".format(*(int(c) for c in colour))
+
+
+def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
+    """Return (n, 3) places of the tool along a path (k, dof) [m]."""
+    if len(path) < 2:
+        return np.zeros((0, 3))
+    parts = []
+    for start, stop in zip(path[:-1], path[1:], strict=True):
+        leg = difference(robot, start, stop)
+        count = min(1 + int(np.abs(leg).max() / step), 200)
+        parts += [start + s * leg for s in np.arange(count) / count]
+    parts.append(path[-1])
+    return np.array([tool_pose(robot, q)[:3, 3] for q in parts])
+
+
+def as_segments(line: np.ndarray) -> np.ndarray:
+    """Return (n - 1, 2, 3) segments of a line (n, 3)."""
+    return np.stack([line[:-1], line[1:]], axis=1).astype(np.float32)
+
+
+def turn_z_to(direction: np.ndarray) -> np.ndarray:
+    """Return the quaternion w, x, y, z that turns the z axis to a direction (3,)."""
+    length = float(np.linalg.norm(direction))
+    if length < 1e-9:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    x, y, z = direction / length
+    if z < -1 + 1e-9:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    wxyz = np.array([1.0 + z, -y, x, 0.0])
+    return wxyz / np.linalg.norm(wxyz)
+
+
+def wxyz_of(R: np.ndarray) -> np.ndarray:
+    """Return the quaternion w, x, y, z of a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.roll(Rotation.from_matrix(R).as_quat(), 1)
+
+
+def eye_on(
+    robot_points: np.ndarray, person_points: np.ndarray, aspect: float = 1.6
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a camera stands, and what it looks at, to see robot and person.
+
+    It looks across the line from the robot to the person, a little from above and
+    from behind the robot's side, so that neither hides the other.
+
+    Args:
+        robot_points: (n, 3) of the robot [m].
+        person_points: (k, 3) of the person [m]; none: the robot alone.
+        aspect: Width of the picture in heights.
+    """
+    whole = np.vstack([robot_points, person_points])
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    target = 0.5 * (low + high)
+    toward = np.array([1.0, 0.0, 0.0])
+    if len(person_points):
+        toward = person_points.mean(axis=0) - robot_points.mean(axis=0)
+        toward[2] = 0.0
+    length = np.linalg.norm(toward)
+    toward = toward / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    across = np.array([toward[1], -toward[0], 0.0])
+    radius = 0.5 * float(np.linalg.norm(high - low)) + 0.1
+    distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(aspect, 0.3))
+    back = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])
+    back /= np.linalg.norm(back)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    # beside the panel, which is at the right, or at the foot of a narrow window
+    half = distance * np.tan(FOV / 2)
+    if aspect > 1.0:
+        target = target + 0.35 * (min(aspect, 2.0) - 1.0) * half * right
+    elif aspect < 0.8:
+        target = target - 0.45 * half * np.cross(back, right)
+    return target + distance * back, target

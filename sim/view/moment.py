@@ -1,0 +1,130 @@
+"""What is drawn of one frame, as plain arrays, and its state in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from odm.execution.executor import BRAKED, RETREATING, SLOWED
+
+# codes of a state, in the order in which they hide each other on the time line
+(STILL, ON_THE_WAY, NEW_PATH, SLOW, BRAKING, AWAY, HOLDING, CONTACT) = range(8)
+WORDS = (
+    "standing",
+    "on its way",
+    "new path",
+    "slowed for the person",
+    "braked for the person",
+    "backing off",
+    "holding",
+    "contact",
+)
+STICKY_S = 0.4  # a new path is told so long [s]
+NOBODY = np.zeros((0, 7))
+
+# columns of a strip: one row for every frame, drawn or not
+TIME, GAP, LATENCY, STATE, PLACE = range(5)
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened.
+
+    Attributes:
+        time_s: When [s].
+        state: Code of the state that began, or `NEW_PATH`.
+        text: What, in words.
+    """
+
+    time_s: float
+    state: int
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One frame.
+
+    Attributes:
+        time_s: When [s].
+        q: (dof,) where the robot is [rad or m].
+        capsules: (k, 7) person [m].
+        state: Code of what the robot does, see `WORDS`.
+        reason: Why it does not move, in the planner's words.
+        separation: Exact distance of robot and person [m]; infinite: nobody, or not
+            known.
+        path, before: (n, dof) the path in use and the one that it took the place of.
+        targets: (n, 5) places of the tool [m], quality in [0, 1] (NaN: none), and
+            1 where it is pursued.
+        points: (n, 3) what a sensor saw [m].
+        payload: (k, 4) spheres in the hand, tool frame [m].
+        rows: (n, 5) time, separation, latency [s], state, place of each frame since
+            the moment before, this one last.
+        events: What happened since the run began, at most the latest.
+    """
+
+    time_s: float
+    q: np.ndarray
+    capsules: np.ndarray = field(default_factory=lambda: NOBODY)
+    state: int = STILL
+    reason: str = ""
+    separation: float = np.inf
+    path: np.ndarray | None = None
+    before: np.ndarray | None = None
+    targets: np.ndarray | None = None
+    points: np.ndarray | None = None
+    payload: np.ndarray | None = None
+    rows: np.ndarray | None = None
+    events: tuple[Event, ...] = ()
+
+
+def state_of(status: str, pace: str, separation: float = np.inf) -> int:
+    """Return the code of a state from the planner's status and the executor's pace."""
+    if separation <= 0.0:
+        return CONTACT
+    if pace == RETREATING:
+        return AWAY
+    if status == "holding":
+        return HOLDING
+    if pace in (BRAKED, SLOWED):
+        return BRAKING if pace == BRAKED else SLOW
+    return ON_THE_WAY
+
+
+class Happenings:
+    """Makes events of states, frame by frame.
+
+    Attributes:
+        events: All of them, by time.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self.events: list[Event] = []
+        self._state, self._place = ON_THE_WAY, None
+
+    def take(
+        self,
+        time_s: float,
+        state: int,
+        place: int,
+        reason: str = "",
+        new_path: bool = False,
+    ) -> None:
+        """Take one frame.
+
+        Args:
+            time_s: When [s].
+            state: Code of its state.
+            place: Number of the goal.
+            reason: May be given with the first frame of a state.
+            new_path: Whether the planner found a new path; to a new goal it has to.
+        """
+        if self._place is not None and place != self._place:
+            self.events.append(Event(time_s, STILL, "a new goal"))
+        elif new_path:
+            self.events.append(Event(time_s, NEW_PATH, WORDS[NEW_PATH]))
+        if state != self._state and state not in (ON_THE_WAY, STILL):
+            word = WORDS[state]
+            told = f"{word}: {reason}" if reason else word
+            self.events.append(Event(time_s, state, told))
+        self._state, self._place = state, place

@@ -1,0 +1,89 @@
+"""The page beside `odm run`: what it hears of the loop, and the clock's pace."""
+
+import sys
+import time
+
+import numpy as np
+
+from sim.loop.loop import Frame, Loop
+from sim.view.dragged import DraggedPerson
+from sim.view.gate import LOCAL
+from sim.view.sources import place_targets
+from sim.view.viewer import Viewer
+
+_TARGETS_EVERY = 10  # frames
+_TARGETS = 10  # of a person, that are drawn
+_LATE_S = 0.1
+
+
+class Watched:
+    """A loop that is watched; a context manager.
+
+    Args:
+        loop: The loop; not begun. Its person can be dragged where it goes between work
+            places.
+        cell_map: Its map.
+        port, host, token: See `Viewer`.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        cell_map: object,
+        port: int = 0,
+        host: str = LOCAL,
+        token: str | None = None,
+    ) -> None:
+        """Open the page and say where."""
+        self._loop = loop
+        self._live = getattr(loop, "live", None)  # of runs to hand-over targets
+        drag = self._live is None and loop.motion is not None
+        rate = loop.settings.rate_hz
+        name = "nobody" if loop.motion is None else loop.motion.name
+        label = f"{loop.robot.name} beside {name}"
+        self.viewer = Viewer(
+            cell_map,
+            host=host,
+            port=port,
+            token=token,
+            rate_hz=rate,
+            label=label,
+            drag=drag,
+        )
+        if drag:
+            loop.motion = DraggedPerson(loop.motion, self.viewer.hand)
+        self._targets: dict[object, np.ndarray] = {}
+        self._begun: float | None = None
+        print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
+
+    def __enter__(self) -> "Watched":
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the page."""
+        self.viewer.close()
+
+    def hear(self, frame: Frame) -> None:
+        """Show a frame, and wait until the clock has come as far."""
+        self.viewer.show(frame, targets=self._targets_of(frame))
+        due = frame.index / self._loop.settings.rate_hz
+        now = time.perf_counter()
+        if self._begun is None or now - self._begun - due > _LATE_S:
+            self._begun = now - due  # what was lost is not made up for
+        time.sleep(max(0.0, self._begun + due - now))
+
+    def _targets_of(self, frame: Frame) -> np.ndarray:
+        if self._live is None:
+            if frame.place not in self._targets:
+                places = place_targets(self._loop.robot, self._loop.places, frame.place)
+                self._targets[frame.place] = places
+            return self._targets[frame.place]
+        if frame.index % _TARGETS_EVERY == 0 or None not in self._targets:
+            key = self._live.pursuit.key
+            rows = [
+                [*t.T_world_tool[:3, 3], t.quality, t.key == key]
+                for t in self._live.targets[:_TARGETS]
+            ]
+            self._targets[None] = np.array(rows, float).reshape(-1, 5)
+        return self._targets[None]

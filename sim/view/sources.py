@@ -1,0 +1,277 @@
+"""Where moments come from: a recording, a live run's letters, or a map alone."""
+
+import bisect
+import pickle
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from roadmap.arrays import frozen
+from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
+from sim.loop.run_result import STATUS
+from sim.record import RunRecord
+from sim.record.again import robot_of
+from sim.view.mailbox import Mailbox
+from sim.view.moment import ON_THE_WAY, Event, Happenings, Moment, state_of
+
+KEPT = 18_000  # moments of a live run: ten minutes at 30 a second
+KEPT_ROWS = 60_000  # its frames: ten minutes at 100 a second
+KEPT_EVENTS = 2_000
+NO_ROWS = frozen(np.zeros((0, 5)), float)
+
+
+class Source(Protocol):
+    """Moments by time.
+
+    Attributes:
+        live: Whether more of them come.
+        events: What happened, by time.
+        knows_latency: Whether the rows tell how long frames took.
+    """
+
+    live: bool
+    events: list[Event]
+    knows_latency: bool
+
+    def poll(self) -> bool:
+        """Take what came; return whether anything did."""
+        ...
+
+    def span(self) -> tuple[float, float]:
+        """Return the first and the last moment that there is [s]."""
+        ...
+
+    def at(self, time_s: float) -> Moment | None:
+        """Return the last moment that is not later, None where there is none yet."""
+        ...
+
+    def rows(self) -> np.ndarray:
+        """Return (n, 5) all frames, see `Moment.rows`."""
+        ...
+
+
+class Recorded:
+    """A recording, which needs nothing but its file.
+
+    Args:
+        record: The recording.
+
+    Attributes:
+        robot: Its robot.
+    """
+
+    live = knows_latency = False
+
+    def __init__(self, record: RunRecord) -> None:
+        """Work out states and events of all frames."""
+        self.record, self.robot = record, robot_of(record)
+        self._place_q = record.arrays["places"]
+        self._goals: dict[int, np.ndarray] = {}
+        self._rows, self._reasons = self._read()
+        self._ends = _trip_ends(record.arrays["place"])
+        self._driven: tuple[int, np.ndarray] = (-1, np.zeros((0, self.robot.dof)))
+
+    def _read(self) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
+        record, arrays = self.record, self.record.arrays
+        paces = record.head["pace_names"]
+        gaps, place = arrays["separation"], arrays["place"]
+        status, pace = arrays["status"], arrays["pace"]
+        states = [
+            state_of(STATUS[s], paces[p], g)
+            for s, p, g in zip(status, pace, gaps.tolist(), strict=True)
+        ]
+        reasons = [(h["start_s"], h["end_s"], h["reason"]) for h in record.holds]
+        reasons += [(s["start_s"], s["end_s"], s["reason"]) for s in record.slow]
+        reasons.sort()
+        begins = {round(r[0] * record.rate_hz): r[2] for r in reasons}
+        seen = Happenings()
+        times = arrays["time_s"]
+        new = STATUS.index("replanned")
+        for i, state in enumerate(states):
+            fresh = bool(i) and status[i] == new
+            why = begins.get(i, "")
+            seen.take(float(times[i]), state, int(place[i]), why, fresh)
+        self.events = seen.events
+        rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
+        return rows, reasons
+
+    def poll(self) -> bool:
+        """Nothing comes."""
+        return False
+
+    def span(self) -> tuple[float, float]:
+        """Return the first and the last moment [s]."""
+        return 0.0, float(self._rows[-1, 0])
+
+    def rows(self) -> np.ndarray:
+        """Return (n, 5) all frames."""
+        return self._rows
+
+    def at(self, time_s: float) -> Moment:
+        """Return a frame; its path is where the robot went until its next goal."""
+        record, arrays = self.record, self.record.arrays
+        i = int(time_s * record.rate_hz + 1e-6)
+        i = min(max(i, 0), record.frames - 1)
+        state = int(self._rows[i, 3])
+        return Moment(
+            time_s=float(self._rows[i, 0]),
+            q=arrays["q"][i],
+            capsules=record.person("capsules", i),
+            state=state,
+            reason=self._reason(float(self._rows[i, 0]), state),
+            separation=float(arrays["separation"][i]),
+            path=self._path(i),
+            targets=self._targets(int(arrays["place"][i])),
+            payload=arrays.get("payload"),
+        )
+
+    def _reason(self, now: float, state: int) -> str:
+        if state == ON_THE_WAY:
+            return ""
+        told = [why for a, b, why in self._reasons if a <= now + 1e-9 and now < b]
+        return told[-1] if told else ""
+
+    def _path(self, i: int) -> np.ndarray:
+        """Return what the robot drives from frame i on to the end of this trip."""
+        end = self._ends[i]
+        rows = np.arange(i, end + 1, max(1, (end - i) // 60))
+        return self.record.arrays["q"][np.append(rows, end)]
+
+    def _targets(self, place: int) -> np.ndarray:
+        if place not in self._goals:
+            self._goals[place] = place_targets(self.robot, self._place_q, place)
+        return self._goals[place]
+
+
+def place_targets(robot: Robot, places: np.ndarray, place: int) -> np.ndarray:
+    """Return work places as targets without a quality, (n, 5)."""
+    from roadmap.kinematics.forward import tool_pose
+
+    p = np.array([tool_pose(robot, q)[:3, 3] for q in places])
+    pursued = np.arange(len(places)) == place
+    return np.column_stack([p, np.full(len(p), np.nan), pursued])
+
+
+def _trip_ends(place: np.ndarray) -> np.ndarray:
+    """Return (F,) the last frame in which each frame's place is still the goal."""
+    last = np.flatnonzero(np.r_[place[1:] != place[:-1], True])
+    return last[np.searchsorted(last, np.arange(len(place)))]
+
+
+class Letters:
+    """The moments of a live run, as they lie in a mailbox; some minutes are kept.
+
+    Args:
+        box: The mailbox.
+    """
+
+    live = knows_latency = True
+
+    def __init__(self, box: Mailbox) -> None:
+        """Have none yet."""
+        self._box = box
+        self._moments: deque[Moment] = deque(maxlen=KEPT)
+        self._times: deque[float] = deque(maxlen=KEPT)
+        self._rows = np.zeros((2 * KEPT_ROWS, 5))
+        self._used = 0
+        self.events: list[Event] = []
+
+    def poll(self) -> bool:
+        """Take the newest letter."""
+        letter = self._box.take()
+        if letter is None:
+            return False
+        moment = pickle.loads(letter)
+        if self._times and moment.time_s < self._times[-1]:
+            self._forget()  # another run has begun
+        self._note(moment)
+        self._moments.append(replace(moment, rows=None, events=()))
+        self._times.append(moment.time_s)
+        return True
+
+    def _forget(self) -> None:
+        self._moments.clear()
+        self._times.clear()
+        self.events, self._used = [], 0
+
+    def _note(self, moment: Moment) -> None:
+        """Keep rows and events that were not known."""
+        newest = self.events[-1].time_s if self.events else -np.inf
+        same = [e for e in self.events[-8:] if e.time_s == newest]
+        fresh = [
+            e
+            for e in moment.events
+            if e.time_s > newest or (e.time_s == newest and e not in same)
+        ]
+        self.events = [*self.events, *fresh][-KEPT_EVENTS:]
+        rows = NO_ROWS if moment.rows is None else moment.rows
+        if self._used:
+            rows = rows[rows[:, 0] > self._rows[self._used - 1, 0]]
+        rows = rows[-KEPT_ROWS:]
+        if self._used + len(rows) > len(self._rows):
+            self._rows[:KEPT_ROWS] = self._rows[self._used - KEPT_ROWS : self._used]
+            self._used = KEPT_ROWS
+        self._rows[self._used : self._used + len(rows)] = rows
+        self._used += len(rows)
+
+    def span(self) -> tuple[float, float]:
+        """Return the first and the last moment kept [s]."""
+        return (self._times[0], self._times[-1]) if self._times else (0.0, 0.0)
+
+    def rows(self) -> np.ndarray:
+        """Return (n, 5) the frames of the moments kept."""
+        return self._rows[: self._used]
+
+    def at(self, time_s: float) -> Moment | None:
+        """Return the last moment kept that is not later."""
+        if not self._times:
+            return None
+        if time_s >= self._times[-1]:
+            return self._moments[-1]
+        return self._moments[max(bisect.bisect_right(self._times, time_s) - 1, 0)]
+
+
+class Still:
+    """One moment for ever: a map without a run.
+
+    Args:
+        moment: What stands there.
+    """
+
+    live = knows_latency = False
+
+    def __init__(self, moment: Moment) -> None:
+        """Keep it."""
+        self.moment, self.events = moment, []
+
+    def poll(self) -> bool:
+        """Nothing comes."""
+        return False
+
+    def span(self) -> tuple[float, float]:
+        """Return the one moment there is."""
+        return 0.0, 0.0
+
+    def rows(self) -> np.ndarray:
+        """Return no frames."""
+        return NO_ROWS
+
+    def at(self, time_s: float) -> Moment:
+        """Return the moment."""
+        return self.moment
+
+
+def check_same_robot(robot: Robot, other: Robot, path: object, folder: object) -> None:
+    """Refuse a map of another robot than the recording's.
+
+    Raises:
+        BadInput: The robots differ.
+    """
+    if robot.fingerprint() != other.fingerprint():
+        raise BadInput(
+            f"the recording {path} is of the robot {robot.name}, but the map {folder} "
+            f"is of another one, {other.name}; leave --map out or give its own map"
+        )

@@ -1,0 +1,104 @@
+"""A camera's points are moved, cropped and thinned; nothing is lost uncounted."""
+
+import numpy as np
+import pytest
+
+import odm
+from odm.obstacles.point_cloud import thinned
+from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
+
+
+def wall(n=60):
+    """A wall of n x n points, 1 cm apart, in the x-y plane of the camera."""
+    x, y = np.meshgrid(np.arange(n) * 0.01, np.arange(n) * 0.01)
+    return np.stack([x, y, np.full_like(x, 1.0)], -1)
+
+
+@pytest.mark.parametrize("gap", [0.003, 0.02, 0.2, 3.0])
+def test_every_point_stays_near_to_one_that_is_kept(rng, gap):
+    points = rng.uniform(-1.0, 1.0, (3000, 3)) * [1.0, 1.0, 0.2]
+    kept, far = thinned(points, gap)
+    apart = np.linalg.norm(points[:, None] - points[kept][None], axis=2).min(axis=1)
+    assert apart.max() <= far <= gap
+    assert (np.diff(kept) > 0).all() and (len(kept) < len(points) or gap < 0.01)
+
+
+def test_thinning_keeps_the_covering_radius_that_it_says():
+    points = wall()
+    cloud = odm.PointCloud(points, covering_radius=0.03, spacing=0.0071)
+    assert cloud.covering_radius <= 0.03 and 20 < len(cloud) < 2500
+    assert cloud.thinned == 3600 - len(cloud)
+    # the surface between the points, not the points alone
+    x = np.random.default_rng(1).uniform(0.0, 0.59, (2000, 2))
+    surface = np.column_stack([x, np.ones(len(x))])
+    apart = np.linalg.norm(surface[:, None] - cloud.points[None], axis=2).min(axis=1)
+    assert apart.max() <= cloud.covering_radius
+
+
+def test_points_are_moved_into_the_world_before_the_crop():
+    T = pose_of([0.0, 0.0, 2.0], [np.pi, 0.0, 0.0])  # a camera that looks down
+    cloud = odm.PointCloud(wall(), T, crop=((-1.0, -0.2, 0.0), (1.0, 1.0, 3.0)))
+    assert np.allclose(cloud.points[:, 2], 1.0) and cloud.points[:, 1].min() >= -0.2
+    assert cloud.cropped == 3600 - len(cloud) > 0 and cloud.thinned == 0
+    assert cloud.covering_radius == 0.005
+
+
+def test_nan_is_counted_and_left_out():
+    points = wall()
+    points[3:5, 7] = np.nan
+    points[9, 9, 1] = np.inf
+    cloud = odm.PointCloud(points)
+    assert cloud.nan == 3 and len(cloud) == 3597 and np.isfinite(cloud.points).all()
+    assert "3 NaN" in repr(cloud)
+    nothing = odm.PointCloud(np.full((4, 3), np.nan), covering_radius=0.02)
+    assert len(nothing) == 0 and nothing.nan == 4
+    assert len(odm.PointCloud(np.zeros((0, 3)))) == 0
+
+
+def test_a_crop_to_the_robot_leaves_out_what_no_motion_reaches(planner, rng):
+    points = rng.uniform(-4.0, 4.0, (4000, 3))
+    for T_world_base in (np.eye(4), pose_of([1.0, 0.5, 0.0], [0.0, 0.0, 1.0])):
+        planner.set_base(T_world_base)
+        cloud = odm.PointCloud(points, crop=planner, spacing=0.0)
+        q = np.array([1.2, 0.6, 0.0])
+        planner.step(points[:0], q=q)
+        planner.step(points, q=q)
+        counted = planner.memory.cloud.counts[1]  # inside the grid
+        planner.step(cloud, q=q)
+        assert planner.memory.cloud.counts[1] == counted and cloud.cropped > 3000
+    inside = odm.PointCloud(points, crop=planner.cell_map, spacing=0.0)
+    assert 0 < len(inside) < 1000
+
+
+def test_a_cloud_brings_its_covering_radius(planner):
+    q = np.array([1.2, 0.6, 0.0])
+    planner.set_goals([-q])
+    cloud = odm.PointCloud(wall() + [5.0, 0, 0], covering_radius=0.02, spacing=0.0071)
+    planner.step(cloud, q=q)
+    assert planner.frame.sampled[0] == cloud.covering_radius
+    planner.step(odm.PointCloud(wall(), spacing=0.004), q=q)
+    assert planner.frame.sampled[0] == 0.004
+    with pytest.raises(BadInput, match="lies outside 0 to 0.03"):
+        planner.step(odm.PointCloud(wall(), spacing=0.2), q=q)
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [
+        ({"points": np.zeros((3, 2))}, r"shape \(3, 2\); give \(n, 3\)"),
+        ({"points": "cloud"}, "points must be an array of real numbers"),
+        ({"T_world_camera": np.ones((4, 4))}, "not a rigid"),
+        ({"spacing": -0.1}, "spacing in m is -0.1"),
+        ({"spacing": np.nan}, "spacing in m is nan"),
+        ({"covering_radius": 0.005}, "is not above spacing 0.005 m"),
+        ({"covering_radius": 30.0}, "covering_radius in m is 30.0"),
+        ({"crop": 1.0}, "crop is 1.0; give"),
+        ({"crop": ([1, 1, 1], [0, 0, 0])}, "the first below the second"),
+        ({"crop": ([1, 1], [0, 0])}, "two corners"),
+        ({"points": np.eye(3) * 1e9, "covering_radius": 0.01}, "too far apart"),
+    ],
+)
+def test_bad_clouds_are_refused_in_a_sentence(how, told):
+    with pytest.raises(BadInput, match=told):
+        odm.PointCloud(**{"points": np.zeros((3, 3)), **how})

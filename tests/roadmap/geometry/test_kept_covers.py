@@ -1,0 +1,70 @@
+"""Covers that are kept: the same bytes, found once, and never a damaged one."""
+
+import numpy as np
+import pytest
+
+from roadmap.geometry import kept_covers
+from roadmap.geometry.kept_covers import cache_folder, kept_cover
+from roadmap.geometry.solids import Solid
+from roadmap.geometry.spheres import cover_solids
+from roadmap.robot.robot import BOX
+
+
+def box(width=0.1):
+    return Solid(BOX, 0, np.eye(4), (width, 0.06, 0.04), np.zeros((0, 3)))
+
+
+@pytest.fixture
+def found(monkeypatch, tmp_path):
+    """Keep covers in a folder of the test; return how often one was found."""
+    times = []
+
+    def count(solids, excess):
+        times.append(excess)
+        return cover_solids(solids, excess)
+
+    monkeypatch.setenv("ODM_CACHE", str(tmp_path))
+    monkeypatch.setattr(kept_covers, "cover_solids", count)
+    return times
+
+
+def test_a_cover_is_found_once_and_comes_back_to_the_byte(found):
+    first, again = kept_cover([box()], 0.02), kept_cover([box()], 0.02)
+    assert len(found) == 1 and first.tobytes() == again.tobytes()
+    assert (
+        again.flags.writeable
+        and again.tobytes() == cover_solids([box()], 0.02).tobytes()
+    )
+
+
+def test_another_solid_excess_or_code_is_another_cover(found, monkeypatch):
+    kept_cover([box()], 0.02)
+    kept_cover([box(0.1 + 1e-15)], 0.02)
+    kept_cover([box()], 0.021)
+    monkeypatch.setattr(kept_covers, "_code", lambda: "another way to prove")
+    kept_cover([box()], 0.02)
+    assert len(found) == 4
+
+
+def test_a_damaged_or_foreign_file_is_found_anew(found, tmp_path):
+    kept_cover([box()], 0.02)
+    (file,) = (tmp_path / "covers").iterdir()
+    good = file.read_bytes()
+    for bad in (b"", good[:-8], good[:-1] + bytes([good[-1] ^ 1]), b"x" * 64):
+        file.write_bytes(bad)
+        kept_cover([box()], 0.02)
+        assert file.read_bytes() == good
+    other = file.with_name("0" * 64)
+    file.rename(other)
+    assert len(found) == 5 and not list((tmp_path / "covers").glob(".*"))
+
+
+def test_where_nothing_can_be_kept_it_is_found_each_time(found, monkeypatch, tmp_path):
+    blocked = tmp_path / "a file"
+    blocked.write_text("")
+    for place in (str(blocked), ""):
+        monkeypatch.setenv("ODM_CACHE", place)
+        kept_cover([box()], 0.05)
+        kept_cover([box()], 0.05)
+    assert len(found) == 4
+    assert cache_folder() is None

@@ -1,0 +1,269 @@
+"""A hundred plausible mistakes: one sentence each, with value and remedy, at once.
+
+What is typed wrong is told in the words that were typed, before any work: exit code 2,
+nothing on stdout, nothing written.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+from odm import build_map
+from sim.loop.warmup import tiny_recipe
+from sim.terminal import checks
+
+RUN, BUILD = ("run", "--map", "map"), ("build", "--robot", "arm.urdf", "--tip", "hand")
+MEET = ("workspace", "meet", "--robot", "panda")
+FRAMES = ("replay", "--map", "map", "--frames")
+
+FLAGS = [  # units, numbers, words and choices, told without loading anything
+    (RUN + ("--seconds", "-5"), "--seconds is -5", "above 0"),
+    (RUN + ("--seconds", "0"), "--seconds is 0", "above 0"),
+    (RUN + ("--seconds", "nan"), "--seconds is nan", "above 0"),
+    (RUN + ("--seconds", "inf"), "--seconds is inf", "86400"),
+    (RUN + ("--seconds", "30s"), "--seconds is '30s'", "such as 0.5"),
+    (RUN + ("--rate", "0"), "--rate is 0", "such as 100"),
+    (RUN + ("--rate", "100Hz"), "--rate is '100Hz'", "number"),
+    (RUN + ("--rate", "1000000"), "--rate is 1e+06", "10000"),
+    (RUN + ("--seed", "-1"), "--seed is '-1'", "0"),
+    (RUN + ("--seed", "1.5"), "--seed is '1.5'", "whole number"),
+    (RUN + ("--execution", "fast"), "--execution is 'fast'", "kinematic or timed"),
+    (RUN + ("--execution", "Timed"), "--execution is 'Timed'", "did you mean timed"),
+    (RUN + ("--targets", "met"), "--targets is 'met'", "did you mean meet"),
+    (RUN + ("--motion", "sweeep"), "sweeep", "sweep"),
+    (RUN + ("--motion", "mocap"), "--motion mocap", "--file"),
+    (RUN + ("--file", "clip.bvh"), "--file", "--motion mocap"),
+    (RUN + ("--carry", "10"), "--carry is 10", "0.06"),
+    (RUN + ("--carry", "-0.1"), "--carry is -0.1", "above 0"),
+    (RUN + ("--base-height", "75"), "--base-height is 75", "5 m"),
+    (RUN + ("--stand", "1", "2"), "--stand", "X Y YAW"),
+    (RUN + ("--stand", "1", "0", "nan"), "--stand is nan", "from -360"),
+    (RUN + ("--between", "60", "130"), "--between is 60", "m"),
+    (RUN + ("--between", "0.6", "1.3"), "--between", "--targets meet"),
+    (RUN + ("--object", "wrench"), "--object", "--targets meet"),
+    (RUN + ("--targets", "meet", "--object", "cup"), "'cup'", "wrench or mallet"),
+    (RUN + ("--targets", "meet", "--side", "both"), "--side is 'both'", "left"),
+    (RUN + ("--targets", "meet", "--record", "a.npz"), "--record", "leave it out"),
+    (RUN + ("--motion", "keyboard", "--plot", "a.png"), "--plot", "leave it out"),
+    (RUN + ("--wrench",), "--wrench", "--help"),
+    (("run",), "--map", "--help"),
+    (("run", "--map"), "--map", "give a value"),
+    (("rum", "--map", "map"), "rum", "did you mean"),
+    (("demo", "--seconds", "0"), "--seconds is 0", "above 0"),
+    (("demo", "--threads", "-1"), "--threads is '-1'", "0"),
+    (("run-two", "--map", "map", "--seconds", "-1"), "--seconds is -1", "above 0"),
+    (("run-two", "--map", "map", "--other", "wild"), "'wild'", "planned or scripted"),
+    (("run-two", "--map", "map", "--base", "1", "0"), "--base", "X Y YAW"),
+    (("run-two", "--map", "map", "--base", "inf", "0", "0"), "--base is inf", "finite"),
+    (("build",), "recipe", "--robot"),
+    (("build", "demo", "--robot", "arm.urdf"), "either", "--robot"),
+    (("build", "no_such_recipe"), "no_such_recipe", "panda"),
+    (BUILD + ("--nodes", "-1"), "--nodes is -1", "from 2"),
+    (BUILD + ("--nodes", "1e4"), "--nodes is '1e4'", "whole number"),
+    (BUILD + ("--neighbors", "0"), "--neighbors is 0", "from 1"),
+    (BUILD + ("--h", "4"), "--h is 4", "0.04"),
+    (BUILD + ("--h", "-0.04"), "--h is -0.04", "0.002"),
+    (BUILD + ("--rho", "30"), "--rho is 30", "0.03"),
+    (BUILD + ("--lock", "a"), "--lock is 'a'", "JOINT=VALUE"),
+    (BUILD + ("--lock", "a=90deg"), "'a=90deg'", "rad"),
+    (BUILD + ("--lock", "=1"), "'=1'", "JOINT=VALUE"),
+    (("audit", "map", "--pairs", "0"), "--pairs is '0'", "1"),
+    (("audit", "map", "--sabotage", "luck"), "'luck'", "certificate"),
+    (("human", "info", "--height", "175"), "--height is 175", "1.75"),
+    (("human", "info", "--posture", "standng"), "'standng'", "standing"),
+    (("human", "info", "--mass", "0"), "--mass is 0", "above 0"),
+    (("human", "info", "--thickness", "thin"), "'thin'", "mean"),
+    (("workspace", "human", "--side", "middle"), "'middle'", "left"),
+    (MEET + ("--height", "175"), "--height is 175", "1.75"),
+    (MEET + ("--distance", "90"), "--distance is 90", "0.9"),
+    (MEET + ("--cell", "15"), "--cell is 15", "0.15"),
+    (MEET + ("--object", "hammer"), "'hammer'", "wrench"),
+    (("workspace", "build", "panda", "--cell", "5"), "--cell is 5", "0.05"),
+    (("workspace", "build", "panda", "--stop-after", "0"), "--stop-after", "above 0"),
+    (("camera", "d.png", "--map", "map", "--fx", "0"), "--fx is 0", "above 0"),
+    (("camera", "d.png", "--map", "map", "--policy", "dark"), "'dark'", "occupied"),
+    (("camera", "d.png", "--map", "map", "--eye", "1", "2"), "--eye", "X Y Z"),
+    (FRAMES + ("f.npz", "--spacing", "30"), "--spacing is 30", "0.03"),
+    (("replay",), "file", "run.npz"),
+    (("bench", "speed"), "'speed'", "latency"),
+    (("bench", "latency"), "--map", "odm build"),
+    (("bench", "attach"), "payload", "odm build panda_carry"),
+    (("bench", "workspace"), "reach map", "odm workspace build"),
+    (("grasps", "build", "--object", "cup"), "--hand", "--help"),
+]  # fmt: skip
+
+FILES = [  # paths, formats and permissions of what is to be written
+    (RUN + ("--animation", "x.mp4"), "x.mp4", "name it x.gif"),
+    (RUN + ("--plot", "x.pdf"), "x.pdf", "name it x.png"),
+    (RUN + ("--record", "run.bag"), "run.bag", "name it run.npz"),
+    (RUN + ("--json", "map"), "--json map", "name a file in it"),
+    (RUN + ("--json", "/proc/nowhere/a.json"), "/proc/nowhere", "another folder"),
+    (RUN + ("--out", "arm.urdf"), "--out arm.urdf", "name a folder"),
+    (RUN + ("--plot", "arm.urdf/x.png"), "arm.urdf", "choose another one"),
+    (RUN + ("--plot", "locked/x.png"), "locked/x.png", "permissions"),
+    (RUN + ("--out", "locked/out"), "locked/out", "permissions"),
+    (RUN + ("--record", "locked/r.npz"), "locked/r.npz", "permissions"),
+    (("info", "map", "--plot", "map.svg"), "map.svg", "map.png"),
+    (("info", "map", "--json", "locked/a"), "locked/a", "permissions"),
+    (("demo", "--out", "locked/out"), "locked/out", "permissions"),
+    (("run-two", "--map", "map", "--animation", "a.avi"), "a.avi", "a.gif"),
+    (BUILD + ("--out", "locked/map"), "locked/map", "permissions"),
+    (BUILD + ("--out", "arm.urdf"), "--out arm.urdf", "name a folder"),
+    (BUILD + ("--out", "others"), "others", "another --out"),
+    (("human", "info", "--plot", "p.jpg"), "p.jpg", "p.png"),
+    (("replay", "f.npz", "--recipe-out", "r.json"), "r.json", "r.toml"),
+]  # fmt: skip
+
+READ = [  # files that are not there, or are something else
+    (("info", "no/map"), "no/map", "odm build"),
+    (("info", "arm.urdf"), "arm.urdf", "odm build"),
+    (("run", "--map", "no/map"), "no/map", "odm build"),
+    (("audit", "others"), "others", "odm build"),
+    (("build", "no.toml"), "no.toml", "check the path"),
+    (("build", "broken.toml"), "broken.toml", "TOML"),
+    (("build", "--robot", "no.urdf", "--tip", "hand"), "no.urdf", "path"),
+    (("build", "--robot", "clip.csv", "--tip", "hand"), "clip.csv", "repair"),
+    (("build", "--robot", "arm.urdf", "--tip", "tool0"), "tool0", "hand"),
+    (BUILD + ("--lock", "elbow=1"), "elbow", "'a', 'b', 'c'"),
+    (BUILD + ("--lock", "a=200"), "200", "3"),
+    (BUILD + ("--srdf", "no.srdf"), "no.srdf", ""),
+    (RUN + ("--motion", "mocap", "--file", "no.bvh"), "no.bvh", ""),
+    (RUN + ("--motion", "mocap", "--file", "clip.csv"), "clip.csv", "HIERARCHY"),
+    (RUN + ("--carry", "0.1"), "payload", "recipe"),
+    (FRAMES + ("no.npz",), "no.npz", ""),
+    (FRAMES + ("clip.csv",), "clip.csv", "npz"),
+    (FRAMES + ("short_q.npz",), "q_start", "3"),
+    (FRAMES + ("no_goal.npz",), "q_goal", ""),
+    (FRAMES + ("flat.npz",), "capsules", "7"),
+    (FRAMES + ("good.npz", "--holds"), "--holds", "leave it out"),
+    (("replay", "good.npz"), "good.npz", "--map"),
+    (("camera", "clip.csv", "--map", "map"), "clip.csv", "16-bit PNG"),
+    (("camera", "no.png", "--map", "map"), "no.png", ""),
+    (("camera", "rgb.png", "--map", "map"), "rgb.png", "16 bits"),
+    (("camera", "depth.png", "--map", "map", "--q", "0,1"), "shape (2,)", "a, b, c"),
+    (("camera", "depth.png", "--map", "map", "--q", "home"), "--q 'home'", "write"),
+    (("workspace", "info", "map"), "map", "reach map"),
+    (("grasps", "info", "map"), "map", "grasps"),
+    (("run-two", "--map", "map", "--other-map", "no/map"), "no/map", "odm build"),
+]  # fmt: skip
+
+RECIPES = [  # keys and values of a recipe; told in its own words
+    ("[robt]\nsource='arm.urdf'", "'robt'", "did you mean 'robot'"),
+    ("[robot]\nurdf='arm.urdf'", "'urdf'", "Known keys"),
+    ("[robot]\nsource=3", "robot.source is 3", "text"),
+    ("[robot]\nlocked={a='90'}", "robot.locked.a is '90'", "number"),
+    ("[robot]\ncover_excess=15.0", "cover_excess is 15", "0.2"),
+    ("[safety]\nh=4.0", "h is 4.0", "1.0"),
+    ("[safety]\nrho=0.0", "rho is 0.0", "0.0005"),
+    ("[safety]\nclearance=0.01", "'clearance'", "Known keys"),
+    ("[roadmap]\nnodes=1", "nodes is 1", "from 2"),
+    ("[roadmap]\nneighbours=5", "'neighbours'", "did you mean 'neighbors'"),
+    ("[roadmap]\nregion=[[0,0,0],[1,1]]", "region", "corner"),
+    ("[payload]\nradius=100.0", "payload.radius is 100", "2.0"),
+    ("[payload]\nposition=[0,0,0]", "[payload]", "radius"),
+    ("[[scenery]]\ntype='box'\nsiez=[1,1,1]", "'siez'", "size"),
+    ("[[scenery]]\ntype='cube'\nsize=[1,1,1]", "cube", "box"),
+    ("[[scenery]]\ntype='mesh'\nfile='no.stl'", "no.stl", ""),
+    ("[[scenery]]\ntype='box'\nsize=[1,-1,1]", "-1", ""),
+    ("scenery='table'", "scenery is 'table'", "[[scenery]]"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Return a folder with a map, files that are sound, and some that are not."""
+    from PIL import Image
+
+    folder = tmp_path_factory.mktemp("room")
+    build_map(tiny_recipe(folder), threads=1).save(folder / "map")
+    (folder / "sample.urdf").rename(folder / "arm.urdf")
+    (folder / "others").mkdir()
+    (folder / "others" / "notes.txt").write_text("mine")
+    (folder / "broken.toml").write_text("[robot\n")
+    (folder / "clip.csv").write_text("walked to the door\n")
+    Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(folder / "rgb.png")
+    Image.fromarray(np.full((16, 16), 900, np.uint16)).save(folder / "depth.png")
+    good = {"capsules": np.zeros((2, 1, 7)), "rate_hz": 100.0}
+    good |= {"q_start": np.zeros(3), "q_goal": np.zeros(3)}
+    np.savez(folder / "good.npz", **good)
+    np.savez(folder / "short_q.npz", **good | {"q_start": np.zeros(2)})
+    np.savez(folder / "flat.npz", **good | {"capsules": np.zeros((2, 7))})
+    del good["q_goal"]
+    np.savez(folder / "no_goal.npz", **good)
+    for index, (text, *_) in enumerate(RECIPES):
+        (folder / f"recipe{index}.toml").write_text(text)
+    (folder / "locked").mkdir(0o555)
+    return folder
+
+
+@pytest.fixture
+def refused(odm, room, monkeypatch):
+    """Return a function that types words, and holds what is true of every mistake."""
+
+    def run(words, value, remedy):
+        monkeypatch.chdir(room)
+        before = sorted(room.rglob("*"))
+        code, out, err = odm(*words)
+        lines = [s for s in err.strip().splitlines() if s.startswith("odm: ")]
+        assert code == 2 and out == "" and len(lines) == 1, (code, out, err)
+        assert "Traceback" not in err and value in lines[0] and remedy in lines[0], err
+        assert ". " not in lines[0].replace("... ", ""), f"not one sentence: {lines[0]}"
+        assert not [n for n in ("duration_s", "rate_hz is", "map_dir") if n in lines[0]]
+        assert sorted(room.rglob("*")) == before, "something was written"
+
+    return run
+
+
+@pytest.mark.parametrize(("words", "value", "remedy"), FLAGS + FILES + READ)
+def test_a_mistake_is_one_sentence_with_value_and_remedy(refused, words, value, remedy):
+    refused(words, value, remedy)
+
+
+@pytest.mark.parametrize(("index", "recipe"), list(enumerate(RECIPES)))
+def test_a_mistake_in_a_recipe_names_its_key(refused, index, recipe):
+    words = ("build", f"recipe{index}.toml", "--out", "made")
+    refused(words, *recipe[1:])
+
+
+@pytest.mark.parametrize(
+    ("words", "module", "extra"),
+    [
+        (RUN + ("--plot", "a.png"), "matplotlib", "[sim]"),
+        (RUN + ("--animation", "a.gif"), "PIL", "[sim]"),
+        (RUN + ("--out", "out"), "matplotlib", "[sim]"),
+        (("human", "info", "--plot", "a.png"), "matplotlib", "[sim]"),
+    ],
+)
+def test_a_missing_extra_is_told_before_any_work(
+    refused, monkeypatch, words, module, extra
+):
+    there = checks.is_there
+    monkeypatch.setattr(checks, "is_there", lambda m: m != module and there(m))
+    refused(words, f"needs {module}", extra)
+
+
+def test_these_are_more_than_a_hundred():
+    assert len(FLAGS + FILES + READ + RECIPES) >= 130
+
+
+@pytest.mark.parametrize(
+    ("words", "new"),
+    [
+        (("workspace", "meet", "--robot", "x", "--map", "no/map"), "--reach"),
+        (("workspace", "meet", "--robot", "x", "--human", "175"), "--height"),
+        (("run", "--map", "no/map", "--hand", "both"), "--side"),
+    ],
+)
+def test_an_older_name_of_a_flag_works_and_says_the_new_one(odm, words, new):
+    code, _, err = odm(*words)
+    notes = [line for line in err.splitlines() if line.startswith("note: ")]
+    assert code == 2 and len(notes) == 1 and f"is called {new} now" in notes[0]
+
+
+@pytest.mark.parametrize("words", [("--json", "figures"), ("--json=figures",)])
+def test_figures_go_to_a_file_of_any_name(odm, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = odm("human", "info", *words)
+    assert code == 0 and "Segments" in out
+    assert json.loads((tmp_path / "figures").read_text())["height_m"] == 1.75

@@ -1,0 +1,40 @@
+"""The side that a film is seen from."""
+
+import numpy as np
+
+from sim.draw.viewpoint import Camera, clearest
+
+CAMERA = Camera(eye=(0.0, -2.0, 1.0), target=(0.0, 0.0, 0.5))
+
+
+def ball(x, y, z=0.5, r=0.1):
+    return np.array([[x, y, z, r]])
+
+
+def wall(y):
+    """Return balls that stand side by side in a plane across the view."""
+    x, z = np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(0.1, 1.0, 9))
+    return np.column_stack([x.ravel(), np.full(81, y), z.ravel(), np.full(81, 0.1)])
+
+
+def test_nothing_in_the_way_leaves_the_camera_where_it_was_put():
+    assert clearest(CAMERA, []) == CAMERA
+    assert clearest(CAMERA, [(ball(0, 0), np.zeros((0, 4)))]) == CAMERA
+    apart = clearest(CAMERA, [(ball(-0.3, 0), ball(0.3, 0))])
+    np.testing.assert_allclose(apart.eye, CAMERA.eye)
+
+
+def test_a_back_that_hides_the_robot_is_gone_round():
+    found = clearest(CAMERA, [(ball(0.0, 0.3), wall(-0.3))])
+    sight = np.array(found.eye) - [0.0, 0.3, 0.5]
+    toward = np.array(found.eye) - CAMERA.target
+    assert abs(np.linalg.norm(toward) - np.linalg.norm([0, 2.0, 0.5])) < 1e-9
+    # the line of sight to the robot misses the wall
+    t = (-0.3 - 0.3) / sight[1]
+    crossing = np.array([0.0, 0.3, 0.5]) + t * sight
+    assert not 0 < t < 1 or abs(crossing[0]) > 0.5
+
+
+def test_the_one_that_is_seen_worse_counts():
+    hidden = [(wall(-0.3), ball(0.0, 0.3))]
+    assert clearest(CAMERA, hidden).eye != CAMERA.eye

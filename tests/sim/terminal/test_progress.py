@@ -1,0 +1,135 @@
+"""Signs of life in a file or pipe, and what is still to be compiled."""
+
+import json
+import re
+import time
+
+import pytest
+
+from sim.terminal import compiling, progress
+from sim.terminal.checks import Limits
+from sim.terminal.compiling import Compiling
+from sim.terminal.progress import Bars, pulse, silence, time_text
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Make lines come 40 times as often."""
+    monkeypatch.setattr(progress, "FIRST_S", 0.02)
+    monkeypatch.setattr(progress, "EVERY_S", 0.06)
+    monkeypatch.setattr(progress, "_TICK_S", 0.01)
+
+
+@pytest.fixture
+def packages(tmp_path, monkeypatch):
+    """Return a folder with three loops, and a table that knows them and one more."""
+    folder = tmp_path / "odm" / "search"
+    (folder / "__pycache__").mkdir(parents=True)
+    text = "\n".join(f"def {loop}(x):\n    pass" for loop in ("one", "two", "three"))
+    (folder / "_step.py").write_text(text)
+    rows = {f"odm.search._step.{n}": [10.0, "run"] for n in ("one", "two", "gone")}
+    rows["odm.search._step.three"] = [70.0, "audit"]
+    table = tmp_path / "table.json"
+    table.write_text(json.dumps(rows))
+    monkeypatch.setattr(compiling, "TABLE", table)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    compiling.table.cache_clear()
+    yield tmp_path
+    compiling.table.cache_clear()
+
+
+def compiled(root, loop):
+    name = f"_step.{loop}-12.py311.nbi"
+    (root / "odm" / "search" / "__pycache__" / name).write_text("")
+
+
+def test_lines_come_from_the_first_moment_and_say_how_far_it_is(quick, capsys):
+    with pulse("doctor"):
+        time.sleep(0.3)
+        with Bars("reading") as tell:
+            tell("frames", 25, 100)
+            time.sleep(0.3)
+        time.sleep(0.3)
+    lines = capsys.readouterr().err.splitlines()
+    assert "loading" in lines[0] and len(lines) >= 3
+    assert any(re.match(r"frames: 25 of 100", line) for line in lines)
+    assert not any("\x1b" in line or "\r" in line for line in lines)
+
+
+def test_nothing_is_said_of_what_takes_no_time(capsys):
+    with pulse("run"), Bars("reading") as tell:
+        tell("frames", 1, 100)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_screen_of_somebody_else_is_left_alone(quick, capsys):
+    with pulse("run"):
+        silence()
+        time.sleep(0.15)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_command_within_another_tells_once(quick, capsys):
+    with pulse("demo") as outer, pulse("build") as inner:
+        assert inner is outer
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_what_is_missing_is_counted_from_the_files(packages):
+    run = Compiling("run", packages)
+    assert set(run.wanted) == {"odm.search._step.one", "odm.search._step.two"}
+    assert run.progress() == (0, 2, 20.0)
+    compiled(packages, "one")
+    done, total, left = run.progress()
+    assert (done, total) == (1, 2) and left < 1.0  # half of it took no time here
+    compiled(packages, "two")
+    assert run.progress() is None
+
+
+def test_a_command_that_needs_nothing_says_nothing(packages):
+    assert Compiling("doctor", packages).progress() is None
+    compiled(packages, "one")
+    compiled(packages, "two")
+    assert Compiling("run", packages).progress() is None
+    assert Compiling("audit", packages).progress() == (0, 1, 70.0)
+
+
+def test_a_cache_elsewhere_is_looked_into(packages, monkeypatch, tmp_path):
+    compiled(packages, "two")  # beside the source, where numba does not look then
+    other = tmp_path / "cache" / "odm_search"
+    other.mkdir(parents=True)
+    (other / "_step.one-1.py311.nbi").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    assert Compiling("run", packages).progress()[0] == 1
+
+
+def test_the_table_of_this_checkout_names_loops_that_are_there():
+    compiling.table.cache_clear()
+    run = Compiling("run")
+    assert len(run.wanted) > 150
+    assert sum(run.wanted.values()) > 60.0
+    there = sum(len(Compiling(c).wanted) for c in compiling.commands())
+    named = sum(len(by) for _, by in compiling.table().values())
+    assert there > 0.7 * named  # older names are of no harm, but not most of them
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.2, "1 s"), (89.4, "89 s"), (130.0, "2 min 10 s")]
+)
+def test_times_are_told_as_people_do(seconds, text):
+    assert time_text(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        (Limits(), "a finite number"),
+        (Limits(0.0, above=True), "a number above 0"),
+        (Limits(0.0, 9.0, "s", above=True), "a number above 0, up to 9 s"),
+        (Limits(2, 5, "m"), "a number from 2 to 5 m"),
+        (Limits(2), "a number of at least 2"),
+    ],
+)
+def test_limits_are_told_in_words(limits, words):
+    assert limits.words() == words

@@ -1,0 +1,136 @@
+"""The page itself, with clients that shake hands, leave and flood."""
+
+import asyncio
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from sim.record import read_record
+from sim.view.gate import listening
+from sim.view.shapes import link_frames, robot_parts, solid_parts
+from sim.view.sources import Recorded
+
+viser = pytest.importorskip("viser")
+websockets = pytest.importorskip("websockets")
+
+
+@pytest.fixture(scope="module")
+def page(view_file, view_map):
+    from sim.view.page import Page, Show
+
+    source = Recorded(read_record(view_file))
+    taken = []
+    show = Show(
+        source,
+        source.robot,
+        load_parts=lambda: (solid_parts(source.robot), ""),
+        load_map=lambda: view_map,
+        hand=taken.append,
+        layers=("cells", "blocked"),
+    )
+    made = Page(show, listening("127.0.0.1", 0), "127.0.0.1", "")
+    made.taken = taken
+    runs = threading.Thread(target=made.run, daemon=True)
+    runs.start()
+    yield made
+    made.stop()
+    runs.join(10)
+    assert not runs.is_alive()
+
+
+def connect(page):
+    return websockets.connect(
+        f"ws://127.0.0.1:{page.gate.port}",
+        subprotocols=[f"viser-v{viser.__version__}"],
+        max_size=None,
+        compression=None,
+    )
+
+
+async def heard(page, seconds):
+    """Return how many bytes and messages a client is told."""
+    sizes = []
+    async with connect(page) as line:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            try:
+                sizes.append(len(await asyncio.wait_for(line.recv(), 0.2)))
+            except TimeoutError:
+                pass
+    return sum(sizes), len(sizes)
+
+
+def test_a_client_that_shakes_hands_is_sent_the_scene(page):
+    size, count = asyncio.run(heard(page, 0.6))
+    assert count > 0 and size > 10_000
+
+
+def test_a_client_of_another_version_is_sent_away(page):
+    async def ask():
+        address = f"ws://127.0.0.1:{page.gate.port}"
+        async with websockets.connect(address, subprotocols=["viser-v0"]) as line:
+            await line.recv()
+
+    with pytest.raises(websockets.exceptions.ConnectionClosed):
+        asyncio.run(ask())
+
+
+def test_clients_that_leave_or_say_nonsense_do_not_stop_the_page(page):
+    async def trouble():
+        for _ in range(5):
+            async with connect(page) as line:
+                for _ in range(50):
+                    await line.send(b"\x00\xff" * 100)
+                line.transport.abort()
+
+    asyncio.run(trouble())
+    size, _ = asyncio.run(heard(page, 0.4))
+    assert size > 10_000
+
+
+def test_the_hand_is_nobodys_while_nobody_is_there(page):
+    time.sleep(0.2)
+    assert page.taken and page.taken[-1] is None
+
+
+def test_commands_of_a_flood_are_dropped_but_the_last(page):
+    panel = page.panel
+    for i in range(10_000):
+        panel._do(lambda t=i: page.playback.seek(t / 1e4))
+    for _ in range(100):
+        if page.playback.at == pytest.approx(0.9999):
+            break
+        time.sleep(0.05)
+    assert page.playback.at == pytest.approx(0.9999)
+
+
+def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):
+    for _ in range(100):
+        if page.stage.cell_map is not None:
+            break
+        time.sleep(0.05)
+    moment = page.shown.source.at(1.0)
+    page.stage.draw(moment, 1e9)
+    assert page.stage.scene.get_handle_by_name("/cells") is not None
+    edges = page.stage.scene.get_handle_by_name("/edges")
+    assert len(edges.points) == page.stage.cell_map.roadmap.n_edges
+
+
+def test_the_robots_visual_meshes_stand_where_its_links_do(crane_urdf, crane):
+    from roadmap.kinematics.forward import body_frames
+    from roadmap.robot.description import read_description
+
+    frames = link_frames(read_description(crane_urdf), crane, np.array([0.4, -0.7]), {})
+    bodies = body_frames(crane, np.array([0.4, -0.7]))
+    for name, body in zip(crane.link_names, crane.link_body, strict=True):
+        np.testing.assert_allclose(frames[name], bodies[body], atol=1e-12)
+
+
+def test_a_robot_without_visual_geometry_is_drawn_by_its_solids(crane_urdf, crane):
+    parts, told = robot_parts(crane, str(crane_urdf))
+    assert len(parts) == len(crane.solid_kind)
+    assert told.startswith("the robot is drawn by its collision solids")
+    parts, told = robot_parts(crane, "/nowhere/robot.urdf")
+    assert len(parts) == len(crane.solid_kind) and "/nowhere/robot.urdf" in told

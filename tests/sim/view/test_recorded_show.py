@@ -1,0 +1,37 @@
+"""A recording needs nothing but its file; what it lacks is said in one sentence."""
+
+from dataclasses import replace
+
+import pytest
+
+from roadmap.errors import BadInput
+from sim.cli import view
+from sim.record import read_record, write_record
+
+pytest.importorskip("viser")
+
+
+def test_without_its_map_a_recording_says_what_is_missing(
+    view_file, view_map, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    show = view.recorded_show(view.ViewRequest(file=view_file))
+    assert show.load_map is None and show.robot.name == "crane"
+    told = [s for s in show.sentences if "roadmap are not shown" in s]
+    assert len(told) == 1 and "--map" in told[0] and view_map.hash[:12] in told[0]
+
+
+def test_with_its_map_it_has_cells_and_edges(view_file, view_map, tmp_path):
+    folder = view_map.save(tmp_path / "map")
+    show = view.recorded_show(view.ViewRequest(file=view_file, map_dir=folder))
+    assert show.load_map().hash == view_map.hash
+    assert not [s for s in show.sentences if "not shown" in s]
+
+
+def test_another_map_is_refused(view_file, view_map, tmp_path):
+    record = read_record(view_file)
+    head = record.head | {"map": record.head["map"] | {"hash": "0" * 64}}
+    path = write_record(replace(record, head=head), tmp_path / "run.npz")
+    folder = view_map.save(tmp_path / "map")
+    with pytest.raises(BadInput, match="was recorded on map crane 000000000000, but"):
+        view.recorded_show(view.ViewRequest(file=path, map_dir=folder))

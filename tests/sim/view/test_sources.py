@@ -1,0 +1,93 @@
+"""Moments of a recording, and of a live run's letters."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from sim.record import read_record
+from sim.view.mailbox import Mailbox
+from sim.view.moment import HOLDING, NEW_PATH, STILL, Event, Happenings, Moment
+from sim.view.sources import Letters, Recorded
+
+
+@pytest.fixture(scope="module")
+def found(view_file):
+    return Recorded(read_record(view_file))
+
+
+def test_a_recording_shows_every_frame_as_it_was(found):
+    record = found.record
+    assert found.span() == (0.0, pytest.approx(2.49))
+    for i in (0, 1, 57, 249):
+        moment = found.at(i / 100)
+        np.testing.assert_array_equal(moment.q, record.arrays["q"][i])
+        np.testing.assert_array_equal(moment.capsules, record.arrays["capsules"][i])
+        assert moment.separation == record.arrays["separation"][i]
+    assert found.at(-1.0).time_s == 0.0 and found.at(1e9).time_s == 2.49
+
+
+def test_its_path_is_where_the_robot_went_until_the_next_goal(found):
+    place = found.record.arrays["place"]
+    moment = found.at(0.0)
+    end = int(np.flatnonzero(place == place[0])[-1])
+    np.testing.assert_array_equal(moment.path[0], moment.q)
+    np.testing.assert_array_equal(moment.path[-1], found.record.arrays["q"][end])
+
+
+def test_a_hold_is_told_with_its_reason(found):
+    hold = found.record.holds[0]
+    middle = found.at(0.5 * (hold["start_s"] + hold["end_s"]))
+    assert hold["reason"] == middle.reason
+    events = [e for e in found.events if abs(e.time_s - hold["start_s"]) < 0.02]
+    assert any(hold["reason"] in e.text for e in events)
+
+
+def moment(time_s, rows, events=()):
+    table = np.zeros((len(rows), 5))
+    table[:, 0] = rows
+    return Moment(time_s, np.zeros(2), rows=table, events=events)
+
+
+@pytest.fixture
+def box():
+    made = Mailbox()
+    yield made
+    made.close()
+
+
+def test_letters_that_were_missed_leave_no_gap_in_rows_and_events(box):
+    # one process stands for two: the box that is read has its own count
+    import os
+
+    reader = Mailbox(os.dup(box.descriptor))
+    letters = Letters(reader)
+    assert letters.at(0.0) is None and not letters.poll()
+    new, hold = Event(0.02, NEW_PATH, "new path"), Event(0.03, HOLDING, "holding")
+    box.put(pickle.dumps(moment(0.01, [0.0, 0.01])))
+    assert letters.poll()
+    box.put(pickle.dumps(moment(0.02, [0.0, 0.01, 0.02], (new,))))  # never seen
+    box.put(pickle.dumps(moment(0.03, [0.01, 0.02, 0.03], (new, hold))))
+    assert letters.poll() and not letters.poll()
+    np.testing.assert_array_equal(letters.rows()[:, 0], [0.0, 0.01, 0.02, 0.03])
+    assert letters.events == [new, hold]
+    assert letters.at(0.025).time_s == 0.01 and letters.at(9.0).time_s == 0.03
+    box.put(pickle.dumps(moment(0.0, [0.0])))  # the next run
+    letters.poll()
+    assert letters.span() == (0.0, 0.0) and letters.events == []
+    reader.close()
+
+
+def test_happenings_tell_goals_new_paths_and_states_once():
+    seen = Happenings()
+    seen.take(0.0, 1, 0)
+    seen.take(0.1, 1, 0, new_path=True)
+    seen.take(0.2, HOLDING, 0, "a hand")
+    seen.take(0.3, HOLDING, 0, "a hand")
+    seen.take(0.4, 1, 1, new_path=True)  # to a new goal, as it has to
+    assert [(e.time_s, e.state) for e in seen.events] == [
+        (0.1, NEW_PATH),
+        (0.2, HOLDING),
+        (0.4, STILL),
+    ]
+    assert seen.events[1].text == "holding: a hand"
