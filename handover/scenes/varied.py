@@ -1,4 +1,4 @@
-"""Scenes of our own: other objects and agents, receivers that sit or are turned away."""
+"""Scenes of our own: other objects and agents, receivers seated or turned away."""
 
 import numpy as np
 
@@ -25,10 +25,10 @@ _TRIES = 50
 def varied(seed: int) -> Scene:
     """An object on a board at the wall, for a receiver who holds it before the chest.
 
-    Random: giver (Crichton, Panda), receiver (Hubo, a person who sits or stands), object
-    and how it lies, its place and the receiver's along the board, within 30 cm, and the
-    receiver's turn, within 90 degrees of facing the giver's side. A draw whose start is
-    in collision is drawn again.
+    Random: giver (Crichton, Panda), receiver (Hubo, a person who sits or stands), the
+    object and how it lies, its place and the receiver's along the board, within 30 cm,
+    and the receiver's turn, within 90 degrees of facing the giver's side. A draw whose
+    start is in collision is drawn again.
     """
     rng = np.random.default_rng(seed)
     for _ in range(_TRIES):

@@ -14,12 +14,12 @@ from roadmap.loading.held_link import with_payload
 from sim.draw.animation import write_animation
 from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings
-from sim.draw.latency_plot import write_latency_plot
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import RunResult
 from sim.people.arm_path import Person
 from sim.people.human_motion import HumanMotion, make_motion
+from sim.run.latency_plot import write_latency_plot
 from sim.run.places import DEMO, find_places, warm_up
 from sim.run.report import print_report
 

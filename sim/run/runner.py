@@ -159,7 +159,7 @@ def write_files(
     for path in written:
         path.parent.mkdir(parents=True, exist_ok=True)
     if plot is not None:
-        from sim.draw.latency_plot import write_latency_plot
+        from sim.run.latency_plot import write_latency_plot
 
         write_latency_plot(result, plot)
     if film is not None:

@@ -221,9 +221,13 @@ class _Check:
         if (kind, touching) not in self.left_out:
             one, other = (self.items[k].solids for k in kind)
             out = np.array(
-                [[self._left_out(kind, a.link, b.link, touching) for b in other]
-                 for a in one]
-            )  # fmt: skip
+                [
+                    self._left_out(kind, a.link, b.link, touching)
+                    for a in one
+                    for b in other
+                ],
+                bool,
+            ).reshape(len(one), len(other))
             if kind[0] == kind[1]:
                 out |= np.tri(len(one), dtype=bool)  # each pair once
             self.left_out[kind, touching] = out
@@ -312,7 +316,7 @@ class _Items:
         return np.array(
             [s.corners @ T[:3, :3].T + T[:3, 3]
              for s, T in zip(self.solids, self.poses, strict=True)]
-        )  # fmt: skip
+        ).reshape(-1, 8, 3)  # fmt: skip
 
     def local(self) -> np.ndarray:
         return np.concatenate(

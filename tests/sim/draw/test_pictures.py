@@ -6,9 +6,9 @@ import pytest
 from sim.draw.animation import liveliest, paint_frame, write_animation
 from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings
-from sim.draw.latency_plot import write_latency_plot
 from sim.draw.viewpoint import Camera
 from sim.loop.loop import LoopSettings, run_loop
+from sim.run.latency_plot import write_latency_plot
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
