@@ -110,7 +110,7 @@ def test_the_scene_holds_for_what_is_held(small_map):
     planner.attach(BALLS)
     path = planner.step(NOBODY, q=HIGH).path
     T = tool_pose(planner.robot, 0.5 * (path[0] + path[1]))
-    T[:3, 3] += T[:3, :3] @ [0.28, 0.0, 0.0]
+    T[:3, 3] += T[:3, :3] @ [0.24, 0.0, 0.0]
     planner.scene.add("on its way", odm.Sphere(0.06), T)  # of the object, not the arm
     assert not planner.is_free(path[0], path[1])
     after = planner.step(NOBODY, q=HIGH)
@@ -118,7 +118,7 @@ def test_the_scene_holds_for_what_is_held(small_map):
         assert planner.is_free(a, b)
     planner.scene.remove("on its way")
     T = tool_pose(planner.robot, HIGH)
-    T[:3, 3] += T[:3, :3] @ [0.28, 0.0, 0.0]
+    T[:3, 3] += T[:3, :3] @ [0.24, 0.0, 0.0]
     planner.scene.add("ball", odm.Sphere(0.06), T)
     assert "would touch ball" in planner.is_free(HIGH, HIGH).reason
     planner.detach()
