@@ -2,7 +2,7 @@
 
 World: Crichton's base is the origin, x to its front, y to its left, the floor at 0.
 What the paper leaves open is chosen once, with a reason each, in
-`docs/decisions/0041-scenes.md`; it is not tuned to pass.
+`docs/decisions/0042-scenes.md`; it is not tuned to pass.
 """
 
 from functools import cache
