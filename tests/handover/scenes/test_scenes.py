@@ -10,6 +10,7 @@ from handover.scenes.clearance import check_start, start_distances
 from handover.scenes.paper import PAPER_SCENES, butler, kneeling, stool
 from handover.scenes.person import arm_joint, person_urdf
 from handover.scenes.scene import Scene
+from roadmap import load_robot
 from roadmap.errors import BadInput, PlanningError
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.known import own_file
@@ -89,12 +90,13 @@ def test_the_tray_is_where_the_right_hand_holds_it_and_the_cup_goes_on_it():
     assert scene.receiver.arms == ("left",)
 
 
-def test_the_body_agrees_with_the_robot_that_plans(panda):
-    q = np.clip(np.linspace(0.2, -0.5, 7), panda.lower, panda.upper)
-    body = agent_body("panda")
-    joints = body.checked(dict(zip(panda.joint_names, q, strict=True)), "panda")
-    assert body.frames(joints)[panda.tip_name] == pytest.approx(
-        tool_pose(panda, q), abs=1e-9
+def test_the_body_agrees_with_the_robot_that_plans():
+    robot = load_robot("plain_arm", cover_excess=0.2)
+    q = np.clip(np.linspace(0.2, -0.5, robot.dof), robot.lower, robot.upper)
+    body = agent_body("plain_arm")
+    joints = body.checked(dict(zip(robot.joint_names, q, strict=True)), "arm")
+    assert body.frames(joints)[robot.tip_name] == pytest.approx(
+        tool_pose(robot, q), abs=1e-9
     )
 
 
