@@ -219,7 +219,8 @@ def test_a_stored_set_comes_back_as_it_was(cup, tmp_path):
     np.testing.assert_array_equal(back.values, cup.values)
     assert back.thing.fingerprint() == cup.thing.fingerprint()
     tried = back.built["tried"]
-    assert tried == 16 == len(back) + sum(back.built["refused"].values())
+    held = tried - sum(back.built["refused"].values())  # by one palm or by two
+    assert tried == 16 and held <= len(back) <= 2 * held
 
 
 def test_an_altered_set_is_refused(cup, tmp_path):
