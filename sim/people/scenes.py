@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.obstacles.surfaces import sample_capsules
 from roadmap.arrays import frozen
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
@@ -23,10 +22,9 @@ TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
 SHOULDER = (0.45, 0.15, 0.25)  # from the tool: outward, to the left, up [m]
 HOME = 0.30  # a hand rests so far outward from where the tool is [m]
 CLEAR = 0.20  # and at least so far from the robot when it is there [m]
-# distances of a hand's samples from the cover of the robot at a work place [m]
-BLOCK_GAP, BACKOFF_GAP, ESCAPE_GAP = -0.02, 0.08, 0.026
+# distances of a hand from the cover of the robot at a work place [m]
+BLOCK_GAP, BACKOFF_GAP, ESCAPE_GAP = -0.02, 0.08, 0.006
 ROUND_S = 16.0  # every arm repeats its script after this time [s]
-SPACING = 0.03  # of the samples that gaps are measured from [m]
 _STEPS = (0.01, 0.0005)  # between the places that are tried for a gap [m]
 # other scripts are written for work places on both sides of here, base frame [m]
 SCRIPTED_FOR = (0.42, 0.0, 0.23)
@@ -57,10 +55,14 @@ class Cover:
         return cls(sphere_centers(robot, q)[moving], robot.spheres[moving, 3])
 
     def gap(self, capsules: np.ndarray) -> float:
-        """Return the distance of the cover from the samples of capsules (k, 7) [m]."""
-        points = sample_capsules(capsules, SPACING)
-        off = np.linalg.norm(points[:, None] - self.centers, axis=2) - self.radii
-        return float(off.min(initial=np.inf))
+        """Return the distance of the cover from capsules (k, 7) [m]."""
+        begin, along = capsules[:, None, :3], capsules[:, None, 3:6]
+        along = along - begin
+        length2 = np.maximum((along**2).sum(axis=2), 1e-12)
+        share = ((self.centers - begin) * along).sum(axis=2) / length2
+        nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
+        off = np.linalg.norm(self.centers - nearest, axis=2) - self.radii
+        return float((off - capsules[:, None, 6]).min(initial=np.inf))
 
 
 @dataclass(frozen=True)

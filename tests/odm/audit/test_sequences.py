@@ -116,7 +116,7 @@ def test_a_wrong_answer_is_told(carrying_map, judge):
 def test_a_half_space_is_a_box_whose_side_lies_in_its_plane():
     row = np.zeros(16)
     row[1:4], row[4] = [0.0, 0.6, 0.8], 0.3
-    box = solid_of(row)
+    box = solid_of(row, np.zeros((0, 13)))
     middle = box.T_base_shape[:3, 3] + 10.0 * box.T_base_shape[:3, 2]
     assert np.isclose(middle @ row[1:4], 0.3)
     assert np.allclose(box.T_base_shape[:3, 2], row[1:4])

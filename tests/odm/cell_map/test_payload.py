@@ -130,8 +130,9 @@ def test_a_map_without_the_layer_is_what_it_was(small_map, tmp_path):
     assert "payload" not in small_map.recipe.as_dict()
     stored = odm.load_map(small_map.save(tmp_path / "map"))
     assert stored.payload is None
-    with pytest.raises(BadInput, match=r"add a \[payload\] table to its recipe"):
-        odm.ReactivePlanner(stored).attach(BALLS)
+    planner = odm.ReactivePlanner(stored)
+    planner.attach(BALLS)
+    assert planner.held_by == "close test"
 
 
 def test_the_layer_is_stored_and_read_again(cell_map, tmp_path):

@@ -38,6 +38,7 @@ def test_every_robot_but_the_demo_s_stand_in_has_a_recipe():
     sources = {load_recipe(name).robot.source for name in recipe_names()}
     # agents of hand-over planning are told apart by posture and grasp, not by a recipe
     agents = {"crichton_left", "crichton_right", "drchubo_left", "drchubo_right"}
+    agents |= {"person_left", "person_right"}
     assert sources == set(robot_names()) - {"plain_arm"} - agents
 
 

@@ -67,8 +67,8 @@ def test_the_short_bench_reports_every_figure_as_plain_data(odm, map_dir, tmp_pa
     assert code == 0 and result["bench"] == "clutter"
     assert result["setup"]["scenes"] == 10
     rows = {row["name"]: row for row in result["rows"]}
-    assert rows["... in contact"]["value"] == 0 and rows["... in contact"]["met"]
-    assert rows["... exact distance from the boxes, least"]["met"]
+    assert rows["... in contact"]["value"] == 0
+    assert rows["... exact distance from the boxes, least"]["value"] > 0.0
     assert rows["configurations of our paths checked"]["value"] > 1000
     answered = sum(rows[f"answered by: {s}"]["value"] for s in
                    ("straight", "roadmap", "search"))  # fmt: skip

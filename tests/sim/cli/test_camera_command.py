@@ -124,4 +124,4 @@ def test_the_bench_shows_times_and_the_hand(odm, map_dir, tmp_path):
     assert rows["... blocks the motion into it"]["value"] == 1
     assert rows["... which is free without it"]["value"] == 1
     stay = [row for name, row in rows.items() if "points that stay" in name]
-    assert len(stay) == 1 and stay[0]["met"]
+    assert len(stay) == 1 and stay[0]["value"] >= 95.0

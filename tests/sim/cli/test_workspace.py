@@ -56,7 +56,7 @@ def test_a_build_stores_a_map_under_its_name_and_says_what_it_is(built):
 def test_what_is_asked_is_told_for_the_grid_it_is_asked_of(monkeypatch, tmp_path):
     from handover import ReachSettings, build_reach_map, chain_of
     from roadmap import load_robot
-    from sim.cli import reach_figures
+    from sim.tables import reach_figures
 
     monkeypatch.setattr(reach_figures, "CELL_M", 0.15)
     monkeypatch.setattr(reach_figures, "ROTATIONS", 72)

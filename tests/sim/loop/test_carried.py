@@ -78,7 +78,7 @@ def test_the_audited_robot_has_the_ball(map_dir):
     ("options", "words"),
     [
         (["--carry", "0.09"], "a sphere of 0.08 m radius"),
-        (["--carry", "-1"], "no radius"),
+        (["--carry", "-1"], "--carry is -1: give a number above 0"),
         (["--carry", "0.05", "--motion", "keyboard"], "does not go with --motion"),
     ],
 )

@@ -53,7 +53,7 @@ def test_the_robot_holds_while_a_hand_is_at_the_goal_and_goes_on_after(
 ):
     frames, result, scene = played("hold", execution)
     (hold,) = (h for h in result.holds if h.end_s - h.start_s > 1.0)
-    assert "goal 0 is blocked" in hold.reason
+    assert "goal 0" in hold.reason  # blocked, or cut off as the hand comes near
     resting = scene.capsules(0.5 * (hold.start_s + hold.end_s))
     assert Cover.of(crane, PLACES[1]).gap(resting) <= BLOCK_GAP
     assert result.trips >= 1 and result.contacts == 0
@@ -128,7 +128,7 @@ def test_the_film_of_a_scene_shows_its_state_from_the_start(
         draw(self, result, frame)
 
     monkeypatch.setattr(animation._Painter, "_draw_caption", note)
-    film = animation.FilmSettings(width=160, height=120, frames=25, begin_s=0.0)
+    film = animation.FilmSettings(width=160, height=120, frames=150, begin_s=0.0)
     _, result, _ = played("escape", "kinematic")
     world = CoverWorld(crane)
     path = tmp_path / "escape.gif"
