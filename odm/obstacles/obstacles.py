@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -123,13 +124,13 @@ class Obstacles:
         """
         rows: dict[str, list] = {kind: [] for kind in KINDS}
         for shape in shapes:
-            T = getattr(shape, "T_base_shape", None)
             if isinstance(shape, solid.Mesh):
                 rows["meshes"].append(shape)
             elif isinstance(shape, solid.Sphere):
-                rows["spheres"].append([*T[:3, 3], shape.radius])
+                rows["spheres"].append([*shape.T_base_shape[:3, 3], shape.radius])
             elif isinstance(shape, solid.Box):
-                rows["boxes"].append([*T[:3].ravel(), *shape.size])
+                pose = shape.T_base_shape[:3].ravel()
+                rows["boxes"].append([*pose, *shape.size])
             elif isinstance(shape, solid.Capsule | solid.Cylinder):
                 kind = "capsules" if isinstance(shape, solid.Capsule) else "cylinders"
                 rows[kind].append(np.concatenate([*shape.ends(), [shape.radius]]))
@@ -138,7 +139,9 @@ class Obstacles:
                     f"a {type(shape).__name__} is no shape; give a Sphere, Capsule, "
                     "Cylinder, Box or Mesh"
                 )
-        plain = {k: np.array(r) if r else 0 for k, r in rows.items() if k != "meshes"}
+        plain: dict[str, Any] = {
+            k: np.array(r) if r else 0 for k, r in rows.items() if k != "meshes"
+        }
         return cls(**plain, meshes=rows["meshes"], points=points)
 
     def __len__(self) -> int:

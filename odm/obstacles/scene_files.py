@@ -140,7 +140,8 @@ class _Words:
             self.lines = path.read_text(encoding="utf-8").splitlines()
         except UnicodeDecodeError as error:
             raise BadInput(f"scene file {path} is no text; export it again") from error
-        self.path, self.at, self._rest = path, 0, []
+        self.path, self.at = path, 0
+        self._rest: list[str] = []
 
     def line(self) -> str | None:
         """Return the next whole line, None at the end; what was left of one is lost."""
@@ -313,15 +314,15 @@ def _urdf_objects(path: Path) -> list[Object]:
     description = read_description(path)
     found = []
     for name, T in _link_poses(description):
-        shapes = []
+        shapes: list[Shape] = []
         for shape in description.links[name].collisions:
             size, pose = shape.size, shape.T_link_shape
             if shape.kind == "box":
                 shapes.append(Box(np.array(size), pose))
             elif shape.kind == "sphere":
-                shapes.append(Sphere(*size, pose))
+                shapes.append(Sphere(float(size[0]), pose))
             elif shape.kind == "cylinder":
-                shapes.append(Cylinder(*size, pose))
+                shapes.append(Cylinder(float(size[0]), float(size[1]), pose))
             else:
                 file = find_mesh(shape.filename, path, (), name)
                 mesh = Mesh.from_file(file, scale=np.array(size))

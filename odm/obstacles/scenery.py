@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -251,7 +252,7 @@ def _numbers(
 def _number(
     table: dict, k: int, key: str, default: float | None, low: float, high: float
 ) -> float:
-    value = table.get(key, default)
+    value: Any = table.get(key, default)
     if not is_between(value, low, high):
         raise BadRecipe(
             f"scenery {k}: {key} is {value!r}, but must be a number from {low:g} to "
