@@ -28,9 +28,11 @@ MORE = {  # module: (package, extra, what it is for)
     "PIL": ("pillow", "sim", "films (--animation) and depth images"),
     "pybullet": ("pybullet", "sim", "films of the robot's own meshes, and the Panda"),
     "example_robot_data": ("example-robot-data", "robots", "UR5, Baxter, Jaco by name"),
+    "viser": ("viser", "view", "odm view, odm run --view"),
     "ompl": ("ompl", "bench", "odm bench ompl"),
     "sphinx": ("sphinx", "docs", "make docs"),
 }
+DATA = {"example_robot_data"}  # packages that bring files and no module
 FREE_GB, MEMORY_GB = 1.0, 2.0
 
 
@@ -104,8 +106,9 @@ def _package(module: str, package: str) -> Row:
 def _more(module: str, package: str, extra: str, use: str) -> Row:
     from sim.tables.versions import version
 
-    if is_there(module):
-        return Row(package, "ok", version(package) or "installed")
+    found = version(package)
+    if found if module in DATA else is_there(module):
+        return Row(package, "ok", found or "installed")
     remedy = f"for {use}: pip install 'odm-planner[{extra}]'"
     return Row(package, "missing", "not installed", remedy)
 
