@@ -5,6 +5,7 @@ To it a read-only array is another type than a writable one, so the arrays here 
 the real ones: a map that was stored and is read again.
 """
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -142,15 +143,16 @@ def _beside(folder: Path, h: float, names: tuple[str, ...]) -> Iterator[Iterator
         yield map(_Jobs(folder, h).run, names)
         return
     context = multiprocessing.get_context("spawn")
-    with context.Pool(1, _prepare_child, (folder, h)) as pool:
+    with context.Pool(1, _prepare_child, (folder, h, gc.get_threshold())) as pool:
         yield pool.imap(_run_job, names)
 
 
 _shared: dict[str, _Jobs] = {}  # of the process beside
 
 
-def _prepare_child(folder: Path, h: float) -> None:
+def _prepare_child(folder: Path, h: float, collect: tuple[int, int, int]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+    gc.set_threshold(*collect)
     _shared["jobs"] = _Jobs(folder, h)
 
 
