@@ -3,13 +3,14 @@
 import logging
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from odm.cell_map.chunk_work import motion_job
 from odm.cell_map.estimate import check_size
 from odm.cell_map.payload import build_payload, envelope_spheres
 from odm.cell_map.recipe import Recipe, load_recipe
@@ -17,9 +18,10 @@ from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.arm import arm_of
 from odm.close_test.static import StaticTest, always_touching
 from odm.obstacles.grid import grid_for
-from odm.obstacles.scenery import parse_scenery
+from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
-from roadmap.graph.connecting import build_roadmap
+from roadmap.chunks import Chunk, Threads, Workers
+from roadmap.graph.connecting import Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
@@ -33,6 +35,7 @@ def build_map(
     threads: int = 0,
     progress: Progress | None = None,
     robot: Robot | None = None,
+    workers: Workers | None = None,
 ) -> CellMap:
     """Build the map of a recipe; the same bytes for any number of threads.
 
@@ -41,6 +44,8 @@ def build_map(
         threads: Worker threads; 0 means one per core.
         progress: Called with (stage, done, total).
         robot: Use this robot instead of loading the recipe's.
+        workers: Who does the chunks of work, such as `roadmap.chunks.Threads` with a
+            store, or `roadmap.cluster.Cluster`; None: `threads` of this process.
 
     Raises:
         BadRecipe, BadRobot: The recipe or its robot cannot be used.
@@ -53,20 +58,38 @@ def build_map(
         robot = robot_of(recipe)
     check_size(robot, recipe)
     scenery = always_touching(robot, scenery, recipe.safety)
-    test = StaticTest(robot, scenery, recipe.safety, threads=threads)
+    workers = workers or Threads(threads)
     roadmap, report = build_roadmap(
-        robot, recipe.roadmap, test.motions_free, progress=progress
+        robot,
+        recipe.roadmap,
+        StaticTest(robot, scenery, recipe.safety, threads=threads).motions_free,
+        progress,
+        _tested_by(workers, robot, scenery, recipe),
     )
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
     cells = sweep_roadmap(
-        robot, arm_of(robot), roadmap, grid, recipe.safety, threads, _named(progress)
+        robot,
+        arm_of(robot),
+        roadmap,
+        grid,
+        recipe.safety,
+        threads,
+        _named(progress),
+        workers,
     )
     payload = None
     if recipe.payload is not None:
         payload = build_payload(
-            robot, recipe, roadmap, grid, scenery, threads, _named(progress, "payload ")
+            robot,
+            recipe,
+            roadmap,
+            grid,
+            scenery,
+            threads,
+            _named(progress, "payload "),
+            workers,
         )
     built = {
         "seconds": round(time.perf_counter() - begun, 2),
@@ -86,6 +109,26 @@ def build_map(
         built["payload_nodes"] = int(n - payload.closed[:n].sum())
         built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())
     return CellMap(robot, roadmap, grid, recipe, cells, scenery, payload, built)
+
+
+def _tested_by(
+    workers: Workers, robot: Robot, scenery: Scenery, recipe: Recipe
+) -> Stream:
+    """Return the test of motions as workers do it."""
+
+    def stream(stage: str, parts: Parts) -> Iterator[np.ndarray]:
+        job = motion_job(robot, scenery, recipe.safety, stage)
+        for (free,) in workers.map(job, _numbered(parts)):
+            yield free
+
+    return stream
+
+
+def _numbered(parts: Parts) -> Iterator[Chunk]:
+    first = 0
+    for q, dq in parts:
+        yield Chunk(first, (np.ascontiguousarray(q), np.ascontiguousarray(dq)))
+        first += len(q)
 
 
 def _largest(robot: Robot, recipe: Recipe) -> Robot:

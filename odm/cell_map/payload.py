@@ -14,6 +14,7 @@ from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
 from roadmap.arrays import frozen
+from roadmap.chunks import Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
@@ -91,6 +92,7 @@ def build_payload(
     scenery: Scenery,
     threads: int = 0,
     progress: Progress | None = None,
+    workers: Workers | None = None,
 ) -> PayloadLayer:
     """Sweep the envelope and find where it touches the arm or the scenery.
 
@@ -102,7 +104,14 @@ def build_payload(
     own = len(loaded.link_names) - 1
     alone = only_link(loaded, own)
     cells = sweep_roadmap(
-        alone, arm_of(alone), roadmap, grid, recipe.safety, threads, progress
+        alone,
+        arm_of(alone),
+        roadmap,
+        grid,
+        recipe.safety,
+        threads,
+        progress,
+        workers,
     )
     test = StaticTest(loaded, scenery, recipe.safety, threads=threads)
     ends = np.asarray(roadmap.edges)

@@ -1,22 +1,21 @@
 """Offline: the cells that nodes and edges sweep, into the lists of a layer."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING, CellLists
+from odm.cell_map.chunk_work import Sweeping, edge_job, node_job
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
-from roadmap.errors import BuildRefused
+from roadmap.chunks import Chunk, Threads, Workers
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
 
 CHUNK = 256  # items of one unit of work; the bytes do not depend on it
-_ENTRIES = 160  # first guess per item; a chunk that needs more is done again
 Progress = Callable[[str, int, int], None]
 
 
@@ -28,6 +27,7 @@ def sweep_roadmap(
     safety: Safety,
     threads: int = 0,
     progress: Progress | None = None,
+    workers: Workers | None = None,
 ) -> CellLists:
     """Sweep all nodes, then all edges less their nodes; the same for any `threads`.
 
@@ -39,29 +39,21 @@ def sweep_roadmap(
         safety: Terms; a sphere is grown by rho + m + ROUNDING.
         threads: Worker threads; 0 means one per core.
         progress: Called with (stage, done, total).
+        workers: Who does the chunks; threads of this process when None.
 
     Raises:
         BuildRefused: A swept cell lies outside the grid.
     """
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
     swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
-    block_type = np.uint16 if grid.n_blocks <= 65535 else np.uint32
+    spec = Sweeping(swept, wide=grid.n_blocks > 65535)
+    workers = workers or Threads(threads)
     tell = progress or (lambda stage, done, total: None)
-
-    def sweep_nodes(part: slice, *out: np.ndarray) -> int:
-        return sweep.sweep_nodes(swept, roadmap.nodes[part], sweep.Lists(*out))
-
-    with ThreadPoolExecutor(threads or None) as pool:
-        nodes = _collect(pool, sweep_nodes, roadmap.n_nodes, block_type, tell, "nodes")
-        ends = np.asarray(roadmap.edges, np.int64)
-        dq = difference(robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])
-
-        def sweep_edges(part: slice, *out: np.ndarray) -> int:
-            q = roadmap.nodes[ends[part, 0]]
-            lists = sweep.Lists(*out)
-            return sweep.sweep_edges(swept, q, dq[part], ends[part], nodes, lists)
-
-        edges = _collect(pool, sweep_edges, roadmap.n_edges, block_type, tell, "edges")
+    n, m = roadmap.n_nodes, roadmap.n_edges
+    found = workers.map(node_job(spec), _node_chunks(roadmap))
+    nodes = _collected(found, spec, n, tell, "nodes")
+    found = workers.map(edge_job(spec), _edge_chunks(robot, roadmap, nodes))
+    edges = _collected(found, spec, m, tell, "edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])
     mask = np.concatenate([nodes[2], edges[2]])
@@ -98,41 +90,43 @@ def both_views(
     return CellLists(ptr, block, mask, t_ptr, t_item, t_mask)
 
 
-def _collect(
-    pool: ThreadPoolExecutor,
-    job: Callable[..., int],
+def _node_chunks(roadmap: Roadmap) -> Iterator[Chunk]:
+    for k in range(0, roadmap.n_nodes, CHUNK):
+        yield Chunk(k, (roadmap.nodes[k : k + CHUNK],))
+
+
+def _edge_chunks(
+    robot: Robot, roadmap: Roadmap, nodes: sweep.ItemCells
+) -> Iterator[Chunk]:
+    """Yield motions with the cells of their nodes, as far as a chunk needs them."""
+    for k in range(0, roadmap.n_edges, CHUNK):
+        ends = np.asarray(roadmap.edges[k : k + CHUNK], np.int64)
+        q = roadmap.nodes[ends[:, 0]]
+        dq = difference(robot, q, roadmap.nodes[ends[:, 1]])
+        used, rows = np.unique(ends, return_inverse=True)
+        counts = nodes.ptr[used + 1] - nodes.ptr[used]
+        ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        at = np.arange(ptr[-1]) + np.repeat(nodes.ptr[used] - ptr[:-1], counts)
+        lists = (ptr, nodes.block[at], nodes.mask[at])
+        yield Chunk(k, (q, dq, rows.reshape(-1, 2).astype(np.int64), *lists))
+
+
+def _collected(
+    found: Iterable[tuple[np.ndarray, ...]],
+    spec: Sweeping,
     n: int,
-    block_type: type,
     tell: Progress,
     stage: str,
 ) -> sweep.ItemCells:
-    """Run `job` over chunks of n items; return ptr, blocks, masks in item order."""
-    parts = [slice(k, min(k + CHUNK, n)) for k in range(0, n, CHUNK)]
-
-    def run(part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        size = part.stop - part.start
-        room = _ENTRIES * size
-        while True:
-            counts = np.empty(size, np.int64)
-            blocks, masks = np.empty(room, block_type), np.empty(room, np.uint64)
-            end = job(part, counts, blocks, masks)
-            if end == -2:
-                raise BuildRefused(
-                    "the robot sweeps a cell outside the workspace grid, which is a "
-                    "fault of the grid's bound; please report the recipe"
-                )
-            if end >= 0:
-                return counts, blocks[:end].copy(), masks[:end].copy()
-            room *= 2
-
+    """Return ptr, blocks, masks in item order of what came of all chunks."""
     done, results = 0, []
-    for part, result in zip(parts, pool.map(run, parts), strict=True):
+    for result in found:
         results.append(result)
-        done = part.stop
+        done += len(result[0])
         tell(stage, done, n)
     none: tuple[np.ndarray, ...] = (
         np.zeros(0, np.int64),
-        np.zeros(0, block_type),
+        np.zeros(0, np.uint32 if spec.wide else np.uint16),
         np.zeros(0, np.uint64),
     )
     columns = list(zip(*(results or [none]), strict=True))

@@ -1,6 +1,7 @@
 """Sample and connect: from a robot and settings to a Roadmap."""
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,10 @@ from roadmap.ranges import check_number
 from roadmap.robot.robot import Robot
 
 MotionsFree = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Parts = Iterable[tuple[np.ndarray, np.ndarray]]
+Stream = Callable[[str, Parts], Iterator[np.ndarray]]
 Progress = Callable[[str, int, int], None]
+_TESTED = 2048  # motions tested as one chunk; the bytes do not depend on it
 _MAX_REJECTED = 400  # drawn per node kept before the build gives up
 
 
@@ -96,6 +100,7 @@ def build_roadmap(
     settings: RoadmapSettings,
     motions_free: MotionsFree,
     progress: Progress | None = None,
+    stream: Stream | None = None,
 ) -> tuple[Roadmap, BuildReport]:
     """Sample nodes, join near ones, keep the largest component.
 
@@ -105,37 +110,42 @@ def build_roadmap(
         motions_free: Test of motions q + t dq, two (k, dof) arrays -> (k,) bool:
             self-collision and scenery, along the whole motion. dq = 0 tests a node.
         progress: Called with (stage, done, total).
+        stream: The same test of many: (stage, chunks of (q, dq)) -> a (k,) bool for
+            each, in order. It may look a few chunks ahead. None: one by one.
 
     Raises:
         BuildRefused: Next to no configuration is valid.
     """
     tell = progress or (lambda stage, done, total: None)
-    nodes, drawn = _sample(robot, settings, motions_free, tell)
+    stream = stream or (lambda stage, parts: (motions_free(*part) for part in parts))
+    nodes, drawn = _sample(robot, settings, stream, tell)
     weights = _weights(robot, settings)
     nodes = nodes[_spatial_order(robot, nodes * weights)]
     pairs = _near_pairs(robot, nodes, weights, settings)
     dq = difference(robot, nodes[pairs[:, 0]], nodes[pairs[:, 1]])
+    starts = range(0, len(pairs), _TESTED)
+    parts = ((nodes[pairs[k : k + _TESTED, 0]], dq[k : k + _TESTED]) for k in starts)
     free = np.zeros(len(pairs), bool)
-    step = 4096
-    for k in range(0, len(pairs), step):
-        part = slice(k, k + step)
-        free[part] = motions_free(nodes[pairs[part, 0]], dq[part])
-        tell("edges", min(k + step, len(pairs)), len(pairs))
+    for k, found in zip(starts, stream("edge", parts), strict=True):
+        free[k : k + _TESTED] = found
+        tell("edges", min(k + _TESTED, len(pairs)), len(pairs))
     edges, lengths = pairs[free], np.linalg.norm(dq[free] * weights, axis=1)
     roadmap, sizes = _largest_component(nodes, edges, lengths, weights)
     return roadmap, BuildReport(drawn, len(pairs), int(free.sum()), sizes)
 
 
 def _sample(
-    robot: Robot, settings: RoadmapSettings, motions_free: MotionsFree, tell: Progress
+    robot: Robot, settings: RoadmapSettings, stream: Stream, tell: Progress
 ) -> tuple[np.ndarray, int]:
     kept: list[np.ndarray] = []
     n_kept = drawn = 0
     region = None if settings.region is None else np.asarray(settings.region, float)
     chunks = draw(robot, settings.sampling, settings.seed, settings.nodes, region)
+    parts, looked_at = itertools.tee(chunks)
+    verdicts = stream("drawn configuration", ((q, np.zeros_like(q)) for q in parts))
     while n_kept < settings.nodes:
-        q = next(chunks)
-        q = q[motions_free(q, np.zeros_like(q))] if len(q) else q
+        q, free = next(looked_at), next(verdicts)
+        q = q[free]
         drawn += 1024
         kept.append(q)
         n_kept += len(q)

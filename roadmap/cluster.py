@@ -1,0 +1,364 @@
+"""Chunks of a build on a Dask cluster: the user's scheduler, or one made here.
+
+A chunk is a task that may be done anywhere and any number of times. Where a worker
+dies, its chunks are done by another; where the scheduler goes away, what was finished
+is stored here, and the rest is handed to the scheduler that comes back. Before any work
+every worker says which program it runs: another one is refused.
+"""
+
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from roadmap.chunks import (
+    Arrays,
+    Chunk,
+    ChunkStore,
+    ForeignWorker,
+    Job,
+    about,
+    chunk_name,
+    do_chunk,
+    packed,
+    unpacked,
+)
+from roadmap.errors import BadInput, BuildRefused
+
+_AHEAD = 6  # chunks handed out for each thread of the workers
+_LOOK_S = 0.05  # between two looks at what is done
+_CONNECT_S = 10.0  # one try to reach a scheduler
+PATIENCE_S = 60.0  # a scheduler that went away may come back within
+
+
+class Cluster:
+    """Does chunks on a Dask cluster.
+
+    Args:
+        workers: Make a cluster on this machine with so many processes.
+        scheduler: Address of one that runs, such as "tcp://host:8786".
+        store: Where finished chunks are kept here; found again by the next build.
+        shared: Folder that all workers see too: they write finished chunks there, so
+            that none goes through the scheduler. None: they come over the network.
+        patience: How long a scheduler may be away [s].
+
+    Raises:
+        BuildRefused: `distributed` is not installed, or no scheduler answers.
+        ForeignWorker: A worker runs another version.
+    """
+
+    def __init__(
+        self,
+        workers: int = 0,
+        scheduler: str | None = None,
+        store: ChunkStore | None = None,
+        shared: Path | None = None,
+        patience: float = PATIENCE_S,
+    ) -> None:
+        """Connect, and look at the workers."""
+        if (scheduler is None) == (workers == 0):
+            raise BadInput("give either a number of workers or the scheduler's address")
+        self._dask = _distributed()
+        self.store, self.shared, self.patience = store, shared, patience
+        if shared is not None:
+            self.store = ChunkStore(shared)
+        self._own = None
+        if scheduler is None:
+            self._own = self._dask.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address=":0" if _has_dashboard() else None,
+                silence_logs=40,
+            )
+        self.address = scheduler or self._own.scheduler_address
+        self.client: Any = None
+        self._connect(time.monotonic() + min(patience, _CONNECT_S))
+
+    def __enter__(self) -> "Cluster":
+        """Return the cluster."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the user's cluster as it is; end one that was made here."""
+        self.close()
+
+    def close(self) -> None:
+        """Leave the user's cluster as it is; end one that was made here."""
+        with suppress(Exception):
+            self.client.close(timeout=2)
+        if self._own is not None:
+            self._own.close(timeout=5)
+
+    @property
+    def dashboard(self) -> str:
+        """Address of the page that shows progress; empty where there is none."""
+        return str(self.client.dashboard_link) if _has_dashboard() else ""
+
+    def map(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[Arrays]:
+        """Yield what comes of each chunk, in order.
+
+        Raises:
+            ChunkFailed: An item raised; it is named.
+            ForeignWorker: A worker that came later runs another version.
+            BuildRefused: The scheduler stayed away, a disk is full, or a chunk ends
+                every worker that tries it.
+        """
+        hand = _Hand(self, job)
+        source = iter(chunks)
+        waiting: deque[_Sent] = deque()
+        try:
+            while True:
+                room = _AHEAD * max(1, self.threads) - len(waiting)
+                waiting.extend(hand.send(chunk) for chunk in islice(source, room))
+                if not waiting:
+                    return
+                yield hand.take(waiting)
+        finally:
+            hand.drop(waiting)
+
+    def _connect(self, until: float) -> None:
+        """Reach the scheduler and look at its workers, until a time.
+
+        Raises:
+            BuildRefused: It does not answer.
+        """
+        while True:
+            try:
+                self.client = self._dask.Client(
+                    self.address, timeout=_CONNECT_S, set_as_default=False
+                )
+                self.client.wait_for_workers(1, timeout=_CONNECT_S)
+                break
+            except (OSError, self._dask.TimeoutError, TimeoutError) as error:
+                with suppress(Exception):
+                    self.client.close(timeout=1)
+                if time.monotonic() > until:
+                    raise BuildRefused(
+                        f"no scheduler with workers answers at {self.address} "
+                        f"({type(error).__name__}); start both and give the same "
+                        "command again: finished chunks are kept"
+                    ) from error
+                time.sleep(0.2)
+        refuse_foreign(self.client.run(about, on_error="return"))
+        self.threads = sum(self.client.nthreads().values())
+
+    def again(self) -> None:
+        """Reach the scheduler again, which went away."""
+        with suppress(Exception):
+            self.client.close(timeout=1)
+        self._connect(time.monotonic() + self.patience)
+
+
+class _Sent:
+    """A chunk that was handed out: its future, or what was stored before."""
+
+    def __init__(self, chunk: Chunk, name: str) -> None:
+        self.chunk, self.name = chunk, name
+        self.found: Arrays | None = None
+        self.future: Any = None
+
+
+class _Hand:
+    """Hands the chunks of one job to a cluster and takes them back."""
+
+    def __init__(self, cluster: Cluster, job: Job) -> None:
+        self.cluster, self.job, self.key = cluster, job, job.key()
+        self._job_there: Any = None
+
+    def send(self, chunk: Chunk) -> _Sent:
+        """Hand a chunk out, unless it is stored."""
+        sent = _Sent(chunk, chunk_name(self.key, chunk))
+        store = self.cluster.store
+        if store is not None:
+            sent.found = store.get(sent.name)
+        if sent.found is None:
+            self._submit(sent)
+        return sent
+
+    def take(self, waiting: deque[_Sent]) -> Arrays:
+        """Wait for the first chunk, and return what came of it."""
+        tried = 0
+        while waiting[0].found is None:
+            state = waiting[0].future.status
+            if state == "finished":
+                with suppress(*_lost(self.cluster)):
+                    self._store(waiting[0])
+                    continue
+                state = "lost"
+            if state == "error":
+                self._explain(waiting[0])
+                tried += 1
+            if state in ("lost", "cancelled", "error") or self._is_away():
+                if tried > 3:
+                    raise BuildRefused(
+                        f"{self._named(waiting[0])} was lost {tried} times; look at "
+                        "the workers' logs and give the same command again"
+                    )
+                self._recover(waiting)
+            else:
+                time.sleep(_LOOK_S)
+        sent = waiting.popleft()
+        assert sent.found is not None
+        return sent.found
+
+    def drop(self, waiting: deque[_Sent]) -> None:
+        """Cancel what is no longer wanted."""
+        with suppress(Exception):
+            self.cluster.client.cancel([s.future for s in waiting if s.future])
+
+    def _submit(self, sent: _Sent) -> None:
+        client = self.cluster.client
+        if self._job_there is None:
+            self._job_there = client.scatter(self.job, broadcast=True, hash=False)
+        sent.future = client.submit(
+            work,
+            self._job_there,
+            self.key,
+            sent.chunk,
+            sent.name,
+            about(),
+            self.cluster.shared,
+            key=f"{self.job.stage.replace(' ', '_')}-{sent.name[:16]}",
+            pure=False,
+        )
+
+    def _store(self, sent: _Sent) -> None:
+        """Take what came of a chunk, and keep it here."""
+        store, data = self.cluster.store, sent.future.result()
+        if data is None:  # it lies on the shared folder
+            sent.found = store.get(sent.name) if store else None
+            if sent.found is None:
+                raise BuildRefused(
+                    f"{self._named(sent)} is done, but its file is not in "
+                    f"{self.cluster.shared} here; give a folder that this machine "
+                    "and all workers share"
+                )
+            return
+        sent.found = unpacked(data)
+        if store is not None:
+            store.put(sent.name, sent.found)
+        sent.future.release()
+
+    def _explain(self, sent: _Sent) -> None:
+        """Raise what a chunk raised, unless the cluster lost it."""
+        error = sent.future.exception()
+        if isinstance(error, BuildRefused):
+            raise error
+        if isinstance(error, self.cluster._dask.scheduler.KilledWorker):
+            raise BuildRefused(
+                f"{self._named(sent)} ended {error.allowed_failures + 1} workers, one "
+                "after the other; give them more memory and give the same command again"
+            ) from error
+        if not isinstance(error, _lost(self.cluster)):
+            raise BuildRefused(
+                f"{self._named(sent)} failed on a worker: {type(error).__name__} "
+                f"({error}); give the same command again once that is mended"
+            ) from error
+
+    def _recover(self, waiting: deque[_Sent]) -> None:
+        """Keep what is finished, then hand the rest out again."""
+        for sent in waiting:
+            if sent.found is None and sent.future.status == "finished":
+                with suppress(*_lost(self.cluster)):
+                    self._store(sent)
+        if self._is_away():
+            self.cluster.again()
+        self._job_there = None
+        for sent in waiting:
+            if sent.found is None:
+                with suppress(Exception):
+                    sent.future.release()
+                self._submit(sent)
+
+    def _is_away(self) -> bool:
+        return self.cluster.client.status != "running"
+
+    def _named(self, sent: _Sent) -> str:
+        first = sent.chunk.first
+        last = first + len(sent.chunk.arrays[0]) - 1
+        return f"the chunk of {self.job.stage}s {first} to {last}"
+
+
+def work(
+    job: Job,
+    key: str,
+    chunk: Chunk,
+    name: str,
+    wanted: dict[str, str],
+    shared: Path | None,
+) -> bytes | None:
+    """Do a chunk on a worker: its arrays as bytes, or None where it wrote a file."""
+    if about() != wanted:
+        raise ForeignWorker(_foreign("this worker", about(), wanted))
+    found = do_chunk(job, key, chunk)
+    if shared is None:
+        return packed(found)
+    ChunkStore(shared).put(name, found)
+    return None
+
+
+def refuse_foreign(workers: dict[str, Any]) -> None:
+    """Refuse workers that run another program.
+
+    Args:
+        workers: What `about` gave, or the error it raised, by address.
+
+    Raises:
+        ForeignWorker: One of them differs; it is named, with what differs.
+    """
+    for address, found in workers.items():
+        if found != about():
+            raise ForeignWorker(_foreign(f"worker {address}", found, about()))
+
+
+def _foreign(who: str, found: object, wanted: dict[str, str]) -> str:
+    if not isinstance(found, dict):
+        what = f"cannot load this program ({found})"
+    else:
+        other = [
+            f"{k} {found.get(k)} instead of {v}"
+            for k, v in wanted.items()
+            if found.get(k) != v
+        ]
+        what = f"has {', '.join(other)}"
+    return (
+        f"{who} {what}, so its chunks could hold other bytes; install the same "
+        "versions there and here and give the same command again"
+    )
+
+
+def _lost(cluster: Cluster) -> tuple[type[BaseException], ...]:
+    """Return the errors that mean: the cluster lost it, ask again."""
+    import concurrent.futures
+
+    names = ("FutureCancelledError", "FuturesCancelledError")
+    client = cluster._dask.client
+    found = [getattr(client, name) for name in names if hasattr(client, name)]
+    return (
+        concurrent.futures.CancelledError,
+        OSError,
+        cluster._dask.TimeoutError,
+        *found,
+    )
+
+
+def _distributed() -> Any:  # noqa: ANN401 (a module)
+    try:
+        import distributed
+    except ImportError as error:
+        raise BuildRefused(
+            "the package `distributed` is not installed; install it with: "
+            "pip install 'odm-planner[cluster]', or build with --threads instead"
+        ) from error
+    return distributed
+
+
+def _has_dashboard() -> bool:
+    try:
+        import bokeh  # noqa: F401
+    except ImportError:
+        return False
+    return True
