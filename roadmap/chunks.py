@@ -25,7 +25,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from roadmap.errors import BuildRefused
-from roadmap.unfinished import beside
+from roadmap.unfinished import put_file
 
 Arrays = tuple[np.ndarray, ...]
 _PACKAGES = ("roadmap", "odm", "handover")  # whose text decides what chunks hold
@@ -85,7 +85,7 @@ class ForeignWorker(BuildRefused):
 class Workers(Protocol):
     """Who does chunks: threads of this process, or a cluster."""
 
-    def map(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[Arrays]:
+    def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order."""
         ...
 
@@ -95,11 +95,14 @@ class ChunkStore:
 
     Args:
         folder: Where; made when the first chunk is stored.
+
+    Attributes:
+        found: How many chunks were taken from here instead of done.
     """
 
     def __init__(self, folder: Path) -> None:
         """Look at nothing yet."""
-        self.folder = folder
+        self.folder, self.found = folder, 0
 
     def get(self, name: str) -> Arrays | None:
         """Return a stored chunk; None where there is none, or a damaged one."""
@@ -109,6 +112,7 @@ class ChunkStore:
             return None
         if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
             return None
+        self.found += 1
         return unpacked(data[_DIGEST:])
 
     def put(self, name: str, arrays: Arrays) -> None:
@@ -120,9 +124,7 @@ class ChunkStore:
         data = packed(arrays)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            with beside(self.folder / name) as made:
-                made.write_bytes(hashlib.sha256(data).digest() + data)
-                os.replace(made, self.folder / name)
+            put_file(self.folder / name, hashlib.sha256(data).digest() + data)
         except OSError as error:
             raise _unwritten(self.folder, error) from error
 
@@ -283,13 +285,13 @@ class Threads:
         """Begin nothing."""
         self.threads, self.store = threads or os.cpu_count() or 1, store
 
-    def map(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[Arrays]:
+    def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order; only a few are done ahead."""
         key = job.key()
         pool = ThreadPoolExecutor(self.threads)
         waiting: deque[Future] = deque()
         try:
-            for chunk in chunks:
+            for chunk in parts:
                 waiting.append(pool.submit(self._do, job, key, chunk))
                 if len(waiting) >= _AHEAD * self.threads:
                     yield waiting.popleft().result()

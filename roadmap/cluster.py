@@ -6,6 +6,7 @@ is stored here, and the rest is handed to the scheduler that comes back. Before 
 every worker says which program it runs: another one is refused.
 """
 
+import logging
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -14,6 +15,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from roadmap import chunks
 from roadmap.chunks import (
     Arrays,
     Chunk,
@@ -29,8 +31,11 @@ from roadmap.chunks import (
 from roadmap.errors import BadInput, BuildRefused
 
 _AHEAD = 6  # chunks handed out for each thread of the workers
+_MOST_LOST = 20  # times that a chunk is handed out again
 _LOOK_S = 0.05  # between two looks at what is done
+_CLOSE_S = 10.0  # for the workers of a cluster that was made here
 _CONNECT_S = 10.0  # one try to reach a scheduler
+_FIRST_S = 10.0  # a scheduler that was never there is not waited for longer
 PATIENCE_S = 60.0  # a scheduler that went away may come back within
 
 
@@ -61,21 +66,23 @@ class Cluster:
         """Connect, and look at the workers."""
         if (scheduler is None) == (workers == 0):
             raise BadInput("give either a number of workers or the scheduler's address")
-        self._dask = _distributed()
+        self.dask = _distributed()
+        # what goes wrong is told in one sentence, not by their log
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self.store, self.shared, self.patience = store, shared, patience
-        if shared is not None:
+        if shared is not None and store is None:
             self.store = ChunkStore(shared)
         self._own = None
         if scheduler is None:
-            self._own = self._dask.LocalCluster(
+            self._own = self.dask.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
-                dashboard_address=":0" if _has_dashboard() else None,
+                dashboard_address=":0",
                 silence_logs=40,
             )
         self.address = scheduler or self._own.scheduler_address
         self.client: Any = None
-        self._connect(time.monotonic() + min(patience, _CONNECT_S))
+        self._connect(time.monotonic() + min(patience, _FIRST_S))
 
     def __enter__(self) -> "Cluster":
         """Return the cluster."""
@@ -90,14 +97,15 @@ class Cluster:
         with suppress(Exception):
             self.client.close(timeout=2)
         if self._own is not None:
-            self._own.close(timeout=5)
+            with suppress(Exception):  # one that just starts is slow to end
+                self._own.close(timeout=_CLOSE_S)
 
     @property
     def dashboard(self) -> str:
         """Address of the page that shows progress; empty where there is none."""
         return str(self.client.dashboard_link) if _has_dashboard() else ""
 
-    def map(self, job: Job, chunks: Iterable[Chunk]) -> Iterator[Arrays]:
+    def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order.
 
         Raises:
@@ -107,7 +115,7 @@ class Cluster:
                 every worker that tries it.
         """
         hand = _Hand(self, job)
-        source = iter(chunks)
+        source = iter(parts)
         waiting: deque[_Sent] = deque()
         try:
             while True:
@@ -126,13 +134,14 @@ class Cluster:
             BuildRefused: It does not answer.
         """
         while True:
+            left = min(_CONNECT_S, max(0.5, until - time.monotonic()))
             try:
-                self.client = self._dask.Client(
-                    self.address, timeout=_CONNECT_S, set_as_default=False
+                self.client = self.dask.Client(
+                    self.address, timeout=left, set_as_default=False
                 )
-                self.client.wait_for_workers(1, timeout=_CONNECT_S)
+                self.client.wait_for_workers(1, timeout=left)
                 break
-            except (OSError, self._dask.TimeoutError, TimeoutError) as error:
+            except (OSError, self.dask.TimeoutError, TimeoutError) as error:
                 with suppress(Exception):
                     self.client.close(timeout=1)
                 if time.monotonic() > until:
@@ -142,7 +151,7 @@ class Cluster:
                         "command again: finished chunks are kept"
                     ) from error
                 time.sleep(0.2)
-        refuse_foreign(self.client.run(about, on_error="return"))
+        refuse_foreign(self.client.run(_told_by_worker, on_error="return"))
         self.threads = sum(self.client.nthreads().values())
 
     def again(self) -> None:
@@ -180,29 +189,34 @@ class _Hand:
 
     def take(self, waiting: deque[_Sent]) -> Arrays:
         """Wait for the first chunk, and return what came of it."""
-        tried = 0
-        while waiting[0].found is None:
-            state = waiting[0].future.status
+        lost, seen = 0, time.monotonic()
+        while (sent := waiting[0]).found is None:
+            state = sent.future.status if sent.future else "lost"
             if state == "finished":
                 with suppress(*_lost(self.cluster)):
-                    self._store(waiting[0])
+                    self._store(sent)
                     continue
                 state = "lost"
             if state == "error":
-                self._explain(waiting[0])
-                tried += 1
+                self._explain(sent)
             if state in ("lost", "cancelled", "error") or self._is_away():
-                if tried > 3:
+                lost += 1
+                if lost > _MOST_LOST:
                     raise BuildRefused(
-                        f"{self._named(waiting[0])} was lost {tried} times; look at "
-                        "the workers' logs and give the same command again"
+                        f"{self._named(sent)} was lost {lost} times; look at the "
+                        "workers' logs and give the same command again"
                     )
                 self._recover(waiting)
-            else:
-                time.sleep(_LOOK_S)
-        sent = waiting.popleft()
-        assert sent.found is not None
-        return sent.found
+                continue
+            if self.cluster.client.scheduler_info()["workers"]:
+                seen = time.monotonic()
+            elif time.monotonic() - seen > self.cluster.patience:
+                raise BuildRefused(
+                    f"all workers of {self.cluster.address} have gone; start some and "
+                    "give the same command again: finished chunks are kept"
+                )
+            time.sleep(_LOOK_S)
+        return waiting.popleft().found or ()
 
     def drop(self, waiting: deque[_Sent]) -> None:
         """Cancel what is no longer wanted."""
@@ -210,10 +224,14 @@ class _Hand:
             self.cluster.client.cancel([s.future for s in waiting if s.future])
 
     def _submit(self, sent: _Sent) -> None:
-        client = self.cluster.client
-        if self._job_there is None:
-            self._job_there = client.scatter(self.job, broadcast=True, hash=False)
-        sent.future = client.submit(
+        client, sent.future = self.cluster.client, None
+        with suppress(*_lost(self.cluster)):
+            if self._job_there is None:
+                self._job_there = client.scatter(self.job, broadcast=True, hash=False)
+            sent.future = self._submitted(client, sent)
+
+    def _submitted(self, client: Any, sent: _Sent) -> Any:  # noqa: ANN401
+        return client.submit(
             work,
             self._job_there,
             self.key,
@@ -230,6 +248,8 @@ class _Hand:
         store, data = self.cluster.store, sent.future.result()
         if data is None:  # it lies on the shared folder
             sent.found = store.get(sent.name) if store else None
+            if store and sent.found:
+                store.found -= 1  # it was done just now
             if sent.found is None:
                 raise BuildRefused(
                     f"{self._named(sent)} is done, but its file is not in "
@@ -247,7 +267,7 @@ class _Hand:
         error = sent.future.exception()
         if isinstance(error, BuildRefused):
             raise error
-        if isinstance(error, self.cluster._dask.scheduler.KilledWorker):
+        if isinstance(error, self.cluster.dask.scheduler.KilledWorker):
             raise BuildRefused(
                 f"{self._named(sent)} ended {error.allowed_failures + 1} workers, one "
                 "after the other; give them more memory and give the same command again"
@@ -261,7 +281,8 @@ class _Hand:
     def _recover(self, waiting: deque[_Sent]) -> None:
         """Keep what is finished, then hand the rest out again."""
         for sent in waiting:
-            if sent.found is None and sent.future.status == "finished":
+            done = sent.future is not None and sent.future.status == "finished"
+            if sent.found is None and done:
                 with suppress(*_lost(self.cluster)):
                     self._store(sent)
         if self._is_away():
@@ -269,8 +290,6 @@ class _Hand:
         self._job_there = None
         for sent in waiting:
             if sent.found is None:
-                with suppress(Exception):
-                    sent.future.release()
                 self._submit(sent)
 
     def _is_away(self) -> bool:
@@ -298,6 +317,10 @@ def work(
         return packed(found)
     ChunkStore(shared).put(name, found)
     return None
+
+
+def _told_by_worker() -> dict[str, str]:
+    return chunks.about()
 
 
 def refuse_foreign(workers: dict[str, Any]) -> None:
@@ -335,12 +358,12 @@ def _lost(cluster: Cluster) -> tuple[type[BaseException], ...]:
     import concurrent.futures
 
     names = ("FutureCancelledError", "FuturesCancelledError")
-    client = cluster._dask.client
+    client = cluster.dask.client
     found = [getattr(client, name) for name in names if hasattr(client, name)]
     return (
         concurrent.futures.CancelledError,
         OSError,
-        cluster._dask.TimeoutError,
+        cluster.dask.TimeoutError,
         *found,
     )
 

@@ -50,6 +50,13 @@ def put(made: Path, path: Path) -> None:
             raise
 
 
+def put_file(path: Path, data: bytes) -> None:
+    """Write a small file whole or not at all; an old one there is replaced."""
+    with _PUTTING, beside(path) as made:
+        made.write_bytes(data)
+        os.replace(made, path)
+
+
 def remove_all() -> None:
     """Remove what is unfinished, as the last thing before the process is ended.
 

@@ -21,7 +21,7 @@ from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
 from roadmap.chunks import Chunk, Threads, Workers
-from roadmap.graph.connecting import Parts, Stream, build_roadmap
+from roadmap.graph.connecting import BuildReport, Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
@@ -69,31 +69,26 @@ def build_map(
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
-    cells = sweep_roadmap(
-        robot,
-        arm_of(robot),
-        roadmap,
-        grid,
-        recipe.safety,
-        threads,
-        _named(progress),
-        workers,
-    )
+    arm, rest = arm_of(robot), (threads, _named(progress), workers)
+    cells = sweep_roadmap(robot, arm, roadmap, grid, recipe.safety, *rest)
+    built = _facts(report, sampled - begun)
     payload = None
     if recipe.payload is not None:
-        payload = build_payload(
-            robot,
-            recipe,
-            roadmap,
-            grid,
-            scenery,
-            threads,
-            _named(progress, "payload "),
-            workers,
-        )
-    built = {
-        "seconds": round(time.perf_counter() - begun, 2),
-        "roadmap_seconds": round(sampled - begun, 2),
+        rest = threads, _named(progress, "payload "), workers
+        payload = build_payload(robot, recipe, roadmap, grid, scenery, *rest)
+        n = roadmap.n_nodes
+        built["payload_nodes"] = int(n - payload.closed[:n].sum())
+        built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())
+    built["seconds"] = round(time.perf_counter() - begun, 2)
+    return CellMap(robot, roadmap, grid, recipe, cells, scenery, payload, built)
+
+
+def _facts(report: BuildReport, roadmap_seconds: float) -> dict:
+    if len(report.components) > 1:
+        kept, total = report.components[0], sum(report.components)
+        log.info("kept the largest component: %d of %d nodes", kept, total)
+    return {
+        "roadmap_seconds": round(roadmap_seconds, 2),
         "drawn": report.drawn,
         "candidate_edges": report.candidates,
         "free_edges": report.edges,
@@ -101,14 +96,6 @@ def build_map(
         "n_components": len(report.components),
         "versions": _versions(),
     }
-    if len(report.components) > 1:
-        kept, total = report.components[0], sum(report.components)
-        log.info("kept the largest component: %d of %d nodes", kept, total)
-    if payload is not None:
-        n = roadmap.n_nodes
-        built["payload_nodes"] = int(n - payload.closed[:n].sum())
-        built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())
-    return CellMap(robot, roadmap, grid, recipe, cells, scenery, payload, built)
 
 
 def _tested_by(

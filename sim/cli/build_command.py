@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sim.run.crew import HERE, Place, crew
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FOLDER, Limits, Refused
 from sim.terminal.flags import Json, argument, flag, from_request
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from roadmap.robot.robot import Robot
 
 _OWN = "With your own robot"
+_CLUSTER = "On a Dask cluster"
 _COST = "Size and safety"
 # sections of a recipe, and the options that go there under their own name
 _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
@@ -75,6 +77,17 @@ class BuildRequest:
     seed: int | None = flag(
         None, "Of the samples.", panel=_COST, limits=Limits(0, 2**63)
     )
+    workers: int = flag(0, "Processes of a cluster made here.", panel=_CLUSTER, min=0)
+    scheduler: str | None = flag(
+        None, "Of a cluster that runs.", panel=_CLUSTER, metavar="tcp://HOST:8786"
+    )
+    shared: Path | None = flag(
+        None,
+        "Folder that all workers see; results go there, not over the network.",
+        panel=_CLUSTER,
+        metavar="DIR",
+        writes=FOLDER,
+    )
     json: Json = None
 
 
@@ -97,7 +110,10 @@ def build(request: BuildRequest) -> None:
         return
     target = request.out or MAPS / recipe.name
     check_map_folder(target, recipe, request.force)
-    cell_map, seconds = build_to(target, recipe, threads, quiet=json == "-")
+    place = Place(request.workers, request.scheduler, request.shared)
+    cell_map, seconds = build_to(
+        target, recipe, threads, quiet=json == "-", place=place
+    )
     facts = built_facts(cell_map, target, seconds)
     report(facts, json, _show)
 
@@ -151,9 +167,16 @@ def _scenery(files: list[str] | None) -> list[dict]:
 
 
 def build_to(
-    target: Path, recipe: "Recipe", threads: int, quiet: bool = False
+    target: Path,
+    recipe: "Recipe",
+    threads: int,
+    quiet: bool = False,
+    place: Place = HERE,
 ) -> tuple["CellMap", float]:
-    """Build a map with progress bars, save it, and return it loaded, with seconds."""
+    """Build a map with progress bars, save it, and return it loaded, with seconds.
+
+    A build that was ended before goes on from its finished chunks.
+    """
     import time
 
     from odm import build_map, load_map
@@ -165,10 +188,11 @@ def build_to(
         robot = _load_robot(recipe, tell)
         if not quiet:
             _tell_size(robot, recipe)
-        cell_map = build_map(recipe, threads=threads, progress=tell, robot=robot)
-        tell("saving", 0, 1)
-        cell_map.save(target)
-        tell("saving", 1, 1)
+        with crew(target, threads, place) as workers:
+            cell_map = build_map(recipe, threads, tell, robot, workers)
+            tell("saving", 0, 1)
+            cell_map.save(target)
+            tell("saving", 1, 1)
     return load_map(target), time.perf_counter() - begun
 
 
