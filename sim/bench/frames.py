@@ -27,6 +27,8 @@ SPACING = 0.03  # covering radius of the arm's samples [m]
 RATE_HZ = 100.0
 TOP_SPEED = 1.0  # of any point of the arm [m/s]
 MOTIONS = ("sweep", "reach", "jitter")
+MORE_MOTIONS = ("hover", "intrusion", "crowding")  # for comparisons with peers
+_SPEEDS = {"hover": 0.15, "intrusion": 2.0}  # where it is not TOP_SPEED [m/s]
 CONDITIONS = {
     "every": "the exact solids keep the clearance m from the arm in every frame",
     "clear": "the cover keeps rho + m from the arm's samples in every frame",
@@ -47,8 +49,8 @@ class Pair:
 
     Attributes:
         q_start, q_goal: (dof,) valid configurations, not roadmap nodes.
-        capsules: (f, 2, 7) the arm in every frame: a, b, radius [m].
-        motion: How the hand moves: one of MOTIONS.
+        capsules: (f, k, 7) the arm, or both arms, in every frame: a, b, radius [m].
+        motion: How the hand moves: one of MOTIONS or MORE_MOTIONS.
     """
 
     q_start: np.ndarray
@@ -103,6 +105,7 @@ def make_pairs(
     seed: int = 1,
     condition: str = "every",
     sided: bool = True,
+    motions: tuple[str, ...] = MOTIONS,
 ) -> list[Pair]:
     """Draw pairs of configurations and a moving arm for each.
 
@@ -116,13 +119,14 @@ def make_pairs(
             cover and samples are; "clear" is what the planner calls free.
         sided: Start and goal have the tool on either side of the arm; False: they
             are any valid configurations.
+        motions: Of the hand, in turn.
 
     Raises:
         NoFeasiblePair: None was found in many draws.
     """
     draw = _Draw(cell_map, np.random.default_rng(seed), sided)
     return [
-        draw.pair(MOTIONS[k % len(MOTIONS)], frames, condition) for k in range(pairs)
+        draw.pair(motions[k % len(motions)], frames, condition) for k in range(pairs)
     ]
 
 
@@ -200,11 +204,21 @@ def shapes(rods: np.ndarray) -> list[Capsule]:
 
 
 def arm_frames(motion: str, frames: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the arm in every frame of a motion, (frames, 2, 7) [a, b, radius] [m]."""
+    """Return the arm in every frame of a motion, (frames, 2, 7) [a, b, radius] [m].
+
+    Crowding is two arms, (frames, 4, 7): one that sweeps, one that reaches.
+    """
+    if motion == "crowding":
+        arms = [_one_arm(how, frames, rng) for how in ("sweep", "reach")]
+        return np.concatenate(arms, axis=1)
+    return _one_arm(motion, frames, rng)
+
+
+def _one_arm(motion: str, frames: int, rng: np.random.Generator) -> np.ndarray:
     shoulder = np.array([0.85, 0.0, 0.45]) + rng.uniform(-0.1, 0.1, 3)
     path = _HANDS[motion](rng)
     swivel = rng.uniform(-0.6, 0.6)
-    speed = TOP_SPEED * rng.uniform(0.5, 1.0)
+    speed = _SPEEDS.get(motion, TOP_SPEED) * rng.uniform(0.5, 1.0)
     phase = rng.uniform()
     # the fastest point of the arm sets the time scale of the periodic motion
     s = np.linspace(0.0, 1.0, 2001)
@@ -260,4 +274,30 @@ def _jitter(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
     return hand
 
 
-_HANDS = {"sweep": _sweep, "reach": _reach, "jitter": _jitter}
+def _hover(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
+    """A hand that stays near one place and drifts slowly."""
+    middle = np.array([0.45, 0.0, 0.45]) + rng.uniform(-1, 1, 3) * [0.1, 0.15, 0.15]
+    size = rng.uniform(0.03, 0.08, 3)
+    shift = rng.uniform(0, 1, 3)
+    return lambda s: middle + size * np.sin(2 * np.pi * (s[:, None] + shift))
+
+
+def _intrusion(rng: np.random.Generator):  # noqa: ANN202 (share -> hand)
+    """A hand that rests beside the robot, shoots in, and goes back."""
+    there = np.array([0.35, 0.0, 0.45]) + rng.uniform(-1, 1, 3) * [0.08, 0.12, 0.12]
+    rest = np.array([0.8, 0.0, 0.9]) + rng.uniform(-0.05, 0.05, 3)
+
+    def hand(s: np.ndarray) -> np.ndarray:
+        share = np.clip(1.0 - 4.0 * np.abs(np.mod(s, 1.0) - 0.5), 0.0, 1.0)
+        return rest + (there - rest) * (share * share * (3 - 2 * share))[:, None]
+
+    return hand
+
+
+_HANDS = {
+    "sweep": _sweep,
+    "reach": _reach,
+    "jitter": _jitter,
+    "hover": _hover,
+    "intrusion": _intrusion,
+}

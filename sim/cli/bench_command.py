@@ -28,12 +28,16 @@ class BenchRequest:
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
         "clutter, scene, human, handover, handover-recording, approach, attach, "
         "workspace, "
-        "targets, interrupts or golden.",
+        "targets, interrupts, peers, scale or golden.",
         metavar="NAME",
     )
     map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
     seed: int | None = flag(None, "Same seed, same frames.")
     short: bool = flag(False, "To see that it runs, not to measure.", "--short")
+    quick: bool = flag(False, "Within 5 min (peers).", "--quick")
+    node_counts: str | None = flag(
+        None, "Of the maps, with commas (scale).", "--nodes", metavar="N,N,..."
+    )
     execution: str | None = flag(
         None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
     )
