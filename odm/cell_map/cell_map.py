@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from odm.cell_map.lists import CellLists, lists_of
 from odm.cell_map.recipe import PayloadRecipe, Recipe, recipe_of_map
 from odm.close_test._arm import Arm
 from odm.close_test.arm import _moving_order, arm_of
@@ -19,46 +20,6 @@ from roadmap.robot.robot import Robot
 from roadmap.store import made_of, read_folder, write_folder
 
 ROUNDING = 1e-6  # [m] added to every swept radius
-
-
-@dataclass(frozen=True, eq=False)
-class CellLists:
-    """One layer of a map, in both views.
-
-    An *item* is a node (its number) or an edge (n_nodes + its number). An edge's
-    list holds only the cells that neither of its end nodes sweeps.
-
-    Attributes:
-        ptr: (n_items + 1,) item i owns entries ptr[i]:ptr[i + 1].
-        block: (n,) block of each entry, ascending within an item.
-        mask: (n,) swept cells of that block.
-        t_ptr: (n_blocks + 1,) the same by block.
-        t_item: (n,) items of a block, ascending.
-        t_mask: (n,) their cells.
-    """
-
-    ptr: np.ndarray
-    block: np.ndarray
-    mask: np.ndarray
-    t_ptr: np.ndarray
-    t_item: np.ndarray
-    t_mask: np.ndarray
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays, keeping their types."""
-        for name in ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask"):
-            array = getattr(self, name)
-            object.__setattr__(self, name, frozen(array, array.dtype))
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the arrays by name, for the store."""
-        names = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
-        return {name: getattr(self, name) for name in names}
-
-    def bytes_by_view(self) -> tuple[int, int]:
-        """Return the bytes of the edge-major and of the block-major view."""
-        edge_major = self.ptr.nbytes + self.block.nbytes + self.mask.nbytes
-        return edge_major, self.t_ptr.nbytes + self.t_item.nbytes + self.t_mask.nbytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +144,7 @@ class CellMap:
         }
         arrays = {f"robot.{k}": a for k, a in self.robot.arrays().items()}
         arrays |= {f"roadmap.{k}": a for k, a in self.roadmap.arrays().items()}
-        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.arrays().items()}
+        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.stored().items()}
         if self.payload is not None:
             arrays |= {f"payload.{k}": a for k, a in self.payload.arrays().items()}
         arrays |= {f"scenery.{k}": a for k, a in self.scenery.arrays().items()}
@@ -236,7 +197,7 @@ def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
             arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
         ),
         recipe=recipe,
-        arm_cells=CellLists(**_part(arrays, "arm.")),
+        arm_cells=lists_of(_part(arrays, "arm."), int(np.prod(arrays["grid.blocks"]))),
         scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
         payload=payload,
         built=manifest["built"],

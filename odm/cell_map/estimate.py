@@ -1,7 +1,9 @@
 """What a build will cost, known before it is begun."""
 
 import os
+import resource
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -61,7 +63,7 @@ def check_size(robot: Robot, recipe: Recipe) -> None:
         BuildRefused: Names the estimate, the memory and what to change.
     """
     size = estimate(robot, recipe)
-    room = _free_memory()
+    room = free_memory()
     if size.build_bytes > _SHARE * room:
         raise BuildRefused(
             f"building {recipe.roadmap.nodes} nodes with cells of {recipe.safety.h} m "
@@ -71,8 +73,24 @@ def check_size(robot: Robot, recipe: Recipe) -> None:
     grid_for(robot, recipe.safety.h, recipe.safety.rho + recipe.safety.m)
 
 
-def _free_memory() -> int:
+def free_memory() -> int:
+    """Return the bytes of memory that this process may still take."""
     try:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (ValueError, OSError):
-        return 8_000_000_000
+        free = 8_000_000_000
+    limit = resource.getrlimit(resource.RLIMIT_DATA)[0]
+    if limit == resource.RLIM_INFINITY:
+        return free
+    return max(0, min(free, limit - _taken()))
+
+
+def _taken() -> int:
+    """Return the bytes that count against RLIMIT_DATA."""
+    try:
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmData:"):
+                return 1024 * int(line.split()[1])
+    except OSError:
+        pass
+    return 0

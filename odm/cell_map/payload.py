@@ -6,8 +6,9 @@ import numpy as np
 
 from odm.cell_map._sweep import ItemCells, merge_lists
 from odm.cell_map.cell_map import CellMap, PayloadLayer
+from odm.cell_map.lists import both_views
 from odm.cell_map.recipe import PayloadRecipe, Recipe
-from odm.cell_map.sweep import Progress, both_views, sweep_roadmap
+from odm.cell_map.sweep import Progress, sweep_roadmap
 from odm.close_test.arm import arm_of
 from odm.close_test.static import StaticTest
 from odm.obstacles import shapes

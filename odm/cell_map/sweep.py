@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from odm.cell_map import _sweep as sweep
-from odm.cell_map.cell_map import ROUNDING, CellLists
+from odm.cell_map.cell_map import ROUNDING
 from odm.cell_map.chunk_work import Sweeping, edge_job, node_job
+from odm.cell_map.lists import CellLists, both_views
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
@@ -77,17 +78,6 @@ def swept_by(
     return sweep.Swept(
         arm, radii, tolerance, sweep.Grid(grid.origin, grid.h, grid.blocks)
     )
-
-
-def both_views(
-    ptr: np.ndarray, block: np.ndarray, mask: np.ndarray, n_blocks: int
-) -> CellLists:
-    """Return the lists with their transpose."""
-    t_ptr = np.zeros(n_blocks + 1, np.int64)
-    t_item = np.empty(len(block), np.uint32)
-    t_mask = np.empty(len(block), np.uint64)
-    sweep.transpose_lists(ptr, block, mask, t_ptr, t_item, t_mask)
-    return CellLists(ptr, block, mask, t_ptr, t_item, t_mask)
 
 
 def _node_chunks(roadmap: Roadmap) -> Iterator[Chunk]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from sim.terminal.checks import PICTURE, SECONDS, Writes
+from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Writes
 from sim.terminal.flags import Json, argument, flag, flags_of, from_request
 from sim.terminal.output import show_json, write_text
 from sim.terminal.progress import Bars
@@ -37,6 +37,10 @@ class BenchRequest:
     quick: bool = flag(False, "Within 5 min (peers).", "--quick")
     node_counts: str | None = flag(
         None, "Of the maps, with commas (scale).", "--nodes", metavar="N,N,..."
+    )
+    cells: str | None = flag(None, "Of cells, m, with commas (scale).", metavar="M,M")
+    out: Path | None = flag(
+        None, "Maps are kept there, and found (scale).", metavar="DIR", writes=FOLDER
     )
     execution: str | None = flag(
         None, "How the robot moves (motions, targets).", metavar="kinematic|timed"

@@ -173,9 +173,9 @@ class BruteForce:
 
     name, cost = "brute-force fcl", 30.0
     setting = (
-        "the same roadmap in python-fcl: all nodes, then all edges between free ones every 0.05 rad in bisection "
-        "order, with the planner's own attachments; the answer is the shortest path "
-        "of what is left: the direct map without the map"
+        "the same roadmap in python-fcl: all nodes, then all edges between free ones "
+        "every 0.05 rad in bisection order, with the planner's own attachments; "
+        "the shortest path of what is left is the answer: a direct map without the map"
     )
 
     def __init__(self, cell_map: CellMap) -> None:

@@ -46,9 +46,9 @@ class Vamp:
         how = "simplified" if simplified else "raw"
         self.name = f"VAMP {how}"
         self.setting = (
-            f"RRT-Connect; {_SAMPLES} samples and {_ITERATIONS} iterations at most, Halton reset in "
-            "each frame, its own resolution of 32 states a radian; contact only, no "
-            "clearance"
+            f"RRT-Connect; {_SAMPLES} samples and {_ITERATIONS} iterations at most, "
+            "Halton reset in each frame, its own resolution of 32 states a radian; "
+            "contact only, no clearance"
         )
 
     def begin(self, case: Case) -> None:
