@@ -14,10 +14,12 @@ from handover.reach import _reach_lookup as lookup
 from handover.reach._reach_build import Build, Cells
 from handover.reach._reach_mark import Queue, mark_positions, queue_of
 from handover.reach.extremes import best_dexterity, work_of
+from handover.reach.reach_chunks import ChunkCrew, ReachSpec, empty_cells
 from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
+from roadmap.chunks import Workers
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.ranges import is_between
 
@@ -83,6 +85,7 @@ def build_reach_map(
     settings: ReachSettings | None = None,
     threads: int = 0,
     progress: Progress | None = None,
+    workers: Workers | None = None,
 ) -> ReachMap:
     """Mark the 6-D cells a chain reaches, each with a witness and its dexterity.
 
@@ -95,6 +98,7 @@ def build_reach_map(
         settings: See ReachSettings.
         threads: 0 for one per core; the map does not depend on it.
         progress: Called with (stage, done, total).
+        workers: Who does the chunks, see `odm.build_map`; None: threads in place.
 
     Returns:
         The map; save it with its `save`.
@@ -107,11 +111,14 @@ def build_reach_map(
     begun, cpu = time.perf_counter(), time.process_time()
     grid = reach_grid(chain, settings.cell, settings.rotations)
     _check_size(grid, chain)
-    cells = _empty_cells(grid.n_cells, chain.dof)
+    cells = empty_cells(grid.n_cells, chain.dof)
     reference = best_dexterity(chain, settings.seed)
     threads = threads or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
         crew = _Crew(pool, threads, (chain, grid, cells), settings.seconds)
+        if workers is not None:
+            spec = ReachSpec(chain, settings.cell, settings.rotations)
+            crew.chunks = ChunkCrew(workers, spec, grid, cells)
         try:
             drawn = _draw(crew, settings, reference, tell)
             counts, gains = _sweep(crew, settings, reference, tell)
@@ -153,6 +160,7 @@ class _Crew:
         chain, self.grid, self.cells = filled
         self.pool, self.size, self.begun = pool, threads, time.perf_counter()
         self.seconds = np.inf if seconds is None else seconds
+        self.chunks: ChunkCrew | None = None  # who works elsewhere, if anybody does
         shared = chain.arrays, self.grid.arrays, self.cells
         n = self.grid.rotations.n_cells
         self._idle = [
@@ -187,18 +195,6 @@ def _check_size(grid: ReachGrid, chain: Chain) -> None:
         )
 
 
-def _empty_cells(n: int, dof: int) -> Cells:
-    # pages that are never touched, at places out of reach, take no memory
-    return Cells(
-        quality=np.zeros(n, np.uint8),
-        sample=np.zeros(n, np.uint8),
-        source=np.zeros(n, np.uint32),
-        predecessor=np.zeros(n, np.uint8),
-        depth=np.zeros(n, np.uint8),
-        witness=np.zeros((n, dof), np.uint16),
-    )
-
-
 def _draw(
     crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
 ) -> int:
@@ -215,7 +211,10 @@ def _draw(
     while done < total and not crew.is_late(1 / 3):
         end = min(total, done + 8 * _CHUNK)
         spans = [(k, min(k + _CHUNK, end)) for k in range(done, end, _CHUNK)]
-        drawn = list(crew.run(draw, spans))
+        if crew.chunks is not None:
+            drawn = list(crew.chunks.draw(spans, settings.seed, reference))
+        else:
+            drawn = list(crew.run(draw, spans))
 
         def enter(part: int, *_: object, drawn: list = drawn) -> None:
             for start, where, value in drawn:
@@ -253,7 +252,11 @@ def _sweep(
         ]
         total, done = sum(map(len, chunks)), 0
         for group in chunks:
-            for added in crew.run(mark, group):
+            if crew.chunks is not None:
+                marking = crew.chunks.mark(group, rules)
+            else:
+                marking = crew.run(mark, group)
+            for added in marking:
                 counts += added
                 done += 1
                 tell(f"marking cells, pass {sweep + 1}", done, total)

@@ -82,10 +82,10 @@ def free_memory() -> int:
     limit = resource.getrlimit(resource.RLIMIT_DATA)[0]
     if limit == resource.RLIM_INFINITY:
         return free
-    return max(0, min(free, limit - _taken()))
+    return max(0, min(free, limit - taken_memory()))
 
 
-def _taken() -> int:
+def taken_memory() -> int:
     """Return the bytes that count against RLIMIT_DATA."""
     try:
         for line in Path("/proc/self/status").read_text().splitlines():

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sim.run.crew import Place, crew
 from sim.run.folders import REACH_MAPS, check_reach_folder
 from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Limits
 from sim.terminal.flags import Json, argument, flag, from_request
@@ -63,6 +64,16 @@ class ReachRequest:
         "Whether configurations in self-collision count out.",
         "--self-collision/--no-self-collision",
     )
+    workers: int = flag(0, "Processes of a Dask cluster made here.", min=0)
+    scheduler: str | None = flag(
+        None, "Of a Dask cluster that runs.", metavar="tcp://HOST:8786"
+    )
+    shared: Path | None = flag(
+        None,
+        "Folder that all workers see; results go there.",
+        metavar="DIR",
+        writes=FOLDER,
+    )
     recall: Poses = 2000
     plot: Path | None = flag(
         None, "Draw cuts through the map.", metavar="PNG", writes=PICTURE
@@ -89,7 +100,12 @@ def build_reach(request: ReachRequest) -> None:
         tell("robot", 0, 1)
         chain = chain_of_request(request)
         tell("robot", 1, 1)
-        build_reach_map(chain, settings, request.threads, tell).save(target)
+        threads, place = (
+            request.threads,
+            Place(request.workers, request.scheduler, request.shared),
+        )
+        with crew(target, threads, place) as workers:
+            build_reach_map(chain, settings, threads, tell, workers).save(target)
         reach = load_reach_map(target)
         facts = reach_facts(reach, target, chain, request.recall, tell)
     _report(reach, facts, request.plot, request.json)

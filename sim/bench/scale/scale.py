@@ -41,8 +41,8 @@ _FITTED = {
     "frame_p50_us": "frame p50",
     "frame_p99_us": "frame p99",
 }
-_HEAD = ("nodes", "cell", "edges", "MB", "bytes/edge", "build", "load", "planner",
-         "p50", "p99", "crossing", "rad", "clutter", "rad")  # fmt: skip
+_HEAD = ("nodes", "cell", "edges", "MB", "build", "load", "planner", "p50", "p99",
+         "crossing", "rad", "clutter")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -304,11 +304,10 @@ def _limit_rows(slower: dict) -> list[dict]:
 def _row(s: Size) -> tuple[str, ...]:
     return (
         f"{s.nodes:,}", f"{100 * s.h:g} cm", f"{s.edges:,}", f"{s.megabytes:.0f}",
-        f"{s.bytes_per_edge:.0f}", f"{s.build_cpu_s:.0f} s", f"{s.load_ms:.0f} ms",
-        f"{s.planner_ms:.0f} ms", f"{s.frame_p50_us:.0f} us",
-        f"{s.frame_p99_us:.0f} us", f"{s.crossing:.1f} %", f"{s.crossing_rad:.2f}",
+        f"{s.build_cpu_s:.0f} s", f"{s.load_ms:.0f} ms", f"{s.planner_ms:.0f} ms",
+        f"{s.frame_p50_us:.0f} us", f"{s.frame_p99_us:.0f} us",
+        f"{s.crossing:.0f} %", f"{s.crossing_rad:.2f}",
         "-" if np.isnan(s.clutter) else f"{s.clutter:.0f} %",
-        "-" if np.isnan(s.clutter_rad) else f"{s.clutter_rad:.2f}",
     )  # fmt: skip
 
 
