@@ -1,4 +1,4 @@
-"""`odm build --suggest`: what maps of several sizes would cost; nothing is built.
+"""`odm build --suggest`: what maps of several sizes cost and bring; nothing is built.
 
 For each node count as many configurations are drawn as its build would draw, since the
 number sets how long edges are. A few dozen of them are taken through every step of a
@@ -13,6 +13,7 @@ import numpy as np
 from odm import CellMap, Recipe
 from odm.audit.clearance import clearance_tax
 from odm.cell_map.build import robot_of
+from odm.cell_map.estimate import free_memory
 from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.static import StaticTest, always_touching
 from odm.obstacles.grid import grid_for
@@ -22,10 +23,11 @@ from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
+from sim.tables.scale import NEAR, choice, gain_of
 from sim.terminal.output import bytes_text, show_json
 from sim.terminal.progress import Bars
 
-NODES = (3_000, 10_000, 30_000)
+NODES = (1_000, 3_000, 10_000, 30_000)
 CELLS = (0.03, 0.04, 0.05)
 PROBED = 48  # nodes whose edges are looked at
 SWEPT = 240  # edges that are swept
@@ -77,15 +79,21 @@ def suggest_sizes(recipe: Recipe, threads: int, json: str | None) -> None:
     """Print the table, or write it as JSON."""
     with Bars() as tell:
         rows, robot_s = suggestions(recipe, threads, tell)
+    best = choice(rows, free_memory())
     if json is not None:
         data = {
             "recipe": recipe.as_dict(),
             "robot_seconds": robot_s,
-            "rows": [asdict(row) for row in rows],
+            "rows": [
+                asdict(row) | {"on_the_panda": asdict(gain_of(row.nodes, row.h))}
+                for row in rows
+            ],
+            "free_memory": free_memory(),
+            "choice": None if best is None else asdict(best),
         }
         show_json(data, json)
     if json != "-":
-        _show(rows, recipe)
+        _show(rows, recipe, best)
 
 
 def suggestions(
@@ -232,14 +240,14 @@ def _head(roadmap: Roadmap) -> Roadmap:
     return replace(roadmap, edges=edges, lengths=lengths)
 
 
-def _show(rows: list[Suggestion], recipe: Recipe) -> None:
+def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
     table = Table(title=title, title_justify="left", title_style="bold")
     heads = ("cell [m]", "nodes", "edges", "bytes per edge", "map", "build")
-    for head in (*heads, "tax, cells", "tax, close"):
+    for head in (*heads, "tax, cells", "tax, close", "crossing", "clutter"):
         table.add_column(head.replace("[", "\\["), justify="right")
     for row in rows:
         table.add_row(
@@ -251,11 +259,31 @@ def _show(rows: list[Suggestion], recipe: Recipe) -> None:
             f"{row.seconds:.0f} s",
             f"{100 * row.tax_cells:.1f} cm",
             f"{100 * row.tax_close:.1f} cm",
+            f"{(gain := gain_of(row.nodes, row.h)).crossing:.0f} %",
+            f"{gain.clutter:.0f} %",
+            style="bold" if row is best else "",
         )
     console = Console(highlight=False)
     console.print(table)
     console.print(
         "Tax: how much farther than the clearance m an arm is when an edge is given "
         "up, on average. More nodes: shorter ways round; smaller cells: nearer "
-        "passes. The close test asks points instead of cells where cells block.",
+        "passes. The close test asks points instead of cells where cells block. "
+        "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
+        "about that size, by `odm bench scale`.",
+    )
+    console.print(_advice(recipe, best))
+
+
+def _advice(recipe: Recipe, best: Suggestion | None) -> str:
+    """Return which size to take, in one sentence."""
+    room = bytes_text(free_memory())
+    if best is None:
+        return f"None of these can be built in {room} of free memory; free some."
+    same = (best.nodes, best.h) == (recipe.roadmap.nodes, recipe.safety.h)
+    options = "" if same else f" --nodes {best.nodes} --h {best.h:g}"
+    return (
+        f"With {room} of free memory take {best.nodes:,} nodes and cells of "
+        f"{100 * best.h:g} cm ({options.strip() or 'as the recipe has it'}): no larger "
+        f"one that fits solved more than {NEAR:g} % more."
     )

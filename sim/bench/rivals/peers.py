@@ -83,6 +83,10 @@ def run(
     judge = Judge(cell_map)
     found = []
     for peer in peers:
+        if peer.cost < 0.1:  # so that nobody's first call is counted
+            for case in (cases[-1], clouds[0]):
+                peer.begin(case)
+                peer.path(case.frames[0])
         for world, asked in (("shapes", cases), (CLOUD, clouds)):
             some = _affordable(peer, asked, world, quick, short)
             tell(f"{peer.name}, {world}: {sum(len(c.picked) for c in some)} frames")

@@ -250,7 +250,7 @@ def _solve(planner: ReactivePlanner, scene: Scene) -> np.ndarray | None:
 
 def _exponents(sizes: list[Size]) -> dict[str, float]:
     """Return k of y = c n^k by least squares in logarithms, of each figure."""
-    if len(sizes) < 2:
+    if len({s.nodes for s in sizes}) < 2:
         return {}
     n = np.log([s.nodes for s in sizes])
     found = {}

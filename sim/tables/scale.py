@@ -1,0 +1,82 @@
+"""What more nodes and smaller cells bought on the Panda, and a choice from that.
+
+The figures are the output of `odm bench scale --nodes ... --cells ... --json
+sim/tables/scale.json`: success beside a crossing arm and in clutter, length and time of
+first answers. They say how *much* a size helps; what it costs is probed on the user's
+own robot.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Protocol
+
+NEAR = 1.0  # [%] of success: less of a difference is none
+_BUILD = 3.0  # times a map's bytes are taken by its build, as `odm.cell_map.estimate`
+_SHARE = 0.5  # of the free memory that a build may take
+
+
+class Costs(Protocol):
+    """What a size costs: see `sim.cli.suggest.Suggestion`."""
+
+    h: float
+    nodes: int
+    map_bytes: int
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What a size did on the Panda.
+
+    Attributes:
+        crossing, clutter: Frames and scenes with a path [%].
+        crossing_rad: Length of first answers, median.
+        frame_p50_us, frame_p99_us: CPU time of a frame [us].
+    """
+
+    crossing: float
+    clutter: float
+    crossing_rad: float
+    frame_p50_us: float
+    frame_p99_us: float
+
+
+@cache
+def _measured() -> list[dict]:
+    file = Path(__file__).with_suffix(".json")
+    return json.loads(file.read_text(encoding="utf-8"))["sizes"]
+
+
+def gain_of(nodes: int, h: float) -> Gain:
+    """Return the figures of the measured size that is nearest, by ratios."""
+
+    def far(size: dict) -> float:
+        return abs(math.log(size["nodes"] / nodes)) + 3 * abs(math.log(size["h"] / h))
+
+    best = min(_measured(), key=far)
+    return Gain(**{name: best[name] for name in Gain.__dataclass_fields__})
+
+
+def choice(rows: Sequence[Costs], memory: int) -> Costs | None:
+    """Return the smallest map that does as well as the best, of those that fit.
+
+    Args:
+        rows: Sizes and their costs.
+        memory: Free [bytes]; a build may take half of it.
+    """
+    fit = [row for row in rows if _BUILD * row.map_bytes <= _SHARE * memory]
+    if not fit:
+        return None
+    gains = {(row.nodes, row.h): gain_of(row.nodes, row.h) for row in fit}
+
+    def worth(row: Costs) -> float:
+        gain = gains[row.nodes, row.h]
+        return gain.crossing + gain.clutter
+
+    best = max(map(worth, fit))
+    return min(
+        (row for row in fit if worth(row) >= best - NEAR), key=lambda row: row.map_bytes
+    )
