@@ -115,10 +115,7 @@ def build_reach_map(
     reference = best_dexterity(chain, settings.seed)
     threads = threads or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
-        crew = _Crew(pool, threads, (chain, grid, cells), settings.seconds)
-        if workers is not None:
-            spec = ReachSpec(chain, settings.cell, settings.rotations)
-            crew.chunks = ChunkCrew(workers, spec, grid, cells)
+        crew = _Crew(pool, threads, (chain, grid, cells), settings.seconds, workers)
         try:
             drawn = _draw(crew, settings, reference, tell)
             counts, gains = _sweep(crew, settings, reference, tell)
@@ -141,10 +138,15 @@ def build_reach_map(
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
         "stopped_early": crew.is_late(),
+    } | _times(begun, cpu)
+    return replace(reach, built=built)
+
+
+def _times(begun: float, cpu: float) -> dict[str, float]:
+    return {
         "seconds": round(time.perf_counter() - begun, 2),
         "cpu_seconds": round(time.process_time() - cpu, 2),
     }
-    return replace(reach, built=built)
 
 
 class _Crew:
@@ -156,11 +158,15 @@ class _Crew:
         threads: int,
         filled: tuple[Chain, ReachGrid, Cells],
         seconds: float | None,
+        workers: Workers | None = None,
     ):
         chain, self.grid, self.cells = filled
         self.pool, self.size, self.begun = pool, threads, time.perf_counter()
         self.seconds = np.inf if seconds is None else seconds
         self.chunks: ChunkCrew | None = None  # who works elsewhere, if anybody does
+        if workers is not None:
+            spec = ReachSpec(chain, self.grid.cell, self.grid.rotations.n_cells)
+            self.chunks = ChunkCrew(workers, spec, self.grid, self.cells)
         shared = chain.arrays, self.grid.arrays, self.cells
         n = self.grid.rotations.n_cells
         self._idle = [

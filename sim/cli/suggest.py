@@ -27,7 +27,7 @@ from sim.tables.scale import NEAR, choice, gain_of
 from sim.terminal.output import bytes_text, show_json
 from sim.terminal.progress import Bars
 
-NODES = (1_000, 3_000, 10_000, 30_000)
+NODES = (3_000, 10_000, 30_000)
 CELLS = (0.03, 0.04, 0.05)
 PROBED = 48  # nodes whose edges are looked at
 SWEPT = 240  # edges that are swept

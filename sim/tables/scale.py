@@ -54,7 +54,7 @@ def gain_of(nodes: int, h: float) -> Gain:
     """Return the figures of the measured size that is nearest, by ratios."""
 
     def far(size: dict) -> float:
-        return abs(math.log(size["nodes"] / nodes)) + 3 * abs(math.log(size["h"] / h))
+        return abs(math.log(size["nodes"] / nodes)) + 6 * abs(math.log(size["h"] / h))
 
     best = min(_measured(), key=far)
     return Gain(**{name: best[name] for name in Gain.__dataclass_fields__})

@@ -77,20 +77,9 @@ def run(
         pairs, frames, each, scenes = (1, 6, 1, 1)
     tell("pairs and scenes")
     cases = list(make_cases(cell_map, pairs, frames, each, scenes, seed))
-    rng = np.random.default_rng(seed)
-    clouds = [c.with_clouds(rng) for c in cases if c.kind != CLUTTER]
     peers, missing = _peers(cell_map, seed)
     judge = Judge(cell_map)
-    found = []
-    for peer in peers:
-        if peer.cost < 0.1:  # so that nobody's first call is counted
-            for case in (cases[-1], clouds[0]):
-                peer.begin(case)
-                peer.path(case.frames[0])
-        for world, asked in (("shapes", cases), (CLOUD, clouds)):
-            some = _affordable(peer, asked, world, quick, short)
-            tell(f"{peer.name}, {world}: {sum(len(c.picked) for c in some)} frames")
-            found += _asked(peer, some, judge, world)
+    found = _all_asked(peers, cases, judge, seed, (quick, short), tell)
     result = {
         "bench": "peers",
         "header": header(cell_map),
@@ -104,6 +93,29 @@ def run(
 
         result["plot"] = str(write_plot(result, plot))
     return result
+
+
+def _all_asked(
+    peers: list[Peer],
+    cases: list[Case],
+    judge: "Judge",
+    seed: int,
+    few: tuple[bool, bool],
+    tell: Callable[[str], None],
+) -> list["Asked"]:
+    """Ask everyone all they can be asked, by shapes, then by clouds."""
+    rng, found = np.random.default_rng(seed), []
+    clouds = [c.with_clouds(rng) for c in cases if c.kind != CLUTTER]
+    for peer in peers:
+        if peer.cost < 0.1:  # so that nobody's first call is counted
+            for case in (cases[-1], clouds[0]):
+                peer.begin(case)
+                peer.path(case.frames[0])
+        for world, asked in (("shapes", cases), (CLOUD, clouds)):
+            some = _affordable(peer, asked, world, *few)
+            tell(f"{peer.name}, {world}: {sum(len(c.picked) for c in some)} frames")
+            found += _asked(peer, some, judge, world)
+    return found
 
 
 def _peers(cell_map: CellMap, seed: int) -> tuple[list[Peer], dict[str, str]]:

@@ -118,28 +118,17 @@ def run(
     sides = [wanted.safety.h]
     if cells is not None:
         sides = _numbers("--cells", cells, 0.005, 0.5)
-    sizes, cell_map, pairs, scenes = [], None, None, None
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(out or folder)
-        for h in sides:
-            for n in counts:
-                asked = _asked(wanted, n, h)
-                path = place / f"{wanted.name}-{n}-{100 * h:g}cm"
-                tell(f"map of {n:,} nodes, cells of {100 * h:g} cm")
-                _build(asked, path)
-                cell_map = load_map(path, verify=False)
-                if pairs is None:
-                    pairs, scenes = _drawn(cell_map, seed, short)
-                tell(f"frames on {n:,} nodes, cells of {100 * h:g} cm")
-                sizes.append(_size(path, cell_map, pairs, scenes))
+        maps = _Maps(wanted, Path(out or folder), seed, short, tell)
+        sizes = [maps.size(n, h) for h in sides for n in counts]
         tell("memory limited to half of the largest map")
-        last = place / f"{wanted.name}-{counts[-1]}-{100 * sides[-1]:g}cm"
-        slower = answered_within(last, pairs[0], 0.5)
+        last = maps.folder(counts[-1], sides[-1])
+        slower = answered_within(last, maps.pairs[0], 0.5)
     usual = [s for s in sizes if s.h == sizes[0].h]
     found = {
         "bench": "scale",
-        "header": header(cell_map),
-        "setup": _setup(wanted, pairs, scenes, seed),
+        "header": header(maps.latest),
+        "setup": _setup(wanted, maps.pairs, maps.scenes, seed),
         "rows": [*_rows(sizes, counts), *_limit_rows(slower)],
         "tables": [{"title": "maps", "head": _HEAD, "rows": list(map(_row, sizes))}],
         "sizes": [asdict(size) for size in sizes],
@@ -150,6 +139,37 @@ def run(
 
         found["plot"] = str(write_plot(found, plot))
     return found
+
+
+class _Maps:
+    """Builds maps of a recipe, and asks all the same."""
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        place: Path,
+        seed: int,
+        short: bool,
+        tell: Callable[[str], None],
+    ) -> None:
+        self.recipe, self.place, self.tell = recipe, place, tell
+        self.seed, self.short = seed, short
+        self.pairs: list[Pair] = []
+        self.scenes: list[Scene] = []
+        self.latest: CellMap | None = None
+
+    def folder(self, nodes: int, h: float) -> Path:
+        return self.place / f"{self.recipe.name}-{nodes}-{100 * h:g}cm"
+
+    def size(self, nodes: int, h: float) -> Size:
+        path, what = self.folder(nodes, h), f"{nodes:,} nodes, cells of {100 * h:g} cm"
+        self.tell(f"map of {what}")
+        _build(_asked(self.recipe, nodes, h), path)
+        self.latest = load_map(path, verify=False)
+        if not self.pairs:
+            self.pairs, self.scenes = _drawn(self.latest, self.seed, self.short)
+        self.tell(f"frames on {what}")
+        return _size(path, self.latest, self.pairs, self.scenes)
 
 
 def _numbers(flag: str, text: str, low: float, high: float) -> list[float]:
