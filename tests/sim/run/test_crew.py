@@ -1,4 +1,4 @@
-"""Who builds: refused before work where two are asked for; chunks go when all is done."""
+"""Who builds: two crews at once are refused; chunks go when all is done."""
 
 import os
 import signal
