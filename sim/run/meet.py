@@ -60,9 +60,9 @@ PLANNER = PlannerSettings(
     history_s=0.0,
     cached_goals=32,
 )
-# Half of dexterity: with a sixth, the best places follow the person's hand, the robot is
-# there for 35 instead of 61 % of the time, and ranking takes six times as long
-# (docs/decisions/0027).
+# Half of it dexterity: with a sixth, the best places follow the person's hand, the
+# robot is there for 35 instead of 61 % of the time, and ranking takes six times as
+# long (docs/decisions/0027).
 QUALITY = QualitySettings(online_weight=0.5)
 
 
