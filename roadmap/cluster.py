@@ -72,7 +72,7 @@ class Cluster:
         self.store, self.shared, self.patience = store, shared, patience
         if shared is not None and store is None:
             self.store = ChunkStore(shared)
-        self._own = None
+        self._own: Any = None
         if scheduler is None:
             self._own = self.dask.LocalCluster(
                 n_workers=workers,
