@@ -35,6 +35,7 @@ class Gain:
         crossing, clutter: Frames and scenes with a path [%].
         crossing_rad: Length of first answers, median.
         frame_p50_us, frame_p99_us: CPU time of a frame [us].
+        clutter_p95_ms: CPU time until a scene has a path [ms].
     """
 
     crossing: float
@@ -42,6 +43,7 @@ class Gain:
     crossing_rad: float
     frame_p50_us: float
     frame_p99_us: float
+    clutter_p95_ms: float
 
 
 @cache

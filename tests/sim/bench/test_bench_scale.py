@@ -18,7 +18,7 @@ from sim.bench.scale import limited, scale
 def test_exponents_are_those_of_the_figures():
     sizes = [
         scale.Size(n, 7 * n, 0.04, 1e-3 * n, 1, 1, 1, n**1.5, 5.0, 2.0 * n, 10.0,
-                   n**0.5, 100, 1, np.nan, np.nan)
+                   n**0.5, 100, 1, np.nan, np.nan, 1, 1)
         for n in (100, 1000, 5000)
     ]  # fmt: skip
     found = scale._exponents(sizes)
@@ -64,7 +64,9 @@ def test_maps_are_built_once_asked_and_drawn(tmp_path, monkeypatch):
 
 
 def test_a_large_map_is_judged_by_what_is_asked():
-    small = scale.Size(9900, 7, 0.04, 100, 1, 1, 50, 90, 5, 9, 10, 100, 99, 1, 99, 2)
+    small = scale.Size(
+        9900, 7, 0.04, 100, 1, 1, 50, 90, 5, 9, 10, 100, 99, 1, 99, 2, 1, 1
+    )
     large = replace(small, megabytes=450, frame_p50_us=19, frame_p99_us=210)
     rows = {r["name"]: r for r in scale._rows([small, large], [10_000, 100_000])}
     assert rows["... folder"]["met"] and rows["... load, unverified"]["met"]

@@ -19,6 +19,7 @@ class Row:
 
 def size(nodes, h, clutter, crossing=95.0):
     figures = {"crossing_rad": 3.0, "frame_p50_us": 20.0, "frame_p99_us": 200.0}
+    figures["clutter_p95_ms"] = 9.0
     return {"nodes": nodes, "h": h, "crossing": crossing, "clutter": clutter} | figures
 
 
