@@ -1,6 +1,5 @@
 """What a build will cost, known before it is begun."""
 
-import os
 import resource
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,9 +74,8 @@ def check_size(robot: Robot, recipe: Recipe) -> None:
 
 def free_memory() -> int:
     """Return the bytes of memory that this process may still take."""
-    try:
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (ValueError, OSError):
+    free = _kibibytes("/proc/meminfo", "MemAvailable:")
+    if free is None:
         free = 8_000_000_000
     limit = resource.getrlimit(resource.RLIMIT_DATA)[0]
     if limit == resource.RLIM_INFINITY:
@@ -87,10 +85,13 @@ def free_memory() -> int:
 
 def taken_memory() -> int:
     """Return the bytes that count against RLIMIT_DATA."""
+    return _kibibytes("/proc/self/status", "VmData:") or 0
+
+
+def _kibibytes(file: str, name: str) -> int | None:
+    """Return a row of a file of the kernel, in bytes; None where there is none."""
     try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmData:"):
-                return 1024 * int(line.split()[1])
-    except OSError:
-        pass
-    return 0
+        rows = Path(file).read_text().splitlines()
+        return next(1024 * int(r.split()[1]) for r in rows if r.startswith(name))
+    except (OSError, StopIteration, ValueError):
+        return None

@@ -284,6 +284,6 @@ def _advice(recipe: Recipe, best: Suggestion | None) -> str:
     options = "" if same else f" --nodes {best.nodes} --h {best.h:g}"
     return (
         f"With {room} of free memory take {best.nodes:,} nodes and cells of "
-        f"{100 * best.h:g} cm ({options.strip() or 'as the recipe has it'}): no larger "
-        f"one that fits solved more than {NEAR:g} % more."
+        f"{100 * best.h:g} cm ({options.strip() or 'as the recipe has it'}): no other "
+        f"that fits solved {NEAR:g} % more, or clutter much sooner."
     )

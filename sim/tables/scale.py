@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 NEAR = 1.0  # [%] of success: less of a difference is none
+SLOWER = 1.25  # times the time until a scene has a path: less of a difference is none
 _BUILD = 3.0  # times a map's bytes are taken by its build, as `odm.cell_map.estimate`
 _SHARE = 0.5  # of the free memory that a build may take
 
@@ -63,7 +64,7 @@ def gain_of(nodes: int, h: float) -> Gain:
 
 
 def choice(rows: Sequence[Costs], memory: int) -> Costs | None:
-    """Return the smallest map that does as well as the best, of those that fit.
+    """Return the smallest map that does as well and as soon as the best that fits.
 
     Args:
         rows: Sizes and their costs.
@@ -79,6 +80,11 @@ def choice(rows: Sequence[Costs], memory: int) -> Costs | None:
         return gain.crossing + gain.clutter
 
     best = max(map(worth, fit))
-    return min(
-        (row for row in fit if worth(row) >= best - NEAR), key=lambda row: row.map_bytes
-    )
+    good = [row for row in fit if worth(row) >= best - NEAR]
+    quickest = min(gains[row.nodes, row.h].clutter_p95_ms for row in good)
+    soon = [
+        row
+        for row in good
+        if gains[row.nodes, row.h].clutter_p95_ms <= SLOWER * quickest
+    ]
+    return min(soon, key=lambda row: row.map_bytes)

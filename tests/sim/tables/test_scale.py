@@ -49,6 +49,15 @@ def test_the_smallest_that_does_as_well_is_chosen_of_those_that_fit(measured):
     assert choice(rows, 60) is None
 
 
+def test_one_that_is_much_sooner_is_worth_its_bytes(monkeypatch):
+    slow, quick = size(3000, 0.04, 95.0), size(10_000, 0.04, 95.0)
+    monkeypatch.setattr(scale, "_measured", lambda: [slow, quick])
+    rows = [Row(3000, 0.04, 40), Row(10_000, 0.04, 120)]
+    assert choice(rows, 10_000) == rows[0]
+    slow["clutter_p95_ms"] = 2 * quick["clutter_p95_ms"]
+    assert choice(rows, 10_000) == rows[1]
+
+
 def test_the_figures_that_come_along_are_whole():
     sizes = scale._measured.__wrapped__()
     assert len(sizes) >= 3
