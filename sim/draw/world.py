@@ -71,7 +71,7 @@ class World:
         locked: Mapping[str, float] | None = None,
     ) -> None:
         """Connect to pybullet and load the robot."""
-        self._bullet = _pybullet()
+        self._bullet = import_pybullet()
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
         try:
@@ -228,7 +228,7 @@ def capsule_mesh(
     return vertices, normals, triangles
 
 
-def _pybullet() -> ModuleType:
+def import_pybullet() -> ModuleType:
     try:
         if "pybullet" not in sys.modules:
             with _without(GREETING):

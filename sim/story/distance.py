@@ -1,0 +1,19 @@
+"""The distance of two capsules."""
+
+import numpy as np
+
+
+def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the distance of the surfaces of two capsules (7,), below 0 inside [m]."""
+    a, b, c, d = one[:3], one[3:6], other[:3], other[3:6]
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
+    flat = uu * vv - uv * uv
+    s = min(1.0, max(0.0, (uv * vw - vv * uw) / flat)) if flat > 1e-15 else 0.0
+    t = (uv * s + vw) / vv if vv > 1e-15 else 0.0
+    if not 0.0 <= t <= 1.0:
+        t = min(1.0, max(0.0, t))
+        s = min(1.0, max(0.0, (uv * t - uw) / uu)) if uu > 1e-15 else 0.0
+    elif uu <= 1e-15:
+        s = 0.0
+    return float(np.linalg.norm(w + s * u - t * v)) - one[6] - other[6]
