@@ -451,7 +451,7 @@ class Handover:
         elif state == table.CLOSE:
             self._pull.forget()
             self._line = None
-            steps = [Step("close"), Step("grip", CLOSED), Step("take"), _STAND]
+            steps = [Step("close"), Step("grip", CLOSED), Step("take")]
         elif state == table.RETREAT:
             steps = self._retreating(signal)
         elif state == table.PUT_DOWN:

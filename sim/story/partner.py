@@ -15,6 +15,7 @@ from sim.people.arm_path import minimum_jerk
 SLOWEST = 0.25  # [s] no reach is quicker
 _TRIES = 0.15  # [s] between two attempts to find joints for a grasp
 _MOVED = 0.04  # [m] the hand's aim is chosen anew when the object has moved by this
+_BACK = 0.15  # [m] a hand is drawn back from what was handed over
 _AT = 0.004  # [rad] an arm is there
 
 
@@ -108,6 +109,7 @@ class Partner:
         self.arm = np.array(self._rest)
         self.human = body
         self._leg = (0.0, 0.0, self._rest, self._rest)  # begin, end [s], from, to
+        self._then: np.ndarray | None = None  # (7,) where the arm goes next
         self._aim: np.ndarray | None = None  # (3,) object's place the reach is for
         self._next_try, self._ready = 0.0, np.inf
         self._back_until: float | None = None
@@ -144,6 +146,9 @@ class Partner:
             self._give(now, fingers, held)
         else:
             self._receive(now, T_object, offered, fingers, held)
+        if now >= self._leg[1] and self._then is not None:
+            then, self._then = self._then, None
+            self._go(now, then)
         begin, end, a, b = self._leg
         share = 1.0 if now >= end else (now - begin) / (end - begin)
         self.arm = a + minimum_jerk(max(0.0, share)) * (b - a)
@@ -162,7 +167,7 @@ class Partner:
             self._pulling(now, fingers)
             if not held:
                 self._done, self.pull = True, 0.0
-                self._go(now, self._rest)
+                self._withdraw(now)
             return
         if self._back_until is not None:
             if now < self._back_until:
@@ -230,7 +235,20 @@ class Partner:
 
     def _let_go(self, now: float) -> None:
         self.holds, self._done, self.pull = False, True, 0.0
-        self._go(now + 0.3, self._rest)
+        self._withdraw(now)
+
+    def _withdraw(self, now: float) -> None:
+        """Draw the hand back to the body, then let the arm hang."""
+        T = self.human.T_world_hand(self.side)
+        back = self.human.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
+        T[:3, 3] += _BACK * back / np.linalg.norm(back)
+        found = self.body.arm_ik(self.side, T).q
+        if not len(found):
+            self._go(now, self._rest)
+            return
+        nearest = np.abs(found - self.arm).max(axis=1).argmin()
+        self._go(now, np.array(found[nearest]))
+        self._then = self._rest
 
     def _reach(self, now: float, T_object: np.ndarray) -> None:
         """Aim the hand at a grasp of the object, the one nearest to the arm now."""
@@ -258,6 +276,7 @@ class Partner:
         length = np.linalg.norm(np.diff(hands, axis=0), axis=1)
         fastest = 8.0 * length.max(initial=0.0)  # of a motion that takes one second
         took = max(SLOWEST, 1.875 * fastest / self.traits.hand_speed)
+        self._then = None
         self._leg = now, now + took, np.array(self.arm), np.array(q)
 
     def _walk(self, now: float) -> None:
