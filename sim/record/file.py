@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.check import BadRecord, check_arrays
-from sim.record.run_record import CARRYING, FORMAT, INPUTS, RunRecord
+from sim.record.run_record import CARRYING, FORMAT, INPUTS, STORY, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole
 
@@ -70,7 +70,8 @@ def read_record(path: str | Path) -> RunRecord:
         raise BadRecord(
             f"{path} lacks {error} or holds it in a wrong form; record the run again"
         ) from error
-    spoiled = [n for n in altered if n in INPUTS or n.startswith("robot.")]
+    given = ("robot.", "story.")
+    spoiled = [n for n in altered if n in INPUTS or n.startswith(given)]
     if spoiled:
         raise BadRecord(
             f"the array {spoiled[0]} of {path} was altered (its SHA-256 is not the one "
@@ -131,13 +132,13 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version not in (FORMAT, CARRYING):
+    if version not in (FORMAT, CARRYING, STORY):
         remedy = "record the run again"
-        if isinstance(version, int) and version > CARRYING:
+        if isinstance(version, int) and version > STORY:
             remedy = "update odm-planner"
         raise BadRecord(
             f"{path} has the recording format {version}, but this program reads "
-            f"{FORMAT} and {CARRYING}; {remedy}"
+            f"{FORMAT} to {STORY}; {remedy}"
         )
     if written != _body_hash(head):
         raise BadRecord(

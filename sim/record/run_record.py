@@ -8,7 +8,8 @@ import numpy as np
 from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
-FORMAT, CARRYING = 2, 3  # format of a recording, and of one with a payload
+# formats: of a recording, of one with a payload, of a hand-over
+FORMAT, CARRYING, STORY = 2, 3, 4
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told

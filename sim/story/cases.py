@@ -14,6 +14,7 @@ from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import sphere_centers
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
@@ -25,7 +26,6 @@ HEIGHTS = 1.5, 1.95  # [m]
 GRASPS = 8  # of the person
 JAW = 0.125  # [m] from the tool to the middle of the wrench: held by its jaw's tip
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
-REST_AT, REST_ALONG = (0.35, 0.0, 0.5), (1.0, 0.0, -1.0)  # of the tool [m], its z
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
 _APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
@@ -147,21 +147,28 @@ def rest_of(
 ) -> np.ndarray:
     """Return (dof,) a node at which the robot waits with the object in its hand.
 
-    The tool is before the base and half a metre up, tilted to the front.
+    There it is as compact as can be: nothing of it, the object included, is far out to
+    where people stand, and the joints are near the middles of their ranges.
 
     Raises:
         BadInput: At no node is it free with the object.
     """
     planner = ReactivePlanner(cell_map)
     planner.attach(thing, T_tool_object)
-    off = np.linalg.norm(index.T_base_tool[:, :3, 3] - REST_AT, axis=1)
-    tilt = index.T_base_tool[:, :3, 2] @ (np.array(REST_ALONG) / np.sqrt(2.0))
-    for node in np.argsort(off + 0.3 * (1.0 - tilt), kind="stable")[:200].tolist():
+    loaded, robot = planner.static.robot, cell_map.robot
+    middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
+    scores = []
+    for q in index.nodes:
+        centers = sphere_centers(loaded, q)
+        far = np.linalg.norm(centers[:, :2], axis=1) + loaded.spheres[:, 3]
+        out = far[centers[:, 0] > 0.0].max(initial=0.0)
+        scores.append(out + 0.1 * float(np.linalg.norm((q - middle) / half)))
+    for node in np.argsort(scores, kind="stable").tolist():
         if is_valid(planner, index.nodes[node]):
             return np.array(index.nodes[node])
     raise BadInput(
-        f"map {cell_map.recipe.name} has no node near {REST_AT} m at which the robot "
-        "is free with the object in its hand; give a place to rest"
+        f"map {cell_map.recipe.name} has no node at which the robot is free with the "
+        "object in its hand; give a map with more nodes, or another grasp"
     )
 
 

@@ -132,6 +132,7 @@ class Handover:
 
     Attributes:
         fingers: "open" or "closed": what the gripper is told.
+        fetches: Whether it first takes the object from its place.
         holding: Whether the object counts as being in the hand.
         answer: The last answer of the planner, or what stood for one.
 
@@ -169,7 +170,7 @@ class Handover:
         if T_base_place is not None:
             self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
         self._give = s.direction == "give"
-        fetches = self._give and T_base_place is not None
+        fetches = self.fetches = self._give and T_base_place is not None
         begin = table.FETCH if fetches else table.APPROACH
         self.machine = Machine(table.TABLES[s.direction], begin)
         self.fingers = CLOSED if self._give and not fetches else OPEN

@@ -292,3 +292,50 @@ class Partner:
         if self._walked < 2.0:
             T[:3, 3] -= step * T[:3, 0]
             self.body = self.body.moved(T)
+
+
+class RecordedPartner:
+    """Somebody out of a recording, who does not know of the robot.
+
+    Where the recorded hand comes near to what is held out, it takes it and pulls.
+
+    Args:
+        person: With `human(t)`, a `sim.people.whole_person.RecordedPerson`.
+        side: The hand.
+        obj: What is handed over.
+        traits: How it pulls.
+
+    Attributes:
+        human, holds, pull, bump_at: As of `Partner`.
+    """
+
+    NEAR = 0.08  # [m] from the hand to the middle of the object
+
+    def __init__(
+        self, person: object, side: str, obj: HeldObject, traits: PartnerTraits
+    ) -> None:
+        """Stand as at the beginning."""
+        self.person, self.side, self.obj, self.traits = person, side, obj, traits
+        self.human = person.human(0.0)
+        self.holds, self.pull, self.bump_at = False, 0.0, np.inf
+        self._T_hand_object = np.eye(4)
+
+    @property
+    def T_world_object(self) -> np.ndarray:
+        """(4, 4) the object in the person's hand [m]."""
+        return self.human.T_world_hand(self.side) @ self._T_hand_object
+
+    def step(
+        self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool
+    ) -> Human:
+        """Move on to a moment and return the person; see `Partner.step`."""
+        self.human = self.person.human(now)
+        T = self.human.T_world_hand(self.side)
+        if not self.holds and offered:
+            if np.linalg.norm(T[:3, 3] - T_object[:3, 3]) < self.NEAR:
+                self.holds, self.bump_at = True, now
+        if self.holds and held:
+            self._T_hand_object = np.linalg.inv(T) @ T_object
+            grown = (now - self.bump_at - 0.3) * self.traits.pull_ramp
+            self.pull = min(self.traits.pull, max(0.0, grown))
+        return self.human

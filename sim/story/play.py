@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from handover.human.body import Part
+from handover.human.human import Human
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import ExecutionSettings, Executor
 from roadmap.kinematics.forward import sphere_centers, tool_pose
@@ -22,6 +23,7 @@ from sim.story.phase import PhasePlanner
 from sim.story.settings import StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 
+SPEED = 0.7  # share of the joints' speed limits that the robot uses
 RATE = 100.0  # frames per second
 CLOSING_S = 0.25  # [s] of the fingers, from open to closed
 _LOOSE = 0.4  # share of that at which they do not hold any more
@@ -176,27 +178,14 @@ class StoryPlay:
         settings = settings or StorySettings(direction=case.direction)
         self.known = in_reach(setup, case) if partner is None else None
         self.partner = partner or _partner(setup, case, self.known)
-        planner = self.planner = setup.planner()
-        T_place = setup.T_place if fetch or not give else None
         holds = give and not fetch
         T = np.array(setup.obj.T_tool_object) if holds else None
-        share = 0.15 if holds else 1.0
-        self.fingers = Fingers(share, T)
-        human = self.partner.human
-        if holds:
-            planner.attach(carried_object(box_of(setup.obj)), T)
-        executor = Executor(
-            planner.robot,
-            PhasePlanner(planner),
-            setup.rest,
-            1.0 / RATE,
-            ExecutionSettings(speed_scale=0.5, min_retreat_separation=0.005),
-        )
-        targets = setup.targets(planner, human)
-        self.story = Handover(planner, targets, executor, settings, None, T_place)
+        self.fingers = Fingers(0.15 if holds else 1.0, T)
+        self.story = new_story(setup, settings, self.partner.human, fetch)
+        planner = self.planner = self.story.planner
         self.wrist = wrist or PlainWrist(setup.obj)
         self._rng = np.random.default_rng([case.seed, 77])
-        self._T_object = T_place if fetch else None
+        self._T_object = np.array(setup.T_place) if fetch else None
         self._audit = exact_audit(setup.cell_map.robot)
         self.index, self.result = 0, StoryResult(case, self.known is not None)
         self._centers = sphere_centers(planner.robot, setup.rest)
@@ -337,6 +326,33 @@ class StoryPlay:
             if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
                 return True
         return False
+
+
+def new_story(
+    setup: StorySetup, settings: StorySettings, human: Human, fetch: bool = False
+) -> Handover:
+    """Return a story whose robot stands at rest.
+
+    Args:
+        setup: What all runs share.
+        settings: Of the story.
+        human: The person at the beginning.
+        fetch: Whether a giver first takes the object from its place.
+    """
+    planner, give = setup.planner(), settings.direction == "give"
+    if give and not fetch:
+        carried = carried_object(box_of(setup.obj))
+        planner.attach(carried, setup.obj.T_tool_object)
+    executor = Executor(
+        planner.robot,
+        PhasePlanner(planner),
+        setup.rest,
+        1.0 / RATE,
+        ExecutionSettings(speed_scale=SPEED, min_retreat_separation=0.005),
+    )
+    targets = setup.targets(planner, human)
+    T_place = setup.T_place if fetch or not give else None
+    return Handover(planner, targets, executor, settings, None, T_place)
 
 
 def play(
