@@ -229,6 +229,11 @@ def capsule_mesh(
 
 
 def import_pybullet() -> ModuleType:
+    """Return pybullet, whose greeting is dropped.
+
+    Raises:
+        SimulatorMissing: It is not installed.
+    """
     try:
         if "pybullet" not in sys.modules:
             with _without(GREETING):

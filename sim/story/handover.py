@@ -20,6 +20,7 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
@@ -45,6 +46,7 @@ OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.008  # [m] the straight motion follows an object that has moved by this
 _RANKED = 3  # targets are ranked in every third frame, at 33 Hz
+_GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 _NOWHERE = np.zeros((0, 7))
@@ -151,11 +153,7 @@ class Handover:
     ) -> None:
         """Stand where the executor stands."""
         s = self.settings = settings or StorySettings()
-        if not planner.settings.finger_pads:
-            raise BadInput(
-                "the planner names no finger pads, so nothing could be let go of; give "
-                "PlannerSettings(finger_pads=...) the links that touch an object"
-            )
+        _check_pads(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
         self.view = executor.planner
         if not isinstance(self.view, PhasePlanner):
@@ -163,9 +161,6 @@ class Handover:
                 "the executor was not made with a PhasePlanner, so it could not tell "
                 "who may be touched; give it PhasePlanner(planner) for its planner"
             )
-        meet = targets.meet
-        self._obj, self._side = meet.obj, meet.settings.side
-        self._carried = carried_object(box_of(meet.obj) if thing is None else thing)
         self._T_place = None
         if T_base_place is not None:
             self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
@@ -174,28 +169,35 @@ class Handover:
         begin = table.FETCH if fetches else table.APPROACH
         self.machine = Machine(table.TABLES[s.direction], begin)
         self.fingers = CLOSED if self._give and not fetches else OPEN
-        self._pull = PullDetector(s.pull)
-        self._limit = SpeedLimit(planner.robot, s.speed) if s.slow else None
-        self._watcher = Watcher()
-        index = targets.finder.index
-        grasps = quarter_turns(meet.obj.T_tool_object)
-        self._reaches = Reaches(planner, index, grasps, s.back)
-        self._taken: Reach | None = None
-        self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
-        self._T_tool_object = np.array(meet.obj.T_tool_object)
-        self._rest = np.array(executor.set_point.q)
         self.holding = self._give and not fetches
+        self._lay_out(thing)
         if self.holding and planner.attached is None:
             planner.attach(self._carried, self._T_tool_object)
+        self._enter()
+
+    def _lay_out(self, thing: Shape | None) -> None:
+        """Make what is remembered between frames."""
+        s, meet = self.settings, self.targets.meet
+        self._obj, self._side = meet.obj, meet.settings.side
+        self._carried = carried_object(box_of(meet.obj) if thing is None else thing)
+        self._T_tool_object = np.array(meet.obj.T_tool_object)
+        self._rest = np.array(self.executor.set_point.q)
+        self._pull = PullDetector(s.pull)
+        self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
+        self._watcher = Watcher()
+        grasps = quarter_turns(meet.obj.T_tool_object)
+        index = self.targets.finder.index
+        self._reaches = Reaches(self.planner, index, grasps, s.back)
+        self._taken: Reach | None = None
+        self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
         self._frames = 0
-        self._clock = {"left": 0.0, "steady": 0.0, "blocked": 0.0, "lost": 0.0}
+        self._clock: dict[str, float] = {}  # for how long signals have held [s]
         self.answer: object = None
-        self._enter()
 
     @property
     def state(self) -> str:
@@ -337,6 +339,7 @@ class Handover:
         if frame.wrench is not None:
             self._pull.feel(frame.wrench, seen.dt, bool(moving))
         passed = frame.now - self.machine.since
+        away = seen.hand_gap > s.gone
         fetching = self.state in (table.FETCH, table.PUT_DOWN)
         limits = s.fetch_s if fetching else s.wait_s
         checks = {
@@ -344,7 +347,9 @@ class Handover:
             "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
             "near": seen.hand_gap < s.near,
-            "gone": seen.hand_gap > s.gone,
+            "gone": self._lasts(
+                "gone", away and not self._pull.pulls, seen.dt, _GONE_S
+            ),
             "open": frame.opened,
             "late": passed > limits,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
@@ -361,6 +366,7 @@ class Handover:
             "away": over,
             "away_holding": over and self.holding,
             "placed": over,
+            "no_place": over and self._T_place is None,
         }
         found |= {name for name, holds in checks.items() if holds}
         return found
@@ -682,6 +688,17 @@ class Handover:
 def _holding(reason: str) -> SimpleNamespace:
     nowhere = np.zeros((0, 0))
     return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
+
+
+def _check_pads(planner: ReactivePlanner) -> None:
+    """Refuse a planner whose finger pads could not let go of anything."""
+    pads, own = planner.settings.finger_pads, gripper_links(planner.robot)
+    if not pads or not set(pads) <= own:
+        raise BadInput(
+            f"the planner's finger pads are {sorted(pads)}, but must be some of the "
+            f"links that the tool carries: {', '.join(sorted(own))}; name those that "
+            "touch an object in PlannerSettings(finger_pads=...)"
+        )
 
 
 def _only(threat: Threat, these: np.ndarray) -> Threat:

@@ -53,6 +53,7 @@ SIGNALS = {
     "away": "the robot is back, out of the way",
     "away_holding": "the robot is back, the object in its hand",
     "placed": "the object stands in its place",
+    "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
     "late": "the state has lasted longer than its time limit",
 }
@@ -79,6 +80,7 @@ GIVE = (
     Row(RELEASE, "slack", WAIT, "the hand let go too early: it holds on", True),
     Row(RETREAT, "away", DONE, "it is back"),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
+    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object is back in its place"),
     Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
 )
@@ -99,6 +101,7 @@ RECEIVE = (
     Row(RETREAT, "away_holding", PUT_DOWN, "back with the object"),
     Row(RETREAT, "away", DONE, "it is back"),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way", True),
+    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object stands in its place"),
     Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
 )

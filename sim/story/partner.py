@@ -193,7 +193,8 @@ class Partner:
             self._aim, self._back_until = None, now + t.withdrawn_s
             self._go(now, self._rest)
             return
-        if now >= end and np.abs(self.arm - target).max() < _AT:
+        there = now >= end and self._then is None
+        if there and np.abs(self.arm - target).max() < _AT:
             self.holds, self._touched = True, now
             self._pulling(now, fingers)
 
@@ -239,16 +240,22 @@ class Partner:
 
     def _withdraw(self, now: float) -> None:
         """Draw the hand back to the body, then let the arm hang."""
-        T = self.human.T_world_hand(self.side)
-        back = self.human.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
+        before = self._drawn_back(self.human.T_world_hand(self.side), self.arm)
+        if before is None:
+            self._go(now, self._rest)
+            return
+        self._go(now, before)
+        self._then = self._rest
+
+    def _drawn_back(self, T_world_hand: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+        """Return (7,) near q with the hand drawn back to the shoulder; None: none."""
+        T = np.array(T_world_hand)
+        back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
         T[:3, 3] += _BACK * back / np.linalg.norm(back)
         found = self.body.arm_ik(self.side, T).q
         if not len(found):
-            self._go(now, self._rest)
-            return
-        nearest = np.abs(found - self.arm).max(axis=1).argmin()
-        self._go(now, np.array(found[nearest]))
-        self._then = self._rest
+            return None
+        return np.array(found[np.abs(found - q).max(axis=1).argmin()])
 
     def _reach(self, now: float, T_object: np.ndarray) -> None:
         """Aim the hand at a grasp of the object, the one nearest to the arm now."""
@@ -264,7 +271,12 @@ class Partner:
                     best = far, q, grasp
         if best is not None:
             self._aim, self.grasp = T_object[:3, 3].copy(), np.array(best[2])
-            self._go(now, np.array(best[1]))
+            before = self._drawn_back(T_object @ best[2], best[1])
+            if before is None:
+                self._go(now, np.array(best[1]))
+                return
+            self._go(now, before)  # round what holds the object, from one's own side
+            self._then = np.array(best[1])
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

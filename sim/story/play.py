@@ -15,8 +15,8 @@ from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
 from sim.story.distance import capsule_gap
-from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.grasping import box_of
+from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.machine import StoryEvent
 from sim.story.partner import Partner
 from sim.story.phase import PhasePlanner
@@ -193,7 +193,7 @@ class StoryPlay:
 
     def step(self) -> StoryMoment:
         """Go on by one frame."""
-        now, story, setup = self.index / RATE, self.story, self.setup
+        now, story = self.index / RATE, self.story
         partner, fingers = self.partner, self.fingers
         q = np.array(story.executor.set_point.q)
         T_tool = tool_pose(self.planner.robot, q)

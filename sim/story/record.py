@@ -52,7 +52,9 @@ class StoryRecorder:
         head = self._head() | {"outcome": self._outcome(arrays)}
         made = RunRecord(head, arrays)
         head["outcome"]["trajectory_sha256"] = made.result().fingerprint()
-        head["outcome"]["story_sha256"] = fingerprint(arrays["q"], arrays["story.state"])
+        head["outcome"]["story_sha256"] = fingerprint(
+            arrays["q"], arrays["story.state"]
+        )
         head["outcome"]["story"] = [asdict(e) for e in run.story.events]
         return made
 
@@ -141,7 +143,9 @@ class StoryRecorder:
 
     def _outcome(self, arrays: dict[str, np.ndarray]) -> dict:
         told = [f"{m.state}: {m.reason}" for m in self.moments]
-        holds = holds_of(arrays["status"], arrays["joint_speed"], told.__getitem__, RATE)
+        holds = holds_of(
+            arrays["status"], arrays["joint_speed"], told.__getitem__, RATE
+        )
         return {
             "trips": int(self.run.result.handed_over),
             "path_changes": self.run.result.path_changes,

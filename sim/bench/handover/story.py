@@ -198,7 +198,13 @@ def _failed(runs: list[dict]) -> dict:
 
 def _ways_back(runs: list[dict]) -> dict:
     rows = [
-        [r["name"], r["state"], r["outcome"] or r["reason"], _way(r), str(r["contacts"])]
+        [
+            r["name"],
+            r["state"],
+            r["outcome"] or r["reason"],
+            _way(r),
+            str(r["contacts"]),
+        ]
         for r in runs
         if r["name"]
     ]
