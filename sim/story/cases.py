@@ -24,7 +24,7 @@ from sim.story.partner import PartnerTraits
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
 GRASPS = 8  # of the person
-JAW = 0.125  # [m] from the tool to the middle of the wrench: held by its jaw's tip
+JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each

@@ -1,4 +1,4 @@
-"""The distance of two capsules."""
+"""Distances of capsules, and of balls and capsules."""
 
 import numpy as np
 
@@ -17,3 +17,14 @@ def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
     elif uu <= 1e-15:
         s = 0.0
     return float(np.linalg.norm(w + s * u - t * v)) - one[6] - other[6]
+
+
+def ball_gaps(balls: np.ndarray, capsules: np.ndarray) -> np.ndarray:
+    """Return (n, k) gaps between balls (n, 4) and capsules (k, 7) [m]."""
+    a, b = capsules[:, :3], capsules[:, 3:6]
+    u = b - a
+    length = np.maximum(np.einsum("ki,ki->k", u, u), 1e-12)
+    off = balls[:, None, :3] - a
+    s = np.clip(np.einsum("nki,ki->nk", off, u) / length, 0.0, 1.0)
+    far = np.linalg.norm(off - s[..., None] * u, axis=2)
+    return far - capsules[:, 6] - balls[:, 3:]

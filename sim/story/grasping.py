@@ -66,10 +66,10 @@ def straight_back(
     return None
 
 
-def is_valid(planner: ReactivePlanner, q: np.ndarray) -> bool:
-    """Whether q can be a goal: limits, self-collision, scenery."""
+def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
+    """Whether q can be a goal at all; `bare`: with nothing in the hand."""
     try:
-        check_valid(planner.static, q, "it")
+        check_valid(planner.carrier.bare if bare else planner.static, q, "it")
     except BadConfiguration:
         return False
     return True
@@ -152,7 +152,7 @@ class Reaches:
         T = self._T @ self._T_object_tool[grasp]
         for q in _ik(planner, T, seed):
             known = [np.abs(planner.frame.difference(q, r.q)).max() for r in self.found]
-            if min(known, default=1.0) < 0.1 or not is_valid(planner, q):
+            if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
                 continue
             before = straight_back(planner, T, q, self.back)
             if before is not None:

@@ -6,7 +6,7 @@ does in each state what belongs to it, as a list of steps: go to goals by the pl
 follow a straight certified motion, close the fingers, take the object into the map.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -38,23 +38,20 @@ from sim.story.grasping import (
     straight_back,
 )
 from sim.story.machine import Machine, StoryEvent
+from sim.story.partner import ARMS
 from sim.story.phase import PhasePlanner
 from sim.story.pull import PullDetector
 from sim.story.settings import StorySettings
 
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
-_TRACKED = 0.008  # [m] the straight motion follows an object that has moved by this
+_TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
 _RANKED = 3  # targets are ranked in every third frame, at 33 Hz
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 _NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
-_ARMS = {
-    "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),
-    "left": (Part.LEFT_HAND, Part.LEFT_FOREARM, Part.LEFT_UPPER_ARM),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +108,10 @@ class _Seen:
     there: Obstacles  # all shapes
     classes: np.ndarray  # of each
     threat: Threat | None
+    people: int  # how many of its parts are the person's: they come first
     hand_gap: float  # from the receiving hand to the object [m]
     object_speed: float  # [m/s]
     dt: float
-    signals: set[str] = field(default_factory=set)
 
 
 class Handover:
@@ -196,6 +193,8 @@ class Handover:
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
         self._frames = 0
+        self._signalled: set[str] = set()  # what held in the last frame
+        self._placeless = False  # there is no place to put the object down
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
         self.answer: object = None
 
@@ -255,7 +254,8 @@ class Handover:
         if self._limit is not None and seen.threat is not None:
             full = executor.settings.speed_scale
             motion, t = executor.motion, executor.t
-            executor.limit_speed(self._limit.share(motion, t, full, seen.threat))
+            person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
+            executor.limit_speed(self._limit.share(motion, t, full, person))
         executor.update(self.answer, commit, seen.threat)
         self.planner.improve(4, executor.next_commit())
         executor.advance()
@@ -274,10 +274,13 @@ class Handover:
         human = frame.human
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
+        if self.state in (table.FETCH, table.PUT_DOWN):  # the pads touch the object
+            self.view.phase = None if self._step.kind == "goal" else "receive"
         rows = human.capsules() if frame.capsules is None else frame.capsules
         labels = human.labels if frame.labels is None else frame.labels
         obj = self._object_rows(frame)
-        loose = obj is not None and not self.holding
+        # what the fingers hold moves with them, whether it counts as taken or not
+        loose = obj is not None and not self.holding and not frame.holds
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
         hand = np.flatnonzero(labels == _HANDS[self._side])
         if self.view.phase == "give":
@@ -288,24 +291,25 @@ class Handover:
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
         self._expect(threat, labels, len(everything))
-        self.view.classes = classes
+        self.view.classes, people = classes, len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
-            rest[: len(rows)] = ~np.isin(labels, _ARMS[self._side])
+            rest[: len(rows)] = ~np.isin(labels, ARMS[self._side])
             threat, self.view.classes = _only(threat, rest), classes[rest]
+            people = int(rest[: len(rows)].sum())
         last = self._last
         dt = self.executor.period if last is None else frame.now - last.frame.now
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame, dt)
-        return _Seen(frame, there, classes, threat, gap, speed, dt)
+        return _Seen(frame, there, classes, threat, people, gap, speed, dt)
 
     def _expect(self, threat: Threat | None, labels: np.ndarray, n: int) -> None:
         """Tell the planner where the arm that takes part will be."""
         if threat is None:
             return
         arm = np.zeros(n, bool)
-        arm[: len(labels)] = np.isin(labels, _ARMS[self._side])
+        arm[: len(labels)] = np.isin(labels, ARMS[self._side])
         likely = _only(threat, arm).likely(*_EXPECTED) if arm.any() else None
         if likely is not None:
             self.planner.expect(likely)
@@ -334,7 +338,7 @@ class Handover:
 
     def _signals(self, seen: _Seen) -> set[str]:
         """Return the names of what holds now; see `machine.SIGNALS`."""
-        s, frame, found = self.settings, seen.frame, seen.signals
+        s, frame = self.settings, seen.frame
         moving = np.abs(self.executor.set_point.dq).max() > _MOVES
         if frame.wrench is not None:
             self._pull.feel(frame.wrench, seen.dt, bool(moving))
@@ -365,11 +369,11 @@ class Handover:
             "missed": self._passed_grip(frame) and empty,
             "away": over,
             "away_holding": over and self.holding,
-            "placed": over,
-            "no_place": over and self._T_place is None,
+            "placed": over and not self._placeless,
+            "no_place": over and self._placeless,
         }
-        found |= {name for name, holds in checks.items() if holds}
-        return found
+        self._signalled = {name for name, holds in checks.items() if holds}
+        return self._signalled
 
     def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
         """Return what holds of where to go."""
@@ -394,7 +398,7 @@ class Handover:
         if closing:  # while the fingers close, it may give way a little
             moved = moved and not self.holding and self.fingers == OPEN
         return {
-            "arrived": pre is not None and off < _ARRIVED and executor.at_rest,
+            "arrived": off < _ARRIVED and executor.at_rest and not moved,
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
             "steady": self._lasts("steady", still, seen.dt, s.steady_s),
@@ -419,7 +423,11 @@ class Handover:
         """Whether a step that moves cannot go on."""
         step = self._step
         held = getattr(self.answer, "status", "") == "holding"
-        return step.kind in ("goal", "line") and held and self.executor.at_rest
+        return (
+            step.kind in ("goal", "line", "back", "close")
+            and held
+            and self.executor.at_rest
+        )
 
     def _passed_grip(self, frame: StoryFrame) -> bool:
         step = self._step
@@ -486,6 +494,7 @@ class Handover:
     def _putting_down(self) -> list[Step]:
         """Above its place the object is let go of in the map: it touches its table."""
         reach = self._reach_at_place()
+        self._placeless = reach is None
         if reach is None:  # it is kept
             return [Step("goal", [self._rest])]
         return [
@@ -635,6 +644,9 @@ class Handover:
             self._next()
             return _holding("")
         if not self.view.line_free(q, q_end, seen.there):
+            if self._step.kind == "back" and "blocked" in self._signalled:
+                self.view.phase = None  # another way: the planner's
+                self._next()
             return _holding("the straight motion is not free now")
         return SimpleNamespace(status="following", path=np.array([q, q_end]), reason="")
 

@@ -8,14 +8,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from handover.human.body import Part
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
 from sim.people.arm_path import minimum_jerk
+from sim.story.distance import ball_gaps
 
+ARMS = {
+    "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),
+    "left": (Part.LEFT_HAND, Part.LEFT_FOREARM, Part.LEFT_UPPER_ARM),
+}
 SLOWEST = 0.25  # [s] no reach is quicker
 _TRIES = 0.15  # [s] between two attempts to find joints for a grasp
 _MOVED = 0.04  # [m] the hand's aim is chosen anew when the object has moved by this
 _BACK = 0.15  # [m] a hand is drawn back from what was handed over
+_LOOKED_AT = 40  # grasps that are looked at in one attempt, nearest first
+_KEEPS = 0.0  # [m] from the cover, which is 2 cm thicker than the robot
 _AT = 0.004  # [rad] an arm is there
 
 
@@ -88,6 +96,7 @@ class Partner:
         human: The person now.
         holds: Whether the person's hand holds the object.
         pull: The force of the person on the object now [N].
+        balls: (n, 4) the robot as the person sees it: centres and radii [m].
     """
 
     def __init__(
@@ -107,6 +116,7 @@ class Partner:
         self._rest = np.array(body.arms[side])
         self._offered = self._rest if arm_q is None else np.array(arm_q)
         self.arm = np.array(self._rest)
+        self.balls = np.zeros((0, 4))
         self.human = body
         self._leg = (0.0, 0.0, self._rest, self._rest)  # begin, end [s], from, to
         self._then: np.ndarray | None = None  # (7,) where the arm goes next
@@ -130,7 +140,7 @@ class Partner:
     def step(
         self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool
     ) -> Human:
-        """Move on to a moment and return the person.
+        """Move on to a moment and return the person; `balls` are where the robot is.
 
         Args:
             now: The time [s].
@@ -258,25 +268,36 @@ class Partner:
         return np.array(found[np.abs(found - q).max(axis=1).argmin()])
 
     def _reach(self, now: float, T_object: np.ndarray) -> None:
-        """Aim the hand at a grasp of the object, the one nearest to the arm now."""
+        """Aim the hand at a grasp of the object: the nearest one, round the robot."""
         if now < self._next_try:
             return
         self._next_try = now + _TRIES
-        best = None
+        found = []
         for grasp in self.obj.hand_grasps:
-            found = self.body.arm_ik(self.side, T_object @ grasp).q
-            for q in found:
-                far = np.abs(q - self.arm).max()
-                if best is None or far < best[0]:
-                    best = far, q, grasp
-        if best is not None:
-            self._aim, self.grasp = T_object[:3, 3].copy(), np.array(best[2])
-            before = self._drawn_back(T_object @ best[2], best[1])
-            if before is None:
-                self._go(now, np.array(best[1]))
-                return
-            self._go(now, before)  # round what holds the object, from one's own side
-            self._then = np.array(best[1])
+            for q in self.body.arm_ik(self.side, T_object @ grasp).q:
+                found.append((float(np.abs(q - self.arm).max()), np.array(q), grasp))
+        found.sort(key=lambda one: one[0])
+        for _, q, grasp in found[:_LOOKED_AT]:
+            before = self._drawn_back(T_object @ grasp, q)
+            legs = [q] if before is None else [before, q]
+            if not self._passes(legs):
+                continue
+            self._aim, self.grasp = T_object[:3, 3].copy(), np.array(grasp)
+            self._go(now, legs[0])  # round what holds the object, from one's own side
+            self._then = q if len(legs) > 1 else None
+            return
+
+    def _passes(self, legs: list[np.ndarray]) -> bool:
+        """Whether the arm keeps off the robot, as it stands, on its way."""
+        begin = self.arm
+        for q in legs:
+            for share in np.linspace(0.1, 1.0, 10):
+                there = self.body.with_arm(self.side, begin + share * (q - begin))
+                rows = there.capsules()[np.isin(there.labels, ARMS[self.side])]
+                if len(self.balls) and ball_gaps(self.balls, rows).min() < _KEEPS:
+                    return False
+            begin = q
+        return True
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

@@ -14,7 +14,7 @@ from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
-from sim.story.distance import capsule_gap
+from sim.story.distance import ball_gaps, capsule_gap
 from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.machine import StoryEvent
@@ -201,6 +201,8 @@ class StoryPlay:
         offered = story.state in (table.PRESENT, table.WAIT, table.RELEASE)
         held = fingers.T_tool_object is not None
         seen = T_object if T_object is not None else T_tool
+        balls = self.planner.robot.spheres[:, 3]
+        partner.balls = np.column_stack([self._centers, balls])
         human = partner.step(now, seen, offered and held, story.fingers, held)
         T_object = self._object(T_tool)
         frame = self._frame(now, T_tool, T_object, human)
@@ -283,7 +285,8 @@ class StoryPlay:
         robot = self.planner.robot
         centers, radii = sphere_centers(robot, q), robot.spheres[:, 3]
         moving = robot.moving
-        gap = float((_gaps(centers[moving], capsules) - radii[moving, None]).min())
+        balls = np.column_stack([centers, radii])[moving]
+        gap = float(ball_gaps(balls, capsules).min())
         return self._audit(q, capsules) if gap < _EXACT else gap
 
     def _note(self, moment: StoryMoment) -> None:
@@ -383,13 +386,3 @@ def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
     grasp = setup.obj.hand_grasps[target.grasp]
     told = (setup.obj, case.traits, True, target.arm_q, grasp)
     return Partner(body, setup.side, *told)
-
-
-def _gaps(centers: np.ndarray, capsules: np.ndarray) -> np.ndarray:
-    """Return (n, k) distances of points to capsules' surfaces [m]."""
-    a, b = capsules[:, :3], capsules[:, 3:6]
-    u = b - a
-    length = np.maximum(np.einsum("ki,ki->k", u, u), 1e-12)
-    off = centers[:, None] - a
-    s = np.clip(np.einsum("nki,ki->nk", off, u) / length, 0.0, 1.0)
-    return np.linalg.norm(off - s[..., None] * u, axis=2) - capsules[:, 6]

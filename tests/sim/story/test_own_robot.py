@@ -1,4 +1,4 @@
-"""Hand-overs of a robot of one's own, on small maps: the example, and what goes wrong."""
+"""Hand-overs of a robot of your own, on small maps: the example, and what fails."""
 
 import runpy
 from pathlib import Path
@@ -12,6 +12,7 @@ import sim
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import Executor
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
@@ -135,15 +136,16 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
 
 
 def receive(maps, held_at, seconds=9.0, **settings):
-    """Run a receive; `held_at(story, closed)`: whether the fingers hold the object."""
+    """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
     story, human = story_of(maps, "receive", **settings)
-    best = story.targets.meet.best(1)[0]
-    there = human.with_arm("right", best.arm_q)
+    ahead = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))  # right before its hand
+    T_tool = tool_pose(story.planner.robot, story.executor.set_point.q)
+    T_object = T_tool @ ahead @ story.targets.meet.obj.T_tool_object
 
     def look(story, now, opened, closed):
         holds = closed and held_at(story)
-        T = None if holds else best.T_world_object
-        return sim.StoryFrame(now, there, pulled(0.0), opened, holds, T)
+        T = None if holds else T_object
+        return sim.StoryFrame(now, human, pulled(0.0), opened, holds, T)
 
     return story, tell(story, seconds, look)
 
