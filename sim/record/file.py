@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.check import BadRecord, check_arrays
-from sim.record.run_record import CARRYING, FORMAT, INPUTS, STORY, RunRecord
+from sim.record.run_record import FORMAT, INPUTS, STORY, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole
 
@@ -132,7 +132,7 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version not in (FORMAT, CARRYING, STORY):
+    if version not in range(FORMAT, STORY + 1):
         remedy = "record the run again"
         if isinstance(version, int) and version > STORY:
             remedy = "update odm-planner"

@@ -8,8 +8,8 @@ import numpy as np
 from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
-# formats: of a recording, of one with a payload, of a hand-over
-FORMAT, CARRYING, STORY = 2, 3, 4
+# formats: of a recording, of one with a payload, of one with a scene, of a hand-over
+FORMAT, CARRYING, STANDING_AROUND, STORY = 2, 3, 4, 5
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told
@@ -33,7 +33,8 @@ class RunRecord:
     Attributes:
         head: Plain data: "kind", "format", "frames", "motion", "settings", "planner",
             "map" (name, hash, recipe), "robot", "versions", "outcome" (fingerprint,
-            trips, path changes, holds and slow stretches with their reasons).
+            trips, path changes, holds and slow stretches with their reasons); "scene"
+            where things stood around, see `sim.record.standing`.
         arrays: By name, with F frames. "time_s" (F,) [s]; "places" (n, dof);
             "capsules" (F, k, 7) as the planner saw the person [m], or (sum, 7) with
             offsets "capsules_at" (F + 1,) where k changes; "guess", the same of
@@ -56,6 +57,11 @@ class RunRecord:
     def rate_hz(self) -> float:
         """Frames per second."""
         return self.head["settings"]["rate_hz"]
+
+    @property
+    def scene(self) -> list[dict]:
+        """What stood around, see `sim.record.standing`; empty: nothing."""
+        return self.head.get("scene", [])
 
     @property
     def holds(self) -> list[dict]:

@@ -43,7 +43,7 @@ def write_story_film(
     Returns:
         The path written.
     """
-    settings = settings or FilmSettings(width=560, height=420, fps=8.0)
+    settings = settings or FilmSettings(width=560, height=420, fps=8.0, fov_deg=40.0)
     step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)
     shown = range(0, record.frames, step)
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
