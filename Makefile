@@ -1,4 +1,4 @@
-# make demo: a robot at work beside a moving arm; make test: the whole suite.
+# make demo: a robot hands a wrench to a moving person; make test: the whole suite.
 # Python 3.11 is taken where it runs: pybullet, which draws, has wheels for it only.
 PYTHON ?= $(shell for p in python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-c
 .PHONY: demo test lint docs clean
 
 demo: $(VENV)/.sim
-	$(BIN)/odm demo
+	$(BIN)/odm demo handover
 
 test: $(VENV)/.test
 	$(BIN)/odm warmup

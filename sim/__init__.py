@@ -1,12 +1,19 @@
 """Everything that moves, draws or talks to a user: loop, person, pictures, tables."""
 
-__all__ = ["Viewer"]
+__all__ = ["Handover", "PhasePlanner", "StoryFrame", "StorySettings", "Viewer"]
+_HOMES = {
+    "Handover": "sim.story.handover",
+    "PhasePlanner": "sim.story.phase",
+    "StoryFrame": "sim.story.handover",
+    "StorySettings": "sim.story.settings",
+    "Viewer": "sim.view",
+}
 
 
 def __getattr__(name: str) -> object:
-    """Return `Viewer`, which is imported when it is asked for: --help is quick."""
-    if name == "Viewer":
-        from sim.view import Viewer
+    """Return what is imported when it is asked for: --help is quick."""
+    if name in _HOMES:
+        from importlib import import_module
 
-        return Viewer
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'sim' has no attribute {name!r}")

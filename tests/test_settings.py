@@ -12,10 +12,13 @@ from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
 from odm.execution.executor import ExecutionSettings
+from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
 from sim.loop.loop import LoopSettings
+from sim.story.pull import PullSettings
+from sim.story.settings import StorySettings
 from sim.two.two_members import TwoSettings
 
 SETTINGS = [
@@ -32,6 +35,9 @@ SETTINGS = [
     ThreatSettings,
     TwoSettings,
     GraspSettings,
+    SpeedSettings,
+    PullSettings,
+    StorySettings,
 ]
 
 

@@ -33,6 +33,7 @@ ORDER = {
         "draw",
         "view",
         "run",
+        "story",
         "two",
         "keyboard",
         "cli",

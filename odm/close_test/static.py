@@ -209,9 +209,19 @@ class StaticTest:
 
     def link_of(self, sphere: int) -> str:
         """Return the link that a sphere of the moving robot belongs to."""
-        order = np.flatnonzero(self.robot.sphere_body > 0)
-        order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
-        return self.robot.link_names[self.robot.sphere_link[order[sphere]]]
+        return self.sphere_links[sphere]
+
+    @property
+    def sphere_links(self) -> list[str]:
+        """Links of all spheres of the moving robot, in their order."""
+        known = getattr(self.own_scratch, "links", None)
+        if known is None or known[0] is not self.robot:
+            order = np.flatnonzero(self.robot.sphere_body > 0)
+            order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
+            names = self.robot.link_names
+            links = [names[k] for k in self.robot.sphere_link[order].tolist()]
+            known = self.own_scratch.links = (self.robot, links)
+        return known[1]
 
     def still(self, more: float = 0.0) -> kernels.Still:
         """Return all that stands still, with the scratch of this thread."""

@@ -136,6 +136,7 @@ class Executor:
         looks = self.brakes and callable(getattr(planner, "evasion", None))
         self._lookout = Lookout(planner, period) if looks else None
         self._level = 0  # of speed; 0 is full speed
+        self._least_level = 0  # none faster is used, see `limit_speed`
         self._frame = 0
         self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
@@ -168,6 +169,19 @@ class Executor:
     def new_goal(self) -> None:
         """Take the next answer's path in any case."""
         self._on_path = False
+
+    def limit_speed(self, share: float) -> None:
+        """Use no more than this share of the full speed from the next frame on.
+
+        The fastest level within it is taken, the slowest one where there is none. It is
+        calm that this brings: that the robot can stop is tested with or without it.
+
+        Args:
+            share: Of the speed at `speed_scale`; 1 for all of it.
+        """
+        shares = self.scales / self.scales[0]
+        within = np.flatnonzero(shares <= share + 1e-9)
+        self._least_level = int(within[0]) if len(within) else _LEVELS - 1
 
     def commit(self) -> Commit:
         """Return where a new path would begin: the planner plans from there.
@@ -416,6 +430,7 @@ class Executor:
         if self.state == BRAKED:
             self._go_on_slowly(threat)
             return
+        self._keep_limit(threat)
         if self._stop_free(self.motion, self.t, threat):
             self._try_faster(threat)
             self.state = SLOWED if self._level else MOVING
@@ -428,6 +443,16 @@ class Executor:
             self.state = SLOWED
             return
         self._stop_as_tested()
+
+    def _keep_limit(self, threat: Moving) -> None:
+        """Slow down to the limit, if a stop from there is free, too."""
+        if self._level >= self._least_level:
+            return
+        scale = float(self.scales[self._least_level])
+        slower = self.motion.rescaled(self.t, scale)
+        if self._stop_free(slower, 0.0, threat):
+            self._take(slower)
+            self._level, self.reason = self._least_level, "slower, near the person"
 
     def _go_on_slowly(self, threat: Moving) -> None:
         slow = self.motion.rescaled(self.t, float(self.scales[-1]))
@@ -447,7 +472,7 @@ class Executor:
             self._on_path = False  # it may lie on the path before the last one
 
     def _try_faster(self, threat: Moving) -> None:
-        if self._level == 0:
+        if self._level <= self._least_level:
             return
         faster = self.motion.rescaled(self.t, float(self.scales[self._level - 1]))
         if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):

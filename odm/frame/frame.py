@@ -572,5 +572,4 @@ class Frame:
     def cover(self) -> Cover:
         """Return the spheres of the map's cover, payload included."""
         m = self.memory
-        links = [self.static.link_of(i) for i in range(len(m.arm.spheres))]
-        return Cover(m.arm, self.radii, links, m.work, self.bare)
+        return Cover(m.arm, self.radii, self.static.sphere_links, m.work, self.bare)

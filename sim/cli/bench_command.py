@@ -27,7 +27,7 @@ class BenchRequest:
         ...,
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
         "clutter, scene, human, handover, handover-recording, approach, attach, "
-        "workspace, "
+        "workspace, story, "
         "targets, interrupts, peers, scale or golden.",
         metavar="NAME",
     )
@@ -50,13 +50,13 @@ class BenchRequest:
         None, "Simulated time of each run, s (motions, targets).", limits=SECONDS
     )
     seeds: int | None = flag(None, "Runs of each motion (motions).")
-    processes: int | None = flag(None, "Runs at a time (motions).", min=1)
+    processes: int | None = flag(None, "Runs at a time (motions, story).", min=1)
     motions: list[str] | None = flag(
         None, "Only these; again for more (motions).", "--motion", metavar="NAME"
     )
-    runs: int | None = flag(None, "Draws of each scene (handover).", min=1)
+    runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
-    reach: Path | None = flag(None, "Reach map (targets).", metavar="DIR")
+    reach: Path | None = flag(None, "Reach map (targets, story).", metavar="DIR")
     distances: list[float] | None = flag(
         None, "Of the person, in m; again for more (targets).", "--distance"
     )

@@ -31,6 +31,11 @@ class ReplayRequest:
     map_dir: Path | None = flag(
         None, "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
     )
+    reach: Path | None = flag(
+        None,
+        "Its reach map, of a hand-over; default: maps/built/reach/ROBOT.",
+        metavar="DIR",
+    )
     json: Json = None
     holds: bool = flag(
         False, "Only list the recorded holds with their reasons.", "--holds", panel=_RUN
@@ -147,7 +152,40 @@ def _replay(path: Path, request: ReplayRequest) -> None:
         return
     if request.record is not None:
         check_recording_path(request.record)
-    _repeat(found, path, _map_of(found, path, request.map_dir), request)
+    cell_map = _map_of(found, path, request.map_dir)
+    if "story" in found.head:
+        _repeat_story(found, path, cell_map, request)
+        return
+    _repeat(found, path, cell_map, request)
+
+
+def _repeat_story(
+    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
+) -> None:
+    """Let a hand-over see and feel the same again; does it do the same?"""
+    from sim.run.meet import reach_map_of
+    from sim.story.cases import setup_of
+    from sim.story.record import play_again, same
+
+    if request.record is not None or request.json is not None:
+        raise Refused(
+            f"{path} is a hand-over: a replay tells whether it is the same, and writes "
+            "nothing; leave --record and --json out"
+        )
+    with Bars() as tell:
+        reach = reach_map_of(cell_map.robot, request.reach, tell)
+    q, states = play_again(found, setup_of(cell_map, reach))
+    if not same(found, q, states):
+        was = found.arrays["q"]
+        off = (q != was).any(axis=1)
+        frame = int(off.argmax()) if off.any() else 0
+        print(
+            f"odm: the replay of {path} differs from frame {frame} on", file=sys.stderr
+        )
+        raise typer.Exit(1)
+    told = found.head["outcome"]
+    print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
+    print(f"story_sha256 {told['story_sha256']}")
 
 
 def _repeat(

@@ -1,6 +1,6 @@
 """`odm run` and `odm demo`: a robot at work beside a person."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,14 +8,15 @@ import typer
 
 from sim.run.folders import MAPS, check_map_folder
 from sim.run.request import RunRequest
-from sim.terminal.checks import PICTURES, SECONDS
-from sim.terminal.flags import Threads, flag, from_request
+from sim.story.request import HANDOVER, DemoRequest
+from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
+from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import Recipe
 
-DEMO = "demo"  # its recipe and the folder of its map
+DEMO, STORY = "demo", "story"  # recipes, and the folders of their maps
 
 
 @from_request(RunRequest)
@@ -42,25 +43,48 @@ def run(request: RunRequest) -> None:
         raise typer.Exit(live.exit_code)
 
 
-@dataclass(frozen=True)
-class DemoRequest:
-    """What `odm demo` is asked for."""
-
-    out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
-    seconds: float = flag(30.0, "Simulated time in s.", limits=SECONDS)
-    threads: Threads = 0
-
-
 @from_request(DemoRequest)
 def demo(request: DemoRequest) -> None:
-    """Build the demo map unless it is there, then a robot works beside an arm."""
-    from odm import load_map
-    from roadmap.errors import BadMap
-    from sim.cli.build_command import build_to
+    """Build the demo map unless it is there, then show a robot at work.
+
+    `odm demo handover` is the story of `make demo`: the robot takes a wrench from the
+    table and hands it to a person who moves (or, with --direction receive, takes it
+    from them and puts it down); see docs/story.md.
+    """
+    if request.story == HANDOVER:
+        _hand_over(request)
+        return
     from sim.run.demo import run_demo
     from sim.run.places import DEMO as SETTINGS
 
-    recipe = demo_recipe()
+    folder = _built(demo_recipe(), request.threads)
+    run_demo(
+        folder, request.out, settings=replace(SETTINGS, duration_s=request.seconds)
+    )
+
+
+def _hand_over(request: DemoRequest) -> None:
+    from odm import load_map, load_recipe
+    from sim.run.meet import reach_map_of
+    from sim.story.tell import tell_story
+
+    folder = request.map_dir or _built(load_recipe(STORY), request.threads)
+    cell_map = load_map(folder)
+    with Bars() as tell:
+        reach = reach_map_of(cell_map.robot, request.reach, tell)
+    found = tell_story(request, cell_map, reach)
+    if request.json is not None:
+        show_json(found, request.json)
+    if found["contacts"]:
+        raise typer.Exit(1)
+
+
+def _built(recipe: "Recipe", threads: int) -> Path:
+    """Return the folder of a recipe's map, built unless it is there."""
+    from odm import load_map
+    from roadmap.errors import BadMap
+    from sim.cli.build_command import build_to
+
     folder = MAPS / recipe.name
     try:
         there = load_map(folder).recipe.as_dict() == recipe.as_dict()
@@ -68,12 +92,10 @@ def demo(request: DemoRequest) -> None:
         there = False
     if not there:
         check_map_folder(folder, recipe, force=True)
-        cell_map, took = build_to(folder, recipe, request.threads)
+        cell_map, took = build_to(folder, recipe, threads)
         counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
-        print(f"demo map: {counts} edges in {took:.0f} s, {folder}")
-    run_demo(
-        folder, request.out, settings=replace(SETTINGS, duration_s=request.seconds)
-    )
+        print(f"{recipe.name} map: {counts} edges in {took:.0f} s, {folder}")
+    return folder
 
 
 def demo_recipe() -> "Recipe":

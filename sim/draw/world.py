@@ -72,7 +72,7 @@ class World:
         locked: Mapping[str, float] | None = None,
     ) -> None:
         """Connect to pybullet and load the robot."""
-        self._bullet = _pybullet()
+        self._bullet = import_pybullet()
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
         try:
@@ -246,7 +246,12 @@ def capsule_mesh(
     return vertices, normals, triangles
 
 
-def _pybullet() -> ModuleType:
+def import_pybullet() -> ModuleType:
+    """Return pybullet, whose greeting is dropped.
+
+    Raises:
+        SimulatorMissing: It is not installed.
+    """
     try:
         if "pybullet" not in sys.modules:
             with _without(GREETING):

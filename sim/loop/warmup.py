@@ -364,11 +364,15 @@ def _measure(cell_map: CellMap) -> None:
 
 
 def _watch() -> None:
+    from odm.execution._speed import allowed_share
     from odm.execution.threat import Watcher
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
         watcher.look(arm, now)
+    ball = np.zeros((1, 3))
+    rates = np.zeros((1, 6))
+    allowed_share(ball, ball + 1.0, np.full(1, 0.1), arm, rates, np.full(5, 0.1))
 
 
 def _person() -> None:

@@ -14,13 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.check import BadRecord, check_arrays
-from sim.record.run_record import (
-    CARRYING,
-    FORMAT,
-    INPUTS,
-    STANDING_AROUND,
-    RunRecord,
-)
+from sim.record.run_record import FORMAT, INPUTS, STORY, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole
 
@@ -76,7 +70,8 @@ def read_record(path: str | Path) -> RunRecord:
         raise BadRecord(
             f"{path} lacks {error} or holds it in a wrong form; record the run again"
         ) from error
-    spoiled = [n for n in altered if n in INPUTS or n.startswith("robot.")]
+    given = ("robot.", "story.")
+    spoiled = [n for n in altered if n in INPUTS or n.startswith(given)]
     if spoiled:
         raise BadRecord(
             f"the array {spoiled[0]} of {path} was altered (its SHA-256 is not the one "
@@ -137,13 +132,13 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version not in (FORMAT, CARRYING, STANDING_AROUND):
+    if version not in range(FORMAT, STORY + 1):
         remedy = "record the run again"
-        if isinstance(version, int) and version > STANDING_AROUND:
+        if isinstance(version, int) and version > STORY:
             remedy = "update odm-planner"
         raise BadRecord(
             f"{path} has the recording format {version}, but this program reads "
-            f"{FORMAT} to {STANDING_AROUND}; {remedy}"
+            f"{FORMAT} to {STORY}; {remedy}"
         )
     if written != _body_hash(head):
         raise BadRecord(

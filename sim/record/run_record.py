@@ -8,8 +8,8 @@ import numpy as np
 from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
-# format of a recording, of one with a payload, and of one with a scene
-FORMAT, CARRYING, STANDING_AROUND = 2, 3, 4
+# formats: of a recording, of one with a payload, of one with a scene, of a hand-over
+FORMAT, CARRYING, STANDING_AROUND, STORY = 2, 3, 4, 5
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told

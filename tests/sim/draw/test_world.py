@@ -126,11 +126,11 @@ def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkey
 
 IMPORT = """
 import os, sys
-from sim.draw.world import _pybullet
+from sim.draw.world import import_pybullet
 print("before")
 os.write(1, b"below python\\n")
 try:
-    _pybullet()
+    import_pybullet()
 except Exception as error:
     print(repr(error), error.__cause__)
 print("after")

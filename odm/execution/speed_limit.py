@@ -1,0 +1,125 @@
+"""Speed near a person: separation, both speeds, and which way they go.
+
+ISO/TS 15066:2016 (now in ISO 10218-2:2025) asks of speed and separation monitoring that
+
+    S >= v_h (T_r + T_s) + v_r T_r + S_s + C + Z
+
+with the speeds of person and robot toward each other v_h, v_r, reaction and stopping
+time T_r, T_s, the stopping distance S_s = v_r T_s / 2, what intrudes unseen C and the
+errors of both positions Z. Solved for v_r it says how fast a point of the robot may
+approach a part of the person:
+
+    v_r <= (S - v_h (T_r + T_s) - C - Z) / (T_r + T_s / 2)
+
+Here S, v_h and v_r are those of each pair of a cover sphere and a part of the person,
+along the line between the two: a robot that goes past or away is not slowed. A speed
+that cannot be measured counts as 1.6 m/s.
+
+This is a planner's measure, which makes it calm beside people. It is not a certified
+safety function: nothing here is redundant or monitored, and the speed is never brought
+below `least_speed`, which the standard's formula would ask for at a hand-over (there
+its limits of power and force apply, which are not computed here). That the robot can
+stop before the person is there is held by the braking test, with or without it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from odm.execution._speed import allowed_share
+from odm.execution.threat import Threat
+from roadmap.kinematics.forward import difference, sphere_centers
+from roadmap.motion.motion import Motion
+from roadmap.ranges import check_settings
+from roadmap.robot.robot import Robot
+
+_AHEAD = 0.05  # [s] the direction is that of the motion's next piece of this length
+
+
+@dataclass(frozen=True)
+class SpeedSettings:
+    """Terms of the standard's formula.
+
+    Attributes:
+        reaction_s: T_r, from the measurement to the command [s]: its age and a frame.
+        stopping_s: T_s, of a stop at the speeds of a hand-over [s].
+        intrusion: C, how far a part may have come in before it is seen [m].
+        position_error: Z, of person and robot together [m].
+        least_speed: Slower than this it is never made [m/s]; 0.15 is well below the
+            0.25 m/s at which robots beside people are commonly taught.
+        unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
+    """
+
+    reaction_s: float = 0.02
+    stopping_s: float = 0.15
+    intrusion: float = 0.0
+    position_error: float = 0.02
+    least_speed: float = 0.15
+    unknown_speed: float = 1.6
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "reaction_s": (0.001, 10.0, "s"),
+            "stopping_s": (0.0, 10.0, "s"),
+            "intrusion": (0.0, 10.0, "m"),
+            "position_error": (0.0, 10.0, "m"),
+            "least_speed": (0.001, 10.0, "m/s"),
+            "unknown_speed": (0.0, 100.0, "m/s"),
+        }
+        check_settings(self, ranges)
+
+
+class SpeedLimit:
+    """Says which share of its speed a robot may use, frame by frame.
+
+    Args:
+        robot: The robot.
+        settings: See SpeedSettings.
+    """
+
+    def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
+        """Take the spheres of the links that joints move."""
+        self.robot, self.settings = robot, settings or SpeedSettings()
+        s = self.settings
+        lost = s.intrusion + s.position_error
+        times = [s.reaction_s, s.stopping_s, lost]
+        self._rule = np.array([*times, s.least_speed, s.unknown_speed])
+        self._moving = np.flatnonzero(robot.moving)
+        self._radii = np.array(robot.spheres[self._moving, 3])
+
+    def share(
+        self, motion: Motion, t: float, speed_scale: float, threat: Threat
+    ) -> float:
+        """Return the share of `speed_scale` that is allowed now, in (0, 1].
+
+        Args:
+            motion: The motion in use.
+            t: The time on it [s].
+            speed_scale: Share of the joints' speed limits at full speed.
+            threat: The person, as seen now.
+        """
+        here, there = motion.at(t).q, motion.at(t + _AHEAD).q
+        step = difference(self.robot, here, there)
+        far = np.abs(step)
+        if not far.max() > 1e-9:
+            return 1.0
+        with np.errstate(divide="ignore"):
+            full = (speed_scale * self.robot.max_velocity / far).min()
+        # a small step, so that the velocities are those of this moment
+        short = 1e-3 / far.max()
+        centers = sphere_centers(self.robot, here)[self._moving]
+        moved = sphere_centers(self.robot, here + short * step)[self._moving]
+        moved -= centers
+        moved *= full / short
+        rates = np.where(threat.known[:, None, None], threat.velocity, np.nan)
+        rows = np.ascontiguousarray(threat.capsules)
+        return float(
+            allowed_share(
+                centers, moved, self._radii, rows, rates.reshape(-1, 6), self._rule
+            )
+        )

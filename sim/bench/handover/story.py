@@ -1,0 +1,215 @@
+"""`odm bench story`: random people take things from the robot and give things to it."""
+
+import multiprocessing
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from odm import load_map
+from roadmap.errors import BadInput
+from sim.run.meet import reach_map_of
+from sim.story.cases import StoryCase, setup_of, with_traits
+from sim.story.machine import DIRECTIONS
+from sim.story.play import StoryPlay, play
+from sim.story.tell import figures_of
+from sim.tables.header import header
+from sim.tables.table import value_row
+
+LIMIT_S = 15.0  # within which it must have changed hands
+SUCCESS = 98.0  # [%] asked of those in reach
+P50_MS, P99_MS = 1.5, 4.0  # asked of a frame
+# what goes wrong on purpose: traits, and the direction
+FAILURES = {
+    "dropped": ("give", {"drops_s": 6.0}),
+    "the person leaves": ("give", {"leaves_s": 3.0}),
+    "pulls early": ("give", {"pulls_early": True, "delay_s": 0.0}),
+    "never pulls": ("give", {"pull": 0.0}),
+    "lets go as it opens": ("give", {"slack_s": 0.6}),
+    "lets go early": ("receive", {"lets_go": "early"}),
+    "never lets go": ("receive", {"lets_go": "never"}),
+    "the giver leaves": ("receive", {"leaves_s": 4.0}),
+}
+HEAD = ("case", "ended in", "outcome", "on the way", "contacts")
+
+
+def run(
+    map_dir: str | Path,
+    *,
+    reach: str | Path | None = None,
+    runs: int = 100,
+    seconds: float = 20.0,
+    seed: int = 0,
+    short: bool = False,
+    processes: int = 2,
+    tell: Callable[[str], None] | None = None,
+) -> dict:
+    """Play random hand-overs, as many of each direction as `runs`.
+
+    People stand at 0.6 to 1.3 m, up to 60 degrees aside, are 1.5 to 1.95 m tall, move
+    their hand at up to 1 m/s, and a quarter of them draw it back once. Whether a run is
+    in reach is told before it by exact inverse kinematics.
+
+    Args:
+        map_dir: Folder of a map of a robot with fingers, such as of `odm build story`.
+        reach: Folder of its reach map; None: maps/built/reach/NAME, built if missing.
+        runs: Of each direction.
+        seconds: Simulated time at most [s]; what changes hands after 15 s is no
+            success.
+        seed: Of the first run.
+        short: One run of each, and no failures: to see that it runs.
+        processes: Runs at a time; only times depend on it.
+        tell: Called with what is done.
+
+    Raises:
+        BadInput: No runs, or a robot without fingers.
+    """
+    tell = tell or (lambda text: None)
+    if short:
+        runs, seconds, processes = 1, min(seconds, 10.0), 1
+    if runs < 1:
+        raise BadInput(f"{runs} runs are none; give 1 or more")
+    cell_map = load_map(map_dir, verify=False)
+    tell("reach map")
+    found = reach_map_of(
+        cell_map.robot, None if reach is None else Path(reach), lambda *progress: None
+    )
+    cases = [
+        ("", StoryCase.drawn(d, seed + k)) for k in range(runs) for d in DIRECTIONS
+    ]
+    if not short:
+        cases += [
+            (name, with_traits(StoryCase(direction), **traits))
+            for name, (direction, traits) in FAILURES.items()
+        ]
+    jobs = [(str(map_dir), reach, name, case, seconds) for name, case in cases]
+    played = []
+    tell(f"{len(jobs)} runs")
+    for one in _all(jobs, min(processes, len(jobs))):
+        played.append(one)
+        tell(f"{len(played)} of {len(jobs)} runs done")
+    drawn = [one for one in played if not one["name"]]
+    return {
+        "bench": "story",
+        "header": header(cell_map),
+        "setup": {
+            "runs of each direction": runs,
+            "first seed": seed,
+            "limit": f"{LIMIT_S:g} s until it has changed hands",
+            "reach map": found.hash[:12],
+            "runs at a time": min(processes, len(jobs)),
+            "contact": "exact distance of robot and person, the object apart, at 0",
+        },
+        "rows": [row for d in DIRECTIONS for row in _rows(drawn, d)] + _frames(drawn),
+        "tables": [_failed(played), *([] if short else [_ways_back(played)])],
+        "runs": played,
+    }
+
+
+_KEPT: dict = {}  # of a process: maps are loaded once
+
+
+def _all(jobs: list, processes: int) -> object:
+    if processes <= 1:
+        yield from map(_played, jobs)
+        return
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        yield from pool.imap(_played, jobs, chunksize=1)
+
+
+def _played(job: tuple) -> dict:
+    map_dir, reach, name, case, seconds = job
+    if "setup" not in _KEPT:
+        cell_map = load_map(map_dir, verify=False)
+        folder = None if reach is None else Path(reach)
+        found = reach_map_of(cell_map.robot, folder, lambda *progress: None)
+        _KEPT["setup"] = setup_of(cell_map, found)
+        play(StoryPlay(_KEPT["setup"], StoryCase("give")), 1.0)  # compiled from here on
+        play(StoryPlay(_KEPT["setup"], StoryCase("receive")), 1.0)
+    run = StoryPlay(_KEPT["setup"], case)
+    whole = 60.0 if name else seconds
+    result = play(run, whole)
+    told = figures_of(result) | {"name": name}
+    told["cpu_ms"] = [round(1e3 * c, 3) for c in result.cpu_s]
+    return told
+
+
+def _rows(runs: list[dict], direction: str) -> list[dict]:
+    these = [r for r in runs if r["direction"] == direction]
+    near = [r for r in these if r["in_reach"]]
+    done = [r for r in near if r["handed_over"] and r["handed_s"] <= LIMIT_S]
+    times = np.array([r["handed_s"] for r in done] or [np.nan])
+    share = 100.0 * len(done) / len(near) if near else np.nan
+    contacts = float(sum(r["contacts"] for r in these))
+    others = float(sum(r["object_contacts"] for r in these))
+    told = [r for r in these if r not in done]
+    explained = sum(bool(r["reason"] or r["outcome"]) for r in told)
+    note = f"{len(done)} of {len(near)} in reach, {len(these)} runs"
+    near_m = 100.0 * min(r["closest_m"] for r in these)
+    fast = max(r["fastest_near_m_s"] for r in these)
+    stops = float(np.mean([r["stops"] for r in these]))
+    changes = float(np.mean([r["path_changes"] for r in these]))
+    return [
+        value_row(f"{direction}: handed over", share, "%", note, least=SUCCESS),
+        value_row(f"{direction}: frames with a contact", contacts, "", "", most=0.0),
+        value_row(f"{direction}: the object at others than the hand", others, ""),
+        value_row(f"{direction}: time, p50", float(np.percentile(times, 50)), "s"),
+        value_row(f"{direction}: time, p99", float(np.percentile(times, 99)), "s"),
+        value_row(f"{direction}: smallest separation", near_m, "cm"),
+        value_row(f"{direction}: fastest within 30 cm of the person", fast, "m/s"),
+        value_row(f"{direction}: stops a run", stops, ""),
+        value_row(f"{direction}: new paths a run", changes, ""),
+        value_row(
+            f"{direction}: explained, of those not handed over",
+            100.0 * explained / len(told) if told else np.nan,
+            "%",
+            least=100.0,
+        ),
+    ]
+
+
+def _frames(runs: list[dict]) -> list[dict]:
+    cpu = np.concatenate([r["cpu_ms"] for r in runs])
+    shares = {k: float(np.percentile(cpu, p)) for k, p in (("p50", 50), ("p99", 99))}
+    return [
+        value_row("frame, CPU: p50", shares["p50"], "ms", most=P50_MS),
+        value_row("frame, CPU: p99", shares["p99"], "ms", most=P99_MS),
+        value_row("frame, CPU: max", float(cpu.max()), "ms"),
+        value_row("frames over 10 ms", 100.0 * float((cpu > 10.0).mean()), "%"),
+    ]
+
+
+def _failed(runs: list[dict]) -> dict:
+    rows = [
+        [
+            f"{r['direction']} {r['seed']}: {r['distance_m']:.2f} m, "
+            f"{r['bearing_deg']:.0f} deg, {r['height_m']:.2f} m"
+            + ("" if r["in_reach"] else " (out of reach)"),
+            r["state"],
+            r["outcome"] or r["reason"],
+            _way(r),
+            str(r["contacts"]),
+        ]
+        for r in runs
+        if not r["name"] and not (r["handed_over"] and r["handed_s"] <= LIMIT_S)
+    ]
+    return {"title": "Not handed over in time", "head": HEAD, "rows": rows}
+
+
+def _ways_back(runs: list[dict]) -> dict:
+    rows = [
+        [
+            r["name"],
+            r["state"],
+            r["outcome"] or r["reason"],
+            _way(r),
+            str(r["contacts"]),
+        ]
+        for r in runs
+        if r["name"]
+    ]
+    return {"title": "What goes wrong on purpose", "head": HEAD, "rows": rows}
+
+
+def _way(run: dict) -> str:
+    return ", ".join(event["state"] for event in run["events"])

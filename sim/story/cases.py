@@ -1,0 +1,246 @@
+"""Who stands where in a hand-over, and whether it is in reach: told before the run."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.meet.held_object import HeldObject, wrench
+from handover.meet.workspace import Target
+from handover.targets.live_targets import LiveTargets
+from handover.targets.node_index import NodeIndex
+from handover.targets.settings import ChoiceSettings, LiveSettings
+from odm import CellMap, PlannerSettings, ReactivePlanner
+from odm.cell_map.payload import carried_object
+from odm.obstacles.shapes import Box
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.transforms import pose_of
+from sim.loop.loop import exact_audit
+from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
+from sim.story.grasping import box_of, is_valid, quarter_turns, straight_back
+from sim.story.partner import PartnerTraits
+
+NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
+HEIGHTS = 1.5, 1.95  # [m]
+GRASPS = 8  # of the person
+JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
+BACK = 0.10  # [m] straight motions to an object
+_TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
+_APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
+# where the wrench stands upright on the table, and what holds it there
+PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
+LIVE = LiveSettings(
+    choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4)
+)
+
+
+@dataclass(frozen=True)
+class StoryCase:
+    """One run.
+
+    Attributes:
+        direction: "give" or "receive".
+        seed: Of the traits' noise.
+        distance: Of the person from the robot's base [m].
+        bearing: Seen from the robot [rad].
+        height: Of the person [m].
+        traits: How the person behaves.
+    """
+
+    direction: str = "give"
+    seed: int = 0
+    distance: float = 0.9
+    bearing: float = 0.0
+    height: float = 1.75
+    traits: PartnerTraits = field(default_factory=PartnerTraits)
+
+    @classmethod
+    def drawn(cls, direction: str, seed: int) -> "StoryCase":
+        """Return a case drawn over all places, heights and traits."""
+        rng = np.random.default_rng([seed, direction == "give"])
+        return cls(
+            direction,
+            seed,
+            float(rng.uniform(NEAR, FAR)),
+            float(np.radians(rng.uniform(-ASIDE, ASIDE))),
+            float(rng.uniform(*HEIGHTS)),
+            PartnerTraits.drawn(rng),
+        )
+
+    def body(self) -> Human:
+        """Return the person, arms at rest, who faces the robot; base frame."""
+        d, b = self.distance, self.bearing
+        body = Human(self.height).placed(d * np.cos(b), d * np.sin(b), b + np.pi)
+        T = body.T_world_pelvis.copy()
+        T[2, 3] -= BASE_HEIGHT
+        return body.moved(T).looking_at(LOOKED_AT)
+
+
+def story_wrench() -> HeldObject:
+    """Return the wrench, held by the very tip of its jaw: the palm keeps 1 cm off."""
+    held = wrench()
+    T = np.array(held.T_tool_object)
+    T[2, 3] = JAW
+    return held.held_by(T)
+
+
+def place_of(obj: HeldObject) -> np.ndarray:
+    """Return (4, 4) where the wrench stands upright in its holder, base frame [m]."""
+    low = float((obj.capsules[:, [0, 3]] + obj.capsules[:, 6:7]).max())
+    T = pose_of((*PLACE_XY, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
+    return T  # the object's x, from jaw to handle, points down
+
+
+@dataclass(frozen=True, eq=False)
+class StorySetup:
+    """What all runs share.
+
+    Attributes:
+        cell_map, reach: The robot's map and its reach map.
+        obj: What is handed over.
+        index: Roadmap nodes by pose of the tool.
+        rest: (dof,) where the robot begins and waits.
+        side: The person's hand.
+        pads: Links that may touch an object.
+        T_place: (4, 4) the object's place on the table; None: none.
+    """
+
+    cell_map: CellMap
+    reach: ReachMap
+    obj: HeldObject
+    index: NodeIndex
+    rest: np.ndarray
+    side: str = "right"
+    pads: tuple[str, ...] = FINGERS
+    T_place: np.ndarray | None = None
+
+    def planner(self) -> ReactivePlanner:
+        """Return a planner that knows nothing yet, and what stands on the table."""
+        settings = PlannerSettings(
+            goal_connections=6,
+            start_connections=4,
+            confirmations=2,
+            cached_goals=32,
+            finger_pads=self.pads,
+        )
+        planner = ReactivePlanner(self.cell_map, settings=settings)
+        if self.T_place is not None:
+            x, y = self.T_place[:2, 3]
+            T = pose_of((x, y, 0.5 * HOLDER[2] + 0.002), (0.0, 0.0, 0.0))
+            planner.scene.add("holder", Box(np.array(HOLDER), T))
+        return planner
+
+    def meet(self, human: Human) -> InteractionWorkspace:
+        """Return a workspace of its own."""
+        settings = MeetSettings(side=self.side)
+        return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
+
+    def targets(self, planner: ReactivePlanner, human: Human) -> LiveTargets:
+        """Return a live thread that knows nothing yet."""
+        return LiveTargets(planner, self.meet(human), self.rest, self.index, LIVE)
+
+
+def rest_of(
+    cell_map: CellMap, index: NodeIndex, thing: object, T_tool_object: np.ndarray
+) -> np.ndarray:
+    """Return (dof,) a node at which the robot waits with the object in its hand.
+
+    There it is as compact as can be: nothing of it, the object included, is far out to
+    where people stand, and the joints are near the middles of their ranges.
+
+    Raises:
+        BadInput: At no node is it free with the object.
+    """
+    planner = ReactivePlanner(cell_map)
+    planner.attach(thing, T_tool_object)
+    loaded, robot = planner.static.robot, cell_map.robot
+    middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
+    scores = []
+    for q in index.nodes:
+        centers = sphere_centers(loaded, q)
+        far = np.linalg.norm(centers[:, :2], axis=1) + loaded.spheres[:, 3]
+        out = far[centers[:, 0] > 0.0].max(initial=0.0)
+        scores.append(out + 0.1 * float(np.linalg.norm((q - middle) / half)))
+    for node in np.argsort(scores, kind="stable").tolist():
+        if is_valid(planner, index.nodes[node]):
+            return np.array(index.nodes[node])
+    raise BadInput(
+        f"map {cell_map.recipe.name} has no node at which the robot is free with the "
+        "object in its hand; give a map with more nodes, or another grasp"
+    )
+
+
+def setup_of(
+    cell_map: CellMap,
+    reach: ReachMap,
+    obj: HeldObject | None = None,
+    place: bool = True,
+) -> StorySetup:
+    """Return the setup of a map.
+
+    Raises:
+        BadInput: The robot has no links that could be finger pads.
+    """
+    robot = cell_map.robot
+    pads = tuple(n for n in robot.link_names if "finger" in n or "pad" in n)
+    if not pads:
+        raise BadInput(
+            f"{robot.name} has no link with 'finger' or 'pad' in its name, so nothing "
+            "could be grasped; build a map of a robot with a gripper, such as panda"
+        )
+    obj = obj or story_wrench()
+    index = NodeIndex(robot, cell_map.roadmap.nodes)
+    T = place_of(obj) if place else None
+    held = carried_object(box_of(obj))
+    rest = rest_of(cell_map, index, held, obj.T_tool_object)
+    return StorySetup(cell_map, reach, obj, index, rest, pads=pads, T_place=T)
+
+
+@dataclass(frozen=True, eq=False)
+class InReach:
+    """A target that is in reach by exact geometry.
+
+    Attributes:
+        target: The target.
+        q: (dof,) the robot there [rad or m].
+    """
+
+    target: Target
+    q: np.ndarray
+
+
+def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
+    """Return where the hand-over could be, by exact inverse kinematics; None: nowhere.
+
+    The best targets are tried from many starts each. The robot must be within its
+    limits, clear of itself and the scenery, and keep 2 cm from the person whose arm is
+    where it takes or offers the object, by the exact distance of solids.
+    """
+    body = case.body()
+    planner, meet = setup.planner(), setup.meet(body)
+    audit = exact_audit(setup.cell_map.robot)
+    grasps = [np.array(setup.obj.T_tool_object)]
+    if case.direction == "receive":
+        grasps = list(quarter_turns(setup.obj.T_tool_object))
+    robot = setup.cell_map.robot
+    for target in meet.best(_TRIED):
+        there = body.with_arm(setup.side, target.arm_q).capsules()
+        for grasp in grasps:
+            T = target.T_world_object @ np.linalg.inv(grasp)
+            for found in robot.ik(T, setup.rest, attempts=_STARTS, steps=60):
+                q = np.array(found.q)
+                if not is_valid(planner, q) or audit(q, there) < _APART:
+                    continue
+                if case.direction == "receive":
+                    before = straight_back(planner, T, q, BACK)
+                    if before is None or audit(before, there) < _APART:
+                        continue
+                return InReach(target, q)
+    return None
+
+
+def with_traits(case: StoryCase, **traits: object) -> StoryCase:
+    """Return a case with some traits changed."""
+    return replace(case, traits=replace(case.traits, **traits))

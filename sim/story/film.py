@@ -1,0 +1,99 @@
+"""A hand-over as a film: robot, person, object, and what the story says."""
+
+from pathlib import Path
+
+import numpy as np
+
+from roadmap.kinematics.forward import sphere_centers
+from roadmap.robot.robot import Robot
+from sim.draw.film import Canvas, FilmSettings, write_gif
+from sim.draw.style import AMBER, FAINT, INK, RED, TEAL
+from sim.draw.viewpoint import clearest
+from sim.record.run_record import RunRecord
+
+_COLOURS = {
+    "fetch": FAINT,
+    "approach": TEAL,
+    "present": TEAL,
+    "wait": AMBER,
+    "release": AMBER,
+    "close": AMBER,
+    "retreat": "#7050b0",
+    "put_down": "#4a7fb5",
+}
+_LONGEST = 240  # pictures; a longer story is shown in fewer a second
+
+
+def write_story_film(
+    record: RunRecord,
+    robot: Robot,
+    world: object,
+    path: str | Path,
+    settings: FilmSettings | None = None,
+) -> Path:
+    """Write a recorded hand-over as an animated GIF, whole.
+
+    Args:
+        record: The recording.
+        robot: Its robot.
+        world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
+        path: File to write, whole or not at all.
+        settings: Size; pictures a second.
+
+    Returns:
+        The path written.
+    """
+    settings = settings or FilmSettings(width=560, height=420, fps=8.0, fov_deg=40.0)
+    step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)
+    shown = range(0, record.frames, step)
+    moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
+    bodies = [_bodies(record, robot, i) for i in moments]
+    canvas = Canvas(clearest(settings.camera(), bodies))
+    pictures = [_paint(record, robot, world, canvas, i) for i in shown]
+    return write_gif(pictures, path, settings)
+
+
+def _paint(record, robot, world, canvas, i: int) -> object:
+    arrays, told = record.arrays, record.head["story"]
+    world.place(arrays["q"][i], _near(arrays["capsules"][i]))
+    colour, depth, ground = world.picture(canvas.camera)
+    floor = canvas.floor(np.vstack(_bodies(record, robot, i)))
+    image = canvas.begin(np.where(ground[..., None], floor, colour), depth)
+    state = told["states"][arrays["story.state"][i]]
+    canvas.pill(16, 104, state.replace("_", " "), _COLOURS.get(state, INK))
+    gap = arrays["separation"][i]
+    text = f"{100 * gap:.0f} cm" if gap > 0 else "contact"
+    canvas.text(134, "separation", FAINT)
+    canvas.text(220, text, INK if gap > 0 else RED, bold=True)
+    force = np.linalg.norm(arrays["story.wrench"][i][:3])
+    canvas.text(290, "at the wrist", FAINT)
+    canvas.text(380, f"{force:.0f} N", INK, bold=True)
+    canvas.text(-16, f"{i / record.rate_hz:4.1f} s", FAINT, anchor="rm")
+    reason = _reason(record, i)
+    if reason:
+        canvas.text(16, reason, INK, line=1)
+    return image
+
+
+def _reason(record: RunRecord, i: int) -> str:
+    """Return what happened last, as the story says it."""
+    now, told = i / record.rate_hz, ""
+    for event in record.head["outcome"]["story"]:
+        if event["time_s"] <= now:
+            told = event["reason"]
+    return told
+
+
+def _near(capsules: np.ndarray) -> np.ndarray:
+    """Return capsules without what lies on the floor far below."""
+    return capsules[capsules[:, 2] > -4.0] if len(capsules) else capsules
+
+
+def _bodies(record: RunRecord, robot: Robot, i: int) -> tuple[np.ndarray, np.ndarray]:
+    centers = sphere_centers(robot, record.arrays["q"][i])
+    person = [np.zeros((0, 4))]
+    for row in _near(record.arrays["capsules"][i]):
+        s = np.linspace(0.0, 1.0, 12)[:, None]
+        beads = row[:3] + s * (row[3:6] - row[:3])
+        person.append(np.column_stack([beads, np.full(12, row[6])]))
+    return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)

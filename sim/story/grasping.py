@@ -1,0 +1,175 @@
+"""Where the robot grasps an object that somebody holds out, found a little a frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from handover.meet.held_object import HeldObject
+from handover.targets.node_index import NodeIndex
+from odm.frame.freedom import check_valid
+from odm.obstacles.shapes import Box, Shape
+from odm.planner.planner import ReactivePlanner
+from roadmap.errors import BadConfiguration
+from roadmap.transforms import rotation_rpy
+
+SEEDS, KEPT = 6, 4  # near nodes to begin from, for each grasp; pairs that are kept
+_STEPS = 40  # of the inverse kinematics
+_STRAIGHT = 0.9  # [rad] a joint moves no more from before the object to it
+_TOLERANCE = 1e-3  # [m], [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """A configuration at an object, and one straight before it.
+
+    Attributes:
+        q: (dof,) at the object [rad or m].
+        q_before: (dof,) `back` before it, along the tool's z.
+        T_tool_object: (4, 4) how the object is held there.
+    """
+
+    q: np.ndarray
+    q_before: np.ndarray
+    T_tool_object: np.ndarray
+
+
+def quarter_turns(T_tool_object: np.ndarray) -> np.ndarray:
+    """Return a grasp turned about the tool's z by quarters, (4, 4, 4)."""
+    turns = []
+    for k in range(4):
+        T = np.eye(4)
+        T[:3, :3] = rotation_rpy(0.0, 0.0, 0.5 * np.pi * k)
+        turns.append(T @ T_tool_object)
+    return np.array(turns)
+
+
+def box_of(obj: HeldObject) -> Shape:
+    """Return a box that holds an object's capsules, in its frame."""
+    ends = np.vstack([obj.capsules[:, :3], obj.capsules[:, 3:6]])
+    radii = np.tile(obj.capsules[:, 6], 2)[:, None]
+    low, high = (ends - radii).min(axis=0), (ends + radii).max(axis=0)
+    T = np.eye(4)
+    T[:3, 3] = 0.5 * (low + high)
+    return Box(high - low, T)
+
+
+def straight_back(
+    planner: ReactivePlanner, T_base_tool: np.ndarray, q: np.ndarray, back: float
+) -> np.ndarray | None:
+    """Return (dof,) with the tool `back` [m] behind a pose, near q; None: none."""
+    T = np.array(T_base_tool)
+    T[:3, 3] -= back * T[:3, 2]
+    for found in _ik(planner, T, q):
+        if np.abs(planner.frame.difference(q, found)).max() <= _STRAIGHT:
+            if is_valid(planner, found):
+                return found
+    return None
+
+
+def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
+    """Whether q can be a goal at all; `bare`: with nothing in the hand."""
+    try:
+        check_valid(planner.carrier.bare if bare else planner.static, q, "it")
+    except BadConfiguration:
+        return False
+    return True
+
+
+class Reaches:
+    """Looks for configurations at an object, one start of the search a call.
+
+    Args:
+        planner: The planner; its scenery counts.
+        index: Nodes of its roadmap by pose of the tool.
+        grasps: (n, 4, 4) T_tool_object of the grasps that will do.
+        back: Distance before the object [m].
+
+    Attributes:
+        found: What is known at the present pose.
+    """
+
+    def __init__(
+        self,
+        planner: ReactivePlanner,
+        index: NodeIndex,
+        grasps: np.ndarray,
+        back: float,
+    ) -> None:
+        """Know nothing."""
+        self.planner, self.index, self.back = planner, index, back
+        self.T_tool_object = np.array(grasps)
+        self._T_object_tool = np.linalg.inv(self.T_tool_object)
+        self.found: list[Reach] = []
+        self._queue: list[tuple[int, int]] = []
+        self._nodes: dict[int, np.ndarray] = {}
+        self._T: np.ndarray | None = None
+
+    @property
+    def at(self) -> np.ndarray | None:
+        """(3,) the object's place that `found` is for [m]."""
+        return None if self._T is None else self._T[:3, 3]
+
+    def begin(self, T_base_object: np.ndarray, q: np.ndarray) -> None:
+        """Begin anew for an object that is elsewhere now; q (dof,) is tried first."""
+        near = [r.q for r in self.found[:2]]
+        self._T, self.found, self._nodes = np.array(T_base_object), [], {}
+        n = range(len(self._T_object_tool))
+        self._queue = [(g, k) for k in range(SEEDS) for g in n]
+        for seed in [*near, q]:  # what was found may only have to be moved
+            for g in n:
+                if self._try(g, seed):
+                    return
+
+    def work(self) -> bool:
+        """Do one start; return whether something new was found."""
+        if self._T is None or not self._queue or len(self.found) >= KEPT:
+            return False
+        g, k = self._queue.pop(0)
+        if g not in self._nodes:
+            self._nodes[g] = self.index.nearest(self._T @ self._T_object_tool[g], SEEDS)
+        nodes = self._nodes[g]
+        return k < len(nodes) and self._try(g, self.index.nodes[nodes[k]])
+
+    @property
+    def over(self) -> bool:
+        """Whether all has been tried."""
+        return not self._queue or len(self.found) >= KEPT
+
+    def drop(self, reach: Reach) -> None:
+        """Leave one out: it is blocked."""
+        self.found = [r for r in self.found if r is not reach]
+
+    def moved_to(self, reach: Reach, T_base_object: np.ndarray) -> np.ndarray | None:
+        """Return (dof,) with the same grasp where the object is now, near the old."""
+        T = T_base_object @ np.linalg.inv(reach.T_tool_object)
+        for q in _ik(self.planner, T, reach.q):
+            if np.abs(self.planner.frame.difference(reach.q, q)).max() < 0.3:
+                return q
+        return None
+
+    def _try(self, grasp: int, seed: np.ndarray) -> bool:
+        planner = self.planner
+        T = self._T @ self._T_object_tool[grasp]
+        for q in _ik(planner, T, seed):
+            known = [np.abs(planner.frame.difference(q, r.q)).max() for r in self.found]
+            if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
+                continue
+            before = straight_back(planner, T, q, self.back)
+            if before is not None:
+                self.found.append(Reach(q, before, self.T_tool_object[grasp]))
+                return True
+        return False
+
+
+def _ik(planner: ReactivePlanner, T: np.ndarray, seed: np.ndarray) -> list[np.ndarray]:
+    robot = planner.robot
+    seed = np.clip(seed, robot.lower, robot.upper)
+    found = robot.ik(
+        T,
+        seed,
+        attempts=1,
+        steps=_STEPS,
+        position_tolerance=_TOLERANCE,
+        rotation_tolerance=_TOLERANCE,
+    )
+    return [np.array(one.q) for one in found]

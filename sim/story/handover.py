@@ -1,0 +1,730 @@
+"""Handover: gives an object to a person who moves, or takes one from them.
+
+One object with one `update(frame)`, which a simulation calls as a real robot would.
+What state follows is `machine`'s table; this module finds out which signals hold and
+does in each state what belongs to it, as a list of steps: go to goals by the planner,
+follow a straight certified motion, close the fingers, take the object into the map.
+"""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import numpy as np
+
+from handover.human.body import Part
+from handover.human.human import Human
+from handover.targets.live_targets import THERE, LiveTargets
+from odm.cell_map.payload import carried_object
+from odm.checks import AVOID, CONTACT, OBJECT
+from odm.execution.executor import Executor
+from odm.execution.speed_limit import SpeedLimit
+from odm.execution.threat import Threat, Watcher
+from odm.frame.last_phase import gripper_links
+from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.shapes import Shape
+from odm.planner.planner import ReactivePlanner
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.transforms import check_pose
+from sim.story import machine as table
+from sim.story.distance import capsule_gap
+from sim.story.grasping import (
+    Reach,
+    Reaches,
+    box_of,
+    is_valid,
+    quarter_turns,
+    straight_back,
+)
+from sim.story.machine import Machine, StoryEvent
+from sim.story.partner import ARMS
+from sim.story.phase import PhasePlanner
+from sim.story.pull import PullDetector
+from sim.story.settings import StorySettings
+
+OPEN, CLOSED = "open", "closed"
+_ARRIVED = 1e-4  # [rad or m]
+_TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
+_RANKED = 3  # targets are ranked in every third frame, at 33 Hz
+_GONE_S = 0.5  # [s] a hand that is away for so long has gone
+_MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
+_EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
+_NOWHERE = np.zeros((0, 7))
+_HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
+
+
+@dataclass(frozen=True, eq=False)
+class StoryFrame:
+    """What is seen and felt in one frame.
+
+    Attributes:
+        now: Time [s].
+        human: The person, world frame.
+        wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
+        opened: Whether the fingers are open, as measured.
+        holds: Whether there is something between closed fingers, as measured.
+        T_base_object: (4, 4) where the object is seen [m]; None: not seen.
+        q: (dof,) measured configuration; None: where the set-point is.
+        capsules: (k, 7) the person as the planner is to see them, base frame [m];
+            None: `human.capsules()`, for a base in the world's origin.
+        labels: (k,) `handover.Part` of each; None: `human.labels`.
+    """
+
+    now: float
+    human: Human
+    wrench: np.ndarray | None = None
+    opened: bool = True
+    holds: bool = False
+    T_base_object: np.ndarray | None = None
+    q: np.ndarray | None = None
+    capsules: np.ndarray | None = None
+    labels: np.ndarray | None = None
+
+
+class Command(NamedTuple):
+    """What the robot is to do until the next frame."""
+
+    q: np.ndarray  # (dof,) set-point [rad or m]
+    dq: np.ndarray  # (dof,) its velocity
+    fingers: str  # "open" or "closed"
+
+
+class Step(NamedTuple):
+    """One thing to do in a state: "targets", "goal", "line", "grip", "take", "let"."""
+
+    kind: str
+    value: object = None
+
+
+_STAND = Step("stand")
+
+
+@dataclass
+class _Seen:
+    """The frame, worked out."""
+
+    frame: StoryFrame
+    there: Obstacles  # all shapes
+    classes: np.ndarray  # of each
+    threat: Threat | None
+    people: int  # how many of its parts are the person's: they come first
+    hand_gap: float  # from the receiving hand to the object [m]
+    object_speed: float  # [m/s]
+    dt: float
+
+
+class Handover:
+    """The state machine of a hand-over, on top of planner, targets and executor.
+
+    Args:
+        planner: The planner; to take or let go of an object its settings name the
+            `finger_pads`.
+        targets: Where the person can take the object, and what it is: `targets.meet`.
+        executor: Made with `PhasePlanner(planner)`, or the planner's own: then it is
+            told here.
+        settings: See StorySettings.
+        thing: The object's solid, object frame, a closed mesh of the user's or any
+            shape of `odm`; None: a box around its capsules.
+        T_base_place: (4, 4) of the object in its place on a table: where it is fetched
+            from and put down [m]; None: it is in the hand already, or is kept.
+
+    Attributes:
+        fingers: "open" or "closed": what the gripper is told.
+        fetches: Whether it first takes the object from its place.
+        holding: Whether the object counts as being in the hand.
+        answer: The last answer of the planner, or what stood for one.
+
+    Raises:
+        BadInput: No finger pads, another robot's targets, or a place that is no pose.
+    """
+
+    def __init__(
+        self,
+        planner: ReactivePlanner,
+        targets: LiveTargets,
+        executor: Executor,
+        settings: StorySettings | None = None,
+        thing: Shape | None = None,
+        T_base_place: np.ndarray | None = None,
+    ) -> None:
+        """Stand where the executor stands."""
+        s = self.settings = settings or StorySettings()
+        _check_pads(planner)
+        self.planner, self.targets, self.executor = planner, targets, executor
+        self.view = executor.planner
+        if not isinstance(self.view, PhasePlanner):
+            raise BadInput(
+                "the executor was not made with a PhasePlanner, so it could not tell "
+                "who may be touched; give it PhasePlanner(planner) for its planner"
+            )
+        self._T_place = None
+        if T_base_place is not None:
+            self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
+        self._give = s.direction == "give"
+        fetches = self.fetches = self._give and T_base_place is not None
+        begin = table.FETCH if fetches else table.APPROACH
+        self.machine = Machine(table.TABLES[s.direction], begin)
+        self.fingers = CLOSED if self._give and not fetches else OPEN
+        self.holding = self._give and not fetches
+        self._lay_out(thing)
+        if self.holding and planner.attached is None:
+            planner.attach(self._carried, self._T_tool_object)
+        self._enter()
+
+    def _lay_out(self, thing: Shape | None) -> None:
+        """Make what is remembered between frames."""
+        s, meet = self.settings, self.targets.meet
+        self._obj, self._side = meet.obj, meet.settings.side
+        self._carried = carried_object(box_of(meet.obj) if thing is None else thing)
+        self._T_tool_object = np.array(meet.obj.T_tool_object)
+        self._rest = np.array(self.executor.set_point.q)
+        self._pull = PullDetector(s.pull)
+        self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
+        self._watcher = Watcher()
+        grasps = quarter_turns(meet.obj.T_tool_object)
+        index = self.targets.finder.index
+        self._reaches = Reaches(self.planner, index, grasps, s.back)
+        self._taken: Reach | None = None
+        self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
+        self._steps: list[Step] = []
+        self._at = 0  # which step
+        self._begun: float | None = None  # when the step began [s]
+        self._goals: list[np.ndarray] = []
+        self._last: _Seen | None = None
+        self._frames = 0
+        self._signalled: set[str] = set()  # what held in the last frame
+        self._placeless = False  # there is no place to put the object down
+        self._clock: dict[str, float] = {}  # for how long signals have held [s]
+        self.answer: object = None
+
+    @property
+    def state(self) -> str:
+        """Where the story is; see `sim.story.machine`."""
+        return self.machine.state
+
+    @property
+    def events(self) -> list[StoryEvent]:
+        """All that has happened."""
+        return self.machine.events
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is over."""
+        return self.machine.ended
+
+    @property
+    def reason(self) -> str:
+        """Why it is where it is, or why it does not move, as a person says it."""
+        held = getattr(self.answer, "status", "") == "holding"
+        why = getattr(self.answer, "reason", "") if held else ""
+        told = [self.machine.reason, why or self.executor.reason or ""]
+        return "; ".join(t for t in told if t)
+
+    @property
+    def force(self) -> float:
+        """What is felt of somebody's pull now [N]."""
+        return self._pull.force
+
+    @property
+    def grasps(self) -> np.ndarray:
+        """(n, 4, 4) T_tool_object of all ways to hold the object [m]."""
+        return self._reaches.T_tool_object
+
+    @property
+    def outcome(self) -> str:
+        """What came of it: "handed over", or what went wrong; empty before the end."""
+        if not self.ended:
+            return ""
+        passed = "open" if self._give else "free"
+        if any(e.signal == passed and not e.failure for e in self.events):
+            late = [e for e in self.events if e.signal == "lost"]
+            return "handed over" if not late else late[-1].reason
+        failures = [e.reason for e in self.events if e.failure]
+        return failures[-1] if failures else self.machine.reason
+
+    def update(self, frame: StoryFrame) -> Command:
+        """Take a frame, decide, plan, and move on by one period of the executor."""
+        executor = self.executor
+        if frame.q is not None:
+            executor.locate(frame.q)
+        seen = self._look(frame)
+        commit = executor.commit()
+        self.answer = self._plan(seen, commit.q)
+        if self._limit is not None and seen.threat is not None:
+            full = executor.settings.speed_scale
+            motion, t = executor.motion, executor.t
+            person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
+            executor.limit_speed(self._limit.share(motion, t, full, person))
+        executor.update(self.answer, commit, seen.threat)
+        self.planner.improve(4, executor.next_commit())
+        executor.advance()
+        self._change_hands()
+        row = self.machine.step(self._signals(seen), frame.now)
+        if row is not None:
+            self._enter(row.signal)
+        self._last = seen
+        point = executor.set_point
+        return Command(point.q, point.dq, self.fingers)
+
+    # --- what is seen -----------------------------------------------------------
+
+    def _look(self, frame: StoryFrame) -> _Seen:
+        """Lay out all shapes with their classes, and follow them."""
+        human = frame.human
+        if self.state == table.PRESENT:  # the hand may come to what is held out
+            self.view.phase = "give" if self.executor.at_rest else None
+        if self.state in (table.FETCH, table.PUT_DOWN):  # the pads touch the object
+            self.view.phase = None if self._step.kind == "goal" else "receive"
+        rows = human.capsules() if frame.capsules is None else frame.capsules
+        labels = human.labels if frame.labels is None else frame.labels
+        obj = self._object_rows(frame)
+        # what the fingers hold moves with them, whether it counts as taken or not
+        loose = obj is not None and not self.holding and not frame.holds
+        classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
+        hand = np.flatnonzero(labels == _HANDS[self._side])
+        if self.view.phase == "give":
+            classes[hand] = CONTACT
+        if self.view.phase == "receive":
+            classes[len(rows) :] = OBJECT
+        everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
+        there = Obstacles(capsules=everything)
+        threat = self._watcher.look(everything, frame.now) if len(everything) else None
+        self._expect(threat, labels, len(everything))
+        self.view.classes, people = classes, len(rows)
+        if threat is not None and self.view.phase == "give" and self._give:
+            # it stands: the arm that takes is meant to come, and not evaded
+            rest = np.ones(len(everything), bool)
+            rest[: len(rows)] = ~np.isin(labels, ARMS[self._side])
+            threat, self.view.classes = _only(threat, rest), classes[rest]
+            people = int(rest[: len(rows)].sum())
+        last = self._last
+        dt = self.executor.period if last is None else frame.now - last.frame.now
+        gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
+        speed = self._speed_of_object(frame, dt)
+        return _Seen(frame, there, classes, threat, people, gap, speed, dt)
+
+    def _expect(self, threat: Threat | None, labels: np.ndarray, n: int) -> None:
+        """Tell the planner where the arm that takes part will be."""
+        if threat is None:
+            return
+        arm = np.zeros(n, bool)
+        arm[: len(labels)] = np.isin(labels, ARMS[self._side])
+        likely = _only(threat, arm).likely(*_EXPECTED) if arm.any() else None
+        if likely is not None:
+            self.planner.expect(likely)
+
+    def _object_rows(self, frame: StoryFrame) -> np.ndarray | None:
+        """Return the capsules of the object where it is, base frame; None: unseen."""
+        T = frame.T_base_object
+        if self.holding:
+            T = tool_pose(self.planner.robot, self.executor.set_point.q)
+            T = T @ self._T_tool_object
+        if T is None:
+            return None
+        rows = np.array(self._obj.capsules)
+        for at in (slice(0, 3), slice(3, 6)):
+            rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
+        return rows
+
+    def _speed_of_object(self, frame: StoryFrame, dt: float) -> float:
+        last = self._last
+        T = frame.T_base_object
+        if T is None or last is None or last.frame.T_base_object is None or dt <= 0:
+            return 0.0
+        return float(np.linalg.norm(T[:3, 3] - last.frame.T_base_object[:3, 3])) / dt
+
+    # --- which signals hold -----------------------------------------------------
+
+    def _signals(self, seen: _Seen) -> set[str]:
+        """Return the names of what holds now; see `machine.SIGNALS`."""
+        s, frame = self.settings, seen.frame
+        moving = np.abs(self.executor.set_point.dq).max() > _MOVES
+        if frame.wrench is not None:
+            self._pull.feel(frame.wrench, seen.dt, bool(moving))
+        passed = frame.now - self.machine.since
+        away = seen.hand_gap > s.gone
+        fetching = self.state in (table.FETCH, table.PUT_DOWN)
+        limits = s.fetch_s if fetching else s.wait_s
+        checks = {
+            "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
+            "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
+            "slack": not self._pull.pulls and frame.holds and not frame.opened,
+            "near": seen.hand_gap < s.near,
+            "gone": self._lasts(
+                "gone", away and not self._pull.pulls, seen.dt, _GONE_S
+            ),
+            "open": frame.opened,
+            "late": passed > limits,
+            "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
+        }
+        checks |= self._signals_of_place(seen)
+        over = self._at >= len(self._steps) and self.executor.at_rest
+        gripped = self.holding and frame.holds
+        calm = gripped and not self._pull.pulls
+        empty = self.fingers == CLOSED and not frame.holds and not self.holding
+        checks |= {
+            "held": over and gripped,
+            "free": over and self._lasts("free", calm, seen.dt, s.pull.hold_s),
+            "missed": self._passed_grip(frame) and empty,
+            "away": over,
+            "away_holding": over and self.holding,
+            "placed": over and not self._placeless,
+            "no_place": over and self._placeless,
+        }
+        self._signalled = {name for name, holds in checks.items() if holds}
+        return self._signalled
+
+    def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
+        """Return what holds of where to go."""
+        s, executor = self.settings, self.executor
+        if self._give:
+            pursuit = self.targets.pursuit
+            there = pursuit.state == THERE
+            nobody = pursuit.key is None and not pursuit.touched
+            return {
+                "arrived": there and executor.at_rest,
+                "moved": not there and not nobody and not pursuit.touched,
+                "left": self._lasts("left", nobody, seen.dt, s.leave_s),
+            }
+        pre, T = self._taken, seen.frame.T_base_object
+        off = np.inf
+        if pre is not None:
+            here = executor.set_point.q
+            off = np.abs(difference(self.planner.robot, here, pre.q_before)).max()
+        moved = self._object_moved(T)
+        still = seen.object_speed < s.still_speed and not moved
+        closing = self.state == table.CLOSE
+        if closing:  # while the fingers close, it may give way a little
+            moved = moved and not self.holding and self.fingers == OPEN
+        return {
+            "arrived": off < _ARRIVED and executor.at_rest and not moved,
+            "moved": moved,
+            "left": self._lasts("left", T is None, seen.dt, s.leave_s),
+            "steady": self._lasts("steady", still, seen.dt, s.steady_s),
+        }
+
+    def _object_moved(self, T: np.ndarray | None) -> bool:
+        """Whether the object has left the place that its grasps were found for."""
+        at = self._reaches.at
+        if T is None or at is None:
+            return T is not None and at is None
+        return float(np.linalg.norm(T[:3, 3] - at)) > self.settings.follow
+
+    def _lasts(self, name: str, holds: bool, dt: float, least: float) -> bool:
+        """Whether something holds, and has for so long [s]."""
+        self._clock[name] = self._clock.get(name, 0.0) + dt if holds else 0.0
+        return self._clock[name] > least
+
+    def _missing(self, frame: StoryFrame) -> bool:
+        return self.holding and self.fingers == CLOSED and not frame.holds
+
+    def _is_blocked(self) -> bool:
+        """Whether a step that moves cannot go on."""
+        step = self._step
+        held = getattr(self.answer, "status", "") == "holding"
+        return (
+            step.kind in ("goal", "line", "back", "close")
+            and held
+            and self.executor.at_rest
+        )
+
+    def _passed_grip(self, frame: StoryFrame) -> bool:
+        step = self._step
+        if step.kind != "grip" or step.value != CLOSED or self._begun is None:
+            return False
+        return frame.now - self._begun > self.settings.grip_s
+
+    # --- what is done -----------------------------------------------------------
+
+    @property
+    def _step(self) -> Step:
+        return self._steps[self._at] if self._at < len(self._steps) else _STAND
+
+    def _enter(self, signal: str = "") -> None:
+        """Begin what belongs to the state."""
+        state = self.state
+        self._at, self._begun = 0, None
+        self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
+        self.view.phase = None
+        steps: list[Step] = []
+        if state == table.FETCH:
+            steps = self._fetching()
+        elif state in (table.APPROACH, table.PRESENT) and self._give:
+            steps = [Step("targets")]
+        elif state in (table.APPROACH, table.WAIT) and not self._give:
+            if state == table.APPROACH:
+                self._forget_object(signal)
+            steps = [Step("reach")]
+        elif state == table.WAIT:
+            self._pull.restart()
+            self.fingers, self.view.phase = CLOSED, "give"
+            steps = [_STAND, _STAND]
+        elif state == table.RELEASE:
+            self.fingers, self.view.phase = OPEN, "give"
+            steps = [_STAND, _STAND]
+        elif state == table.CLOSE:
+            self._pull.forget()
+            self._line = None
+            steps = [Step("close"), Step("grip", CLOSED), Step("take")]
+        elif state == table.RETREAT:
+            steps = self._retreating(signal)
+        elif state == table.PUT_DOWN:
+            steps = self._putting_down()
+        self._steps = steps
+        self._goals = []
+
+    def _forget_object(self, signal: str) -> None:
+        if signal == "blocked" and self._taken is not None:
+            self._reaches.drop(self._taken)
+        self.fingers, self._taken = OPEN, None
+
+    def _fetching(self) -> list[Step]:
+        reach = self._reach_at_place()
+        if reach is None:
+            raise BadInput(
+                "the object's place is out of the robot's reach; give another "
+                "T_base_place, or another grasp T_tool_object"
+            )
+        self._T_tool_object = reach.T_tool_object
+        above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
+        up = Step("line", reach.q_before)
+        return [above, at, Step("grip", CLOSED), up, Step("take")]
+
+    def _putting_down(self) -> list[Step]:
+        """Above its place the object is let go of in the map: it touches its table."""
+        reach = self._reach_at_place()
+        self._placeless = reach is None
+        if reach is None:  # it is kept
+            return [Step("goal", [self._rest])]
+        return [
+            Step("goal", [reach.q_before]),
+            Step("let"),
+            Step("line", reach.q),
+            Step("grip", OPEN),
+            Step("line", reach.q_before),
+        ]
+
+    def _reach_at_place(self) -> Reach | None:
+        """Return how the object is grasped in its place; with what it is held by."""
+        if self._T_place is None:
+            return None
+        seed = self.executor.set_point.q
+        held = self._T_tool_object if self.holding else None
+        grasps = self._reaches.T_tool_object if held is None else held[None]
+        s = self.settings
+        look = Reaches(self.planner, self.targets.finder.index, grasps, s.back)
+        look.begin(self._T_place, seed)
+        while not look.over and not look.found:
+            look.work()
+        return look.found[0] if look.found else None
+
+    def _retreating(self, signal: str) -> list[Step]:
+        """Back along the tool's axis from what was let go of or taken, then to rest."""
+        rest = Step("goal", [self._rest])
+        beside = signal in ("open", "free", "late", "missed")
+        if signal in ("open", "lost", "late") and self.holding:
+            self._let_go()
+        if not self.holding:
+            self.fingers = OPEN
+        if not beside:
+            return [rest]
+        self.view.phase = "give" if self.holding else "receive"
+        q = self.executor.set_point.q
+        back = None
+        if self._taken is not None and not self._give:
+            near = np.abs(difference(self.planner.robot, q, self._taken.q)).max()
+            back = self._taken.q_before if near < 0.5 else None
+        if back is None:
+            T = tool_pose(self.planner.robot, q)
+            back = straight_back(self.planner, T, q, self.settings.back)
+        return [rest] if back is None else [Step("back", back), rest]
+
+    def _plan(self, seen: _Seen, q: np.ndarray) -> object:
+        """Answer the frame, as the step asks for it."""
+        step = self._step
+        if self._begun is None:
+            self._begun = seen.frame.now
+        if step.kind == "targets":
+            return self._pursue(seen, q)
+        if step.kind == "reach":
+            return self._go_to_object(seen, q)
+        if step.kind == "goal":
+            return self._go(seen, q, step.value)
+        if step.kind in ("line", "back"):
+            return self._follow(seen, q, step.value)
+        if step.kind == "close":
+            return self._close_in(seen, q)
+        if step.kind == "grip":
+            self.fingers = step.value
+            sensed = seen.frame.holds if step.value == CLOSED else seen.frame.opened
+            if sensed:
+                self._next()
+        return self._stand(seen, q)
+
+    def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
+        """Go to the best target; they are ranked in every third frame."""
+        targets = self.targets
+        self._frames += 1
+        if self._frames % _RANKED == 1 or not targets.counts["set_goals"]:
+            targets.look(seen.frame.human, q)
+        answer = self._step_planner(seen, q)
+        targets.note(answer, q)
+        return answer
+
+    def _change_hands(self) -> None:
+        """Take the object into the map or out of it, between two frames."""
+        if self._step.kind == "take":
+            self._take()
+            self._next()
+        elif self._step.kind == "let":
+            self._let_go()
+            self._next()
+
+    def _let_go(self) -> None:
+        self.planner.detach()
+        self.holding = False
+        self._pull.forget()
+
+    def _next(self) -> None:
+        """Begin the next step."""
+        self._at, self._begun = self._at + 1, None
+        self._goals = []
+        self._clock["blocked"] = 0.0
+        self.executor.new_goal()
+
+    def _take(self) -> None:
+        """Have the object in the hand, in the map, too."""
+        if self._taken is not None and not self._give:
+            self._T_tool_object = self._taken.T_tool_object
+        self.planner.attach(self._carried, self._T_tool_object)
+        self.holding = True
+        self._pull.forget()
+        self.view.phase = "give" if self.state == table.CLOSE else None
+
+    def _step_planner(self, seen: _Seen, q: np.ndarray) -> object:
+        """Let the planner see the frame, without what may be touched, and answer."""
+        now = seen.frame.now
+        return self.planner.step(self._to_avoid(seen), q=q, stamp=now, now=now)
+
+    def _to_avoid(self, seen: _Seen) -> Obstacles:
+        """Return the shapes that may not be touched by anything in this phase."""
+        if self.view.phase is None or not (seen.classes != AVOID).any():
+            return seen.there
+        return Obstacles(capsules=seen.there.capsules[seen.classes == AVOID])
+
+    def _go(self, seen: _Seen, q: np.ndarray, goals: list[np.ndarray]) -> object:
+        """Go to the first goal that is free."""
+        self._set_goals(goals)
+        answer = self._step_planner(seen, q)
+        if self.state not in (table.APPROACH, table.WAIT):
+            here = self.executor.set_point.q
+            off = [np.abs(difference(self.planner.robot, here, g)).max() for g in goals]
+            if self.executor.at_rest and min(off) < _ARRIVED:
+                self._next()
+        return answer
+
+    def _set_goals(self, goals: list[np.ndarray]) -> None:
+        """Set the planner's goals where they are others now."""
+        same = len(goals) == len(self._goals)
+        if not same or any(a is not b for a, b in zip(goals, self._goals, strict=True)):
+            valid = [g for g in goals if is_valid(self.planner, g)]
+            if valid:
+                self.planner.set_goals(valid)
+            self._goals = list(goals)
+
+    def _follow(self, seen: _Seen, q: np.ndarray, q_end: np.ndarray) -> object:
+        """Go straight to q_end, if that is certified now by the rules of the phase."""
+        self._step_planner(seen, q)
+        here = self.executor.set_point.q
+        off = np.abs(difference(self.planner.robot, here, q_end)).max()
+        if self.executor.at_rest and off < _ARRIVED:
+            if self._step.kind == "back":
+                self.view.phase = None
+            self._next()
+            return _holding("")
+        if not self.view.line_free(q, q_end, seen.there):
+            if self._step.kind == "back" and "blocked" in self._signalled:
+                self.view.phase = None  # another way: the planner's
+                self._next()
+            return _holding("the straight motion is not free now")
+        return SimpleNamespace(status="following", path=np.array([q, q_end]), reason="")
+
+    def _stand(self, seen: _Seen, q: np.ndarray) -> object:
+        """Stand still; it may still get out of the way of the rest of the person."""
+        self._step_planner(seen, q)
+        return _holding("")
+
+    # --- to what is held out ------------------------------------------------------
+
+    def _go_to_object(self, seen: _Seen, q: np.ndarray) -> object:
+        """Go before the object, or to rest while it is out of reach."""
+        s, T = self.settings, seen.frame.T_base_object
+        reaches = self._reaches
+        if T is None:
+            return self._go(seen, q, [self._rest])
+        slow = seen.object_speed < 4.0 * s.still_speed
+        if self._object_moved(T) and slow and self.state == table.APPROACH:
+            reaches.begin(T, q)
+            self._taken = None
+        reaches.work()
+        found = sorted(reaches.found, key=lambda r: self._far(q, r.q_before))
+        if not found:
+            return self._go(seen, q, [self._rest])
+        answer = self._go(seen, q, [r.q_before for r in found])
+        goal = getattr(answer, "goal", None)
+        if goal is not None and 0 <= goal < len(found):
+            self._taken = found[goal]
+        return answer
+
+    def _far(self, q: np.ndarray, other: np.ndarray) -> float:
+        """Return how far a configuration is, in steps: small changes do not count."""
+        off = np.abs(difference(self.planner.robot, q, other)).max()
+        return round(2.0 * float(off)) / 2.0
+
+    def _close_in(self, seen: _Seen, q: np.ndarray) -> object:
+        """Go straight to the object, where it is now; the pads may touch it."""
+        self.view.phase = "receive"
+        T, reach = seen.frame.T_base_object, self._taken
+        if T is None or reach is None:
+            return _holding("the object is not seen")
+        line = self._line
+        if line is None or np.linalg.norm(T[:3, 3] - line[0]) > _TRACKED:
+            q_end = self._reaches.moved_to(reach, T)
+            self._line = None if q_end is None else (T[:3, 3].copy(), q_end)
+        if self._line is None:
+            return _holding("the object is out of reach of the straight motion")
+        return self._follow(seen, q, self._line[1])
+
+
+def _holding(reason: str) -> SimpleNamespace:
+    nowhere = np.zeros((0, 0))
+    return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
+
+
+def _check_pads(planner: ReactivePlanner) -> None:
+    """Refuse a planner whose finger pads could not let go of anything."""
+    pads, own = planner.settings.finger_pads, gripper_links(planner.robot)
+    if not pads or not set(pads) <= own:
+        raise BadInput(
+            f"the planner's finger pads are {sorted(pads)}, but must be some of the "
+            f"links that the tool carries: {', '.join(sorted(own))}; name those that "
+            "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _only(threat: Threat, these: np.ndarray) -> Threat:
+    """Return some of the parts of a threat."""
+    drift = None if threat.drift is None else threat.drift[these]
+    return replace(
+        threat,
+        capsules=threat.capsules[these],
+        velocity=threat.velocity[these],
+        error=threat.error[these],
+        drift=drift,
+    )
+
+
+def _gap(hand: np.ndarray, obj: np.ndarray) -> float:
+    """Return the distance of hand and object, both (k, 7) capsules [m]."""
+    return min(capsule_gap(a, b) for a in hand for b in obj)

@@ -1,0 +1,195 @@
+"""The states of a hand-over, and what leads from one to the next, as one table.
+
+`docs/story.md` draws its diagrams from `GIVE` and `RECEIVE`; a test holds that they
+agree. The machine knows nothing of robots: each frame it is told which signals hold,
+and takes the first row of its state whose signal does.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from roadmap.errors import BadInput
+
+FETCH, APPROACH, PRESENT, WAIT = "fetch", "approach", "present", "wait"
+RELEASE, CLOSE, RETREAT, PUT_DOWN = "release", "close", "retreat", "put_down"
+DONE, KEPT, LOST = "done", "kept", "lost"
+ENDS = DONE, KEPT, LOST
+DIRECTIONS = "give", "receive"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way from a state.
+
+    Attributes:
+        state: Where it begins.
+        signal: What must hold in a frame; see `SIGNALS`.
+        then: Where it leads.
+        reason: What happened, as a person says it.
+        failure: Whether that is something that went wrong.
+    """
+
+    state: str
+    signal: str
+    then: str
+    reason: str
+    failure: bool = False
+
+
+SIGNALS = {
+    "lost": "the fingers should hold the object and do not",
+    "pulled": "the wrist felt a pull that lasted",
+    "slack": "nobody pulls any more",
+    "arrived": "the robot stands where it wants to be",
+    "moved": "the place to go to is another one now",
+    "left": "no place in reach has been left for a while",
+    "near": "the person's hand is at the object",
+    "gone": "the hand went away again",
+    "steady": "the object has been held still",
+    "held": "the fingers hold the object",
+    "free": "the fingers hold the object, and the person does not hold on to it",
+    "missed": "the fingers are closed on nothing",
+    "open": "the fingers are open",
+    "away": "the robot is back, out of the way",
+    "away_holding": "the robot is back, the object in its hand",
+    "placed": "the object stands in its place",
+    "no_place": "the robot is at rest, and knows no place for the object",
+    "blocked": "no certified motion has led on for a while",
+    "late": "the state has lasted longer than its time limit",
+}
+
+GIVE = (
+    Row(FETCH, "held", APPROACH, "the object is in the hand"),
+    Row(FETCH, "missed", RETREAT, "there was nothing to grasp", True),
+    Row(FETCH, "late", RETREAT, "the object could not be fetched in time", True),
+    Row(APPROACH, "lost", RETREAT, "the object was dropped on the way", True),
+    Row(APPROACH, "pulled", WAIT, "somebody pulls on the way: it stands", True),
+    Row(APPROACH, "arrived", PRESENT, "at the best place in reach"),
+    Row(APPROACH, "late", PUT_DOWN, "nobody came within reach in time", True),
+    Row(PRESENT, "lost", RETREAT, "the object was dropped", True),
+    Row(PRESENT, "near", WAIT, "the hand is there: it stands"),
+    Row(PRESENT, "pulled", WAIT, "somebody pulls: it stands"),
+    Row(PRESENT, "left", APPROACH, "the person left", True),
+    Row(PRESENT, "moved", APPROACH, "the person moved: it follows"),
+    Row(PRESENT, "late", PUT_DOWN, "nobody took the object in time", True),
+    Row(WAIT, "lost", RETREAT, "the object is gone without a release", True),
+    Row(WAIT, "pulled", RELEASE, "the pull lasted: it lets go"),
+    Row(WAIT, "gone", PRESENT, "the hand went away again"),
+    Row(WAIT, "late", PUT_DOWN, "the hand never pulled", True),
+    Row(RELEASE, "open", RETREAT, "the person has the object"),
+    Row(RELEASE, "slack", WAIT, "the hand let go too early: it holds on", True),
+    Row(RETREAT, "away", DONE, "it is back"),
+    Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
+    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
+    Row(PUT_DOWN, "placed", RETREAT, "the object is back in its place"),
+    Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
+)
+
+RECEIVE = (
+    Row(APPROACH, "arrived", WAIT, "before the object"),
+    Row(APPROACH, "late", RETREAT, "nothing was held out in reach in time", True),
+    Row(WAIT, "left", APPROACH, "the person left", True),
+    Row(WAIT, "moved", APPROACH, "the object moved: it follows"),
+    Row(WAIT, "steady", CLOSE, "the object is held still"),
+    Row(WAIT, "late", RETREAT, "the object never came to rest", True),
+    Row(CLOSE, "missed", RETREAT, "the hand let go too early", True),
+    Row(CLOSE, "free", RETREAT, "the object is in the robot's hand"),
+    Row(CLOSE, "moved", APPROACH, "the object was drawn back: it follows", True),
+    Row(CLOSE, "blocked", APPROACH, "the object is blocked: another way", True),
+    Row(CLOSE, "late", RETREAT, "the person holds on: it lets go", True),
+    Row(RETREAT, "lost", RETREAT, "the object was dropped", True),
+    Row(RETREAT, "away_holding", PUT_DOWN, "back with the object"),
+    Row(RETREAT, "away", DONE, "it is back"),
+    Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way", True),
+    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
+    Row(PUT_DOWN, "placed", RETREAT, "the object stands in its place"),
+    Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
+)
+TABLES: Mapping[str, tuple[Row, ...]] = {"give": GIVE, "receive": RECEIVE}
+
+
+@dataclass(frozen=True)
+class StoryEvent:
+    """What happened.
+
+    Attributes:
+        time_s: When [s].
+        state: The state it led to.
+        signal: What led there.
+        reason: The same as a person says it.
+        failure: Whether something went wrong.
+    """
+
+    time_s: float
+    state: str
+    signal: str
+    reason: str
+    failure: bool = False
+
+
+class Machine:
+    """Goes through a table.
+
+    Args:
+        rows: The table.
+        state: Where it begins.
+
+    Attributes:
+        state: Where it is.
+        since: When it came there [s].
+        reason: Why, as a person says it.
+        events: All that happened.
+
+    Raises:
+        BadInput: No row begins at the state.
+    """
+
+    def __init__(self, rows: tuple[Row, ...], state: str) -> None:
+        """Begin."""
+        self.rows, self.state, self.since = rows, state, 0.0
+        self.reason = ""
+        self.events: list[StoryEvent] = []
+        if state not in {row.state for row in rows}:
+            raise BadInput(
+                f"no hand-over begins at {state!r}; choose one of "
+                f"{', '.join(dict.fromkeys(row.state for row in rows))}"
+            )
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing follows."""
+        return self.state in ENDS
+
+    def step(self, signals: Collection[str], now: float) -> Row | None:
+        """Take the first row that begins here and whose signal holds; return it.
+
+        Args:
+            signals: Names of what holds in this frame.
+            now: The time [s].
+        """
+        for row in self.rows:
+            if row.state == self.state and row.signal in signals:
+                self.state, self.since, self.reason = row.then, now, row.reason
+                told = (now, row.then, row.signal, row.reason, row.failure)
+                self.events.append(StoryEvent(*told))
+                return row
+        return None
+
+
+def diagram(rows: tuple[Row, ...]) -> str:
+    """Return a table as a state diagram in the language of Mermaid."""
+    lines = ["stateDiagram-v2", f"    [*] --> {rows[0].state}"]
+    for row in rows:
+        mark = " (!)" if row.failure else ""
+        lines.append(f"    {row.state} --> {row.then}: {row.signal}{mark}")
+    ends = [end for end in ENDS if any(row.then == end for row in rows)]
+    return "\n".join([*lines, *(f"    {end} --> [*]" for end in ends)])
+
+
+def as_markdown(rows: tuple[Row, ...]) -> str:
+    """Return a table for the docs: from, when, to, what happened."""
+    lines = ["| in | when | then | what happened |", "|---|---|---|---|"]
+    for row in rows:
+        text = f"**{row.reason}**" if row.failure else row.reason
+        lines.append(f"| {row.state} | {SIGNALS[row.signal]} | {row.then} | {text} |")
+    return "\n".join(lines)

@@ -1,0 +1,374 @@
+"""The person of a hand-over, scripted: reaches, pulls, holds out, lets go, withdraws.
+
+Unlike the blind scripts of `sim.people` this person sees what the robot holds out, or
+whether it has grasped. Nothing else of the robot: nobody steps aside for it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handover.human.body import Part
+from handover.human.human import Human
+from handover.meet.held_object import HeldObject
+from sim.people.arm_path import minimum_jerk
+from sim.story.distance import ball_gaps
+
+ARMS = {
+    "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),
+    "left": (Part.LEFT_HAND, Part.LEFT_FOREARM, Part.LEFT_UPPER_ARM),
+}
+SLOWEST = 0.25  # [s] no reach is quicker
+_TRIES = 0.15  # [s] between two attempts to find joints for a grasp
+_MOVED = 0.04  # [m] the hand's aim is chosen anew when the object has moved by this
+_BACK = 0.15  # [m] a hand is drawn back from what was handed over
+_LOOKED_AT = 40  # grasps that are looked at in one attempt, nearest first
+_KEEPS = 0.0  # [m] from the cover, which is 2 cm thicker than the robot
+_AT = 0.004  # [rad] an arm is there
+
+
+@dataclass(frozen=True)
+class PartnerTraits:
+    """How somebody behaves, drawn for each run.
+
+    Attributes:
+        hand_speed: Peak of the hand's speed [m/s].
+        delay_s: From seeing that it is time to moving [s].
+        pull: Force of the pull [N]; 0: never pulls.
+        pull_ramp: How quickly it grows [N/s].
+        bump: Of the first touch [N], for 40 ms.
+        noise: Of the wrist's sensor, one sigma [N].
+        tremble: Amplitude of the joints' tremor [rad].
+        withdraws_at: Share of the reach at which the hand is drawn back once; 0: not.
+        withdrawn_s: For how long it stays back [s].
+        leaves_s: When the person walks off [s]; infinite: not.
+        drops_s: When somebody knocks the object out of the fingers [s]; infinite: not.
+        lets_go: "when held", "early" or "never", of what is given to the robot.
+        slack_s: A receiver stops pulling as the fingers begin to open, for so long [s].
+        pulls_early: Whether a receiver grabs the object while the robot still moves.
+    """
+
+    hand_speed: float = 0.7
+    delay_s: float = 0.4
+    pull: float = 10.0
+    pull_ramp: float = 25.0
+    bump: float = 25.0
+    noise: float = 0.4
+    tremble: float = 0.003
+    withdraws_at: float = 0.0
+    withdrawn_s: float = 1.5
+    leaves_s: float = np.inf
+    drops_s: float = np.inf
+    lets_go: str = "when held"
+    slack_s: float = 0.0
+    pulls_early: bool = False
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "PartnerTraits":
+        """Return traits as people have them: hands up to 1 m/s, some withdraw once."""
+        withdraws = rng.uniform(0.3, 0.9) if rng.uniform() < 0.25 else 0.0
+        return cls(
+            hand_speed=rng.uniform(0.3, 1.0),
+            delay_s=rng.uniform(0.2, 0.8),
+            pull=rng.uniform(7.0, 20.0),
+            pull_ramp=rng.uniform(15.0, 40.0),
+            bump=rng.uniform(0.0, 40.0),
+            noise=rng.uniform(0.1, 0.6),
+            tremble=rng.uniform(0.0, 0.005),
+            withdraws_at=withdraws,
+            withdrawn_s=rng.uniform(0.5, 2.0),
+        )
+
+
+class Partner:
+    """A standing person whose one arm takes part; one `step` a frame.
+
+    Args:
+        body: Who stands there, arms at rest; base frame.
+        side: The arm that takes part.
+        obj: What is handed over.
+        traits: See PartnerTraits.
+        gives: Whether the person has the object, and gives it.
+        arm_q: (7,) joints with which a giver holds it out.
+        grasp: (4, 4) T_object_hand of a giver.
+
+    Attributes:
+        human: The person now.
+        holds: Whether the person's hand holds the object.
+        pull: The force of the person on the object now [N].
+        balls: (n, 4) the robot as the person sees it: centres and radii [m].
+    """
+
+    def __init__(
+        self,
+        body: Human,
+        side: str,
+        obj: HeldObject,
+        traits: PartnerTraits,
+        gives: bool = False,
+        arm_q: np.ndarray | None = None,
+        grasp: np.ndarray | None = None,
+    ) -> None:
+        """Stand with hanging arms."""
+        self.body, self.side, self.obj, self.traits = body, side, obj, traits
+        self.gives, self.holds, self.pull = gives, gives, 0.0
+        self.grasp = np.array(obj.hand_grasps[0] if grasp is None else grasp)
+        self._rest = np.array(body.arms[side])
+        self._offered = self._rest if arm_q is None else np.array(arm_q)
+        self.arm = np.array(self._rest)
+        self.balls = np.zeros((0, 4))
+        self.human = body
+        self._leg = (0.0, 0.0, self._rest, self._rest)  # begin, end [s], from, to
+        self._then: np.ndarray | None = None  # (7,) where the arm goes next
+        self._aim: np.ndarray | None = None  # (3,) object's place the reach is for
+        self._next_try, self._ready = 0.0, np.inf
+        self._back_until: float | None = None
+        self._touched, self._slack_from = np.inf, np.inf
+        self._done = False
+        self._walked = 0.0
+
+    @property
+    def bump_at(self) -> float:
+        """When the hand first touched the object [s]; infinite: not yet."""
+        return self._touched
+
+    @property
+    def T_world_object(self) -> np.ndarray:
+        """(4, 4) the object in the person's hand [m]."""
+        return self.human.T_world_hand(self.side) @ np.linalg.inv(self.grasp)
+
+    def step(
+        self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool
+    ) -> Human:
+        """Move on to a moment and return the person; `balls` are where the robot is.
+
+        Args:
+            now: The time [s].
+            T_object: (4, 4) where the object is [m].
+            offered: Whether the robot stands and holds the object out.
+            fingers: What the robot's fingers do: "open" or "closed".
+            held: Whether the robot's fingers hold the object.
+        """
+        t = self.traits
+        if now >= t.leaves_s:
+            self._walk(now)
+        elif self.gives:
+            self._give(now, fingers, held)
+        else:
+            self._receive(now, T_object, offered, fingers, held)
+        if now >= self._leg[1] and self._then is not None:
+            then, self._then = self._then, None
+            self._go(now, then)
+        begin, end, a, b = self._leg
+        share = 1.0 if now >= end else (now - begin) / (end - begin)
+        self.arm = a + minimum_jerk(max(0.0, share)) * (b - a)
+        shake = t.tremble * np.sin(2.0 * np.pi * 5.0 * now + np.arange(7))
+        still = self.holds and held  # what both hold does not tremble
+        self.human = self.body.with_arm(self.side, self.arm + (0 if still else shake))
+        return self.human
+
+    # --- what it does -------------------------------------------------------------
+
+    def _receive(self, now, T_object, offered, fingers, held) -> None:
+        t = self.traits
+        if self._done:
+            return
+        if self.holds:  # both hold it, until the robot lets go
+            self._pulling(now, fingers)
+            if not held:
+                self._done, self.pull = True, 0.0
+                self._withdraw(now)
+            return
+        if self._back_until is not None:
+            if now < self._back_until:
+                return
+            self._back_until, self._ready = None, now
+        if not (offered or t.pulls_early):
+            self._ready = np.inf
+            if self._aim is not None:
+                self._aim = None
+                self._go(now, self._rest)
+            return
+        self._ready = min(self._ready, now + t.delay_s)
+        if now < self._ready:
+            return
+        aim = T_object[:3, 3]
+        if self._aim is None or np.linalg.norm(aim - self._aim) > _MOVED:
+            self._reach(now, T_object)
+        begin, end, _, target = self._leg
+        if self._aim is None:
+            return
+        if t.withdraws_at and now - begin > t.withdraws_at * (end - begin):
+            self.traits = replace(t, withdraws_at=0.0)  # once
+            self._aim, self._back_until = None, now + t.withdrawn_s
+            self._go(now, self._rest)
+            return
+        there = now >= end and self._then is None
+        if there and np.abs(self.arm - target).max() < _AT:
+            self.holds, self._touched = True, now
+            self._pulling(now, fingers)
+
+    def _pulling(self, now: float, fingers: str) -> None:
+        t = self.traits
+        if t.slack_s and fingers == "open" and self._slack_from == np.inf:
+            self._slack_from = now
+        passed = now - self._touched
+        self.pull = min(t.pull, max(0.0, (passed - 0.3) * t.pull_ramp))
+        if self._slack_from <= now < self._slack_from + t.slack_s:
+            self.pull = 0.0
+
+    def _give(self, now: float, fingers: str, held: bool) -> None:
+        t = self.traits
+        if self._done:
+            return
+        if self._ready == np.inf:
+            self._ready = now + t.delay_s
+        if self._aim is None and now >= self._ready and self._back_until is None:
+            self._aim = np.zeros(3)
+            self._go(now, self._offered)
+        begin, end, *_ = self._leg
+        if self._aim is not None and t.withdraws_at and now > end + t.withdraws_at:
+            self.traits = replace(t, withdraws_at=0.0)
+            self._aim, self._back_until = None, now + t.withdrawn_s
+            self._go(now, self._rest)
+        if self._back_until is not None and now >= self._back_until:
+            self._back_until = None
+        if t.lets_go == "early" and fingers == "closed" and not held and self.holds:
+            self._let_go(now)
+        if held and self.holds:
+            if self._touched == np.inf:
+                self._touched = now
+            self.pull = 1.5  # a hand that holds on weighs a little
+            if t.lets_go == "never":
+                self.pull = 8.0
+            elif now > self._touched + t.delay_s:
+                self._let_go(now)
+
+    def _let_go(self, now: float) -> None:
+        self.holds, self._done, self.pull = False, True, 0.0
+        self._withdraw(now)
+
+    def _withdraw(self, now: float) -> None:
+        """Draw the hand back to the body, then let the arm hang."""
+        before = self._drawn_back(self.human.T_world_hand(self.side), self.arm)
+        if before is None:
+            self._go(now, self._rest)
+            return
+        self._go(now, before)
+        self._then = self._rest
+
+    def _drawn_back(self, T_world_hand: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+        """Return (7,) near q with the hand drawn back to the shoulder; None: none."""
+        T = np.array(T_world_hand)
+        back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
+        T[:3, 3] += _BACK * back / np.linalg.norm(back)
+        found = self.body.arm_ik(self.side, T).q
+        if not len(found):
+            return None
+        return np.array(found[np.abs(found - q).max(axis=1).argmin()])
+
+    def _reach(self, now: float, T_object: np.ndarray) -> None:
+        """Aim the hand at a grasp of the object: the nearest one, round the robot."""
+        if now < self._next_try:
+            return
+        self._next_try = now + _TRIES
+        found = []
+        for grasp in self.obj.hand_grasps:
+            for q in self.body.arm_ik(self.side, T_object @ grasp).q:
+                found.append((float(np.abs(q - self.arm).max()), np.array(q), grasp))
+        found.sort(key=lambda one: one[0])
+        for _, q, grasp in found[:_LOOKED_AT]:
+            before = self._drawn_back(T_object @ grasp, q)
+            legs = [q] if before is None else [before, q]
+            if not self._passes(legs):
+                continue
+            self._aim, self.grasp = T_object[:3, 3].copy(), np.array(grasp)
+            self._go(now, legs[0])  # round what holds the object, from one's own side
+            self._then = q if len(legs) > 1 else None
+            return
+
+    def _passes(self, legs: list[np.ndarray]) -> bool:
+        """Whether the arm keeps off the robot, as it stands, on its way."""
+        begin = self.arm
+        for q in legs:
+            for share in np.linspace(0.1, 1.0, 10):
+                there = self.body.with_arm(self.side, begin + share * (q - begin))
+                rows = there.capsules()[np.isin(there.labels, ARMS[self.side])]
+                if len(self.balls) and ball_gaps(self.balls, rows).min() < _KEEPS:
+                    return False
+            begin = q
+        return True
+
+    def _go(self, now: float, q: np.ndarray) -> None:
+        """Move the arm so that the hand's speed has the peak that was drawn."""
+        steps = self.arm + np.linspace(0.0, 1.0, 9)[:, None] * (q - self.arm)
+        hands = [
+            self.body.with_arm(self.side, s).T_world_hand(self.side)[:3, 3]
+            for s in steps
+        ]
+        length = np.linalg.norm(np.diff(hands, axis=0), axis=1)
+        fastest = 8.0 * length.max(initial=0.0)  # of a motion that takes one second
+        took = max(SLOWEST, 1.875 * fastest / self.traits.hand_speed)
+        self._then = None
+        self._leg = now, now + took, np.array(self.arm), np.array(q)
+
+    def _walk(self, now: float) -> None:
+        """Walk backwards, away from the robot, the arm at rest."""
+        if self._walked == 0.0:
+            self._go(now, self._rest)
+        step = 0.006  # [m] a frame
+        self._walked += step
+        self.pull, self._done = 0.0, True
+        if not self.gives:
+            self.holds = False
+        T = self.body.T_world_pelvis.copy()
+        if self._walked < 2.0:
+            T[:3, 3] -= step * T[:3, 0]
+            self.body = self.body.moved(T)
+
+
+class RecordedPartner:
+    """Somebody out of a recording, who does not know of the robot.
+
+    Where the recorded hand comes near to what is held out, it takes it and pulls.
+
+    Args:
+        person: With `human(t)`, a `sim.people.whole_person.RecordedPerson`.
+        side: The hand.
+        obj: What is handed over.
+        traits: How it pulls.
+
+    Attributes:
+        human, holds, pull, bump_at: As of `Partner`.
+    """
+
+    NEAR = 0.08  # [m] from the hand to the middle of the object
+
+    def __init__(
+        self, person: object, side: str, obj: HeldObject, traits: PartnerTraits
+    ) -> None:
+        """Stand as at the beginning."""
+        self.person, self.side, self.obj, self.traits = person, side, obj, traits
+        self.human = person.human(0.0)
+        self.holds, self.pull, self.bump_at = False, 0.0, np.inf
+        self._T_hand_object = np.eye(4)
+
+    @property
+    def T_world_object(self) -> np.ndarray:
+        """(4, 4) the object in the person's hand [m]."""
+        return self.human.T_world_hand(self.side) @ self._T_hand_object
+
+    def step(
+        self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool
+    ) -> Human:
+        """Move on to a moment and return the person; see `Partner.step`."""
+        self.human = self.person.human(now)
+        T = self.human.T_world_hand(self.side)
+        if not self.holds and offered:
+            if np.linalg.norm(T[:3, 3] - T_object[:3, 3]) < self.NEAR:
+                self.holds, self.bump_at = True, now
+        if self.holds and held:
+            self._T_hand_object = np.linalg.inv(T) @ T_object
+            grown = (now - self.bump_at - 0.3) * self.traits.pull_ramp
+            self.pull = min(self.traits.pull, max(0.0, grown))
+        return self.human

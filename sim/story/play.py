@@ -1,0 +1,388 @@
+"""A hand-over played: partner, fingers, wrist and exact audit, frame by frame."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from handover.human.body import Part
+from handover.human.human import Human
+from odm.cell_map.payload import carried_object
+from odm.execution.executor import ExecutionSettings, Executor
+from roadmap.kinematics.forward import sphere_centers, tool_pose
+from sim.loop.loop import exact_audit
+from sim.story import machine as table
+from sim.story.cases import StoryCase, StorySetup, in_reach
+from sim.story.distance import ball_gaps, capsule_gap
+from sim.story.grasping import box_of
+from sim.story.handover import CLOSED, Command, Handover, StoryFrame
+from sim.story.machine import StoryEvent
+from sim.story.partner import Partner
+from sim.story.phase import PhasePlanner
+from sim.story.settings import StorySettings
+from sim.story.wrist import PlainWrist, Wrist, person_force
+
+SPEED = 0.7  # share of the joints' speed limits that the robot uses
+RATE = 100.0  # frames per second
+CLOSING_S = 0.25  # [s] of the fingers, from open to closed
+_LOOSE = 0.4  # share of that at which they do not hold any more
+_BETWEEN = 0.025  # [m] an object so near to where it is grasped is between the fingers
+_EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked for
+
+
+@dataclass(frozen=True, eq=False)
+class StoryMoment:
+    """One frame of a run.
+
+    Attributes:
+        now: Time [s].
+        q, dq: (dof,) the set-point.
+        capsules: (k, 7) the person [m].
+        state, reason: Of the story.
+        fingers: How far they are open, 0 to 1.
+        holding: Whether the robot counts the object as its own.
+        T_object: (4, 4) where it is; None: it has fallen.
+        separation: Of robot and person, without the object [m].
+        pace: What the executor does.
+        status: Of the planner's answer.
+        cpu_s: Computing time of the frame [s].
+        force: What the pull detector feels [N].
+        frame: What the story was given.
+    """
+
+    now: float
+    q: np.ndarray
+    dq: np.ndarray
+    capsules: np.ndarray
+    state: str
+    reason: str
+    fingers: float
+    holding: bool
+    T_object: np.ndarray | None
+    separation: float
+    pace: str
+    status: str
+    cpu_s: float
+    force: float
+    frame: StoryFrame
+
+
+@dataclass
+class StoryResult:
+    """What came of a run.
+
+    Attributes:
+        case: Who stood where.
+        in_reach: Whether the hand-over was in reach, as told before.
+        state, outcome: How it ended.
+        events: All that happened.
+        handed_s: When the object changed hands [s]; None: it did not.
+        ended_s: When it was over [s]; None: the time was up.
+        contacts: Frames in which robot and person touched, the object apart.
+        object_contacts: Frames in which the object in the robot's hand touched
+            something else than the arm that takes part.
+        closest: Smallest separation [m].
+        stops, path_changes: How often.
+        fastest_near: Fastest point of the robot within 0.3 m of the person [m/s].
+        cpu_s: Of each frame [s].
+    """
+
+    case: StoryCase
+    in_reach: bool
+    state: str = ""
+    outcome: str = ""
+    reason: str = ""
+    events: list[StoryEvent] = field(default_factory=list)
+    handed_s: float | None = None
+    ended_s: float | None = None
+    contacts: int = 0
+    object_contacts: int = 0
+    closest: float = np.inf
+    stops: int = 0
+    path_changes: int = 0
+    fastest_near: float = 0.0
+    cpu_s: list[float] = field(default_factory=list)
+
+    @property
+    def handed_over(self) -> bool:
+        """Whether the object is where it was to go, in time."""
+        return self.handed_s is not None
+
+
+class Fingers:
+    """A gripper of two fingers, simulated.
+
+    Attributes:
+        share: How far they are open, 0 to 1.
+        T_tool_object: (4, 4) how they hold an object; None: they hold nothing.
+    """
+
+    def __init__(self, share: float, T_tool_object: np.ndarray | None) -> None:
+        """Be so far open."""
+        self.share, self.T_tool_object = share, T_tool_object
+
+    def step(self, asked: str, dt: float, T_tool_object: np.ndarray | None, grasps):
+        """Move; grasp what is between them, or let go.
+
+        Args:
+            asked: "open" or "closed".
+            dt: Time that passes [s].
+            T_tool_object: (4, 4) where the object is, seen from the tool; None: gone.
+            grasps: (n, 4, 4) where it would have to be, to be held.
+        """
+        step = dt / CLOSING_S
+        if asked == CLOSED:
+            least = 0.15 if self.T_tool_object is not None else 0.0
+            self.share = max(least, self.share - step)
+            if self.T_tool_object is None and self.share <= 0.15 < self.share + step:
+                self.T_tool_object = _between(T_tool_object, grasps)
+        else:
+            self.share = min(1.0, self.share + step)
+            if self.share > _LOOSE:
+                self.T_tool_object = None
+
+
+def _between(T: np.ndarray | None, grasps: np.ndarray) -> np.ndarray | None:
+    """Return how an object is held that is about where a grasp wants it, or None."""
+    if T is None:
+        return None
+    far = np.linalg.norm(grasps[:, :3, 3] - T[:3, 3], axis=1)
+    return np.array(T) if far.min() < _BETWEEN else None
+
+
+class StoryPlay:
+    """One run that goes on frame by frame.
+
+    Args:
+        setup: What all runs share.
+        case: Who stands where.
+        settings: Of the story; its direction is the case's.
+        wrist: The sensor; None: the forces added up.
+        partner: Who hands over; None: the scripted one.
+        fetch: Whether a giver first takes the object from its place.
+    """
+
+    def __init__(
+        self,
+        setup: StorySetup,
+        case: StoryCase,
+        settings: StorySettings | None = None,
+        wrist: Wrist | None = None,
+        partner: Partner | None = None,
+        fetch: bool = False,
+    ) -> None:
+        """Put the robot at rest."""
+        self.setup, self.case = setup, case
+        give = case.direction == "give"
+        settings = settings or StorySettings(direction=case.direction)
+        self.known = in_reach(setup, case) if partner is None else None
+        self.partner = partner or _partner(setup, case, self.known)
+        holds = give and not fetch
+        T = np.array(setup.obj.T_tool_object) if holds else None
+        self.fingers = Fingers(0.15 if holds else 1.0, T)
+        self.story = new_story(setup, settings, self.partner.human, fetch)
+        planner = self.planner = self.story.planner
+        self.wrist = wrist or PlainWrist(setup.obj)
+        self._rng = np.random.default_rng([case.seed, 77])
+        self._T_object = np.array(setup.T_place) if fetch else None
+        self._audit = exact_audit(setup.cell_map.robot)
+        self.index, self.result = 0, StoryResult(case, self.known is not None)
+        self._centers = sphere_centers(planner.robot, setup.rest)
+        self._stood, self._fell = True, False
+
+    def step(self) -> StoryMoment:
+        """Go on by one frame."""
+        now, story = self.index / RATE, self.story
+        partner, fingers = self.partner, self.fingers
+        q = np.array(story.executor.set_point.q)
+        T_tool = tool_pose(self.planner.robot, q)
+        T_object = self._object(T_tool)
+        offered = story.state in (table.PRESENT, table.WAIT, table.RELEASE)
+        held = fingers.T_tool_object is not None
+        seen = T_object if T_object is not None else T_tool
+        balls = self.planner.robot.spheres[:, 3]
+        partner.balls = np.column_stack([self._centers, balls])
+        human = partner.step(now, seen, offered and held, story.fingers, held)
+        T_object = self._object(T_tool)
+        frame = self._frame(now, T_tool, T_object, human)
+        busy = time.thread_time()
+        command = story.update(frame)
+        cpu = time.thread_time() - busy
+        T_tool_object = None if T_object is None else np.linalg.inv(T_tool) @ T_object
+        self._move_fingers(command, now, T_tool_object)
+        moment = self._moment(now, q, T_object, frame, cpu)
+        self._note(moment)
+        self.index += 1
+        return moment
+
+    def _frame(self, now, T_tool, T_object, human) -> StoryFrame:
+        """Return what the story is told: what its sensors would say."""
+        case, partner, fingers = self.case, self.partner, self.fingers
+        held = fingers.T_tool_object is not None
+        force = np.zeros(3)
+        if held and partner.holds:
+            t, since = case.traits, now - partner.bump_at
+            force = person_force(T_tool, partner.pull, since, t.bump)
+        mass = self.setup.obj.mass_kg if held else 0.0
+        wrench = self.wrist.wrench(T_tool, mass, force)
+        wrench = wrench + self._rng.normal(0.0, case.traits.noise, 6)
+        opened = fingers.share >= 1.0 - 1e-9
+        return StoryFrame(now, human, wrench, opened, held, T_object)
+
+    def _object(self, T_tool: np.ndarray) -> np.ndarray | None:
+        """Return where the object is; None: it lies on the floor."""
+        fingers, partner = self.fingers, self.partner
+        if fingers.T_tool_object is not None:
+            return T_tool @ fingers.T_tool_object
+        if partner.holds:
+            return partner.T_world_object
+        return self._T_object
+
+    def _move_fingers(self, command: Command, now: float, T_tool_object) -> None:
+        """Move them; what nobody holds any more falls, or stands in its place."""
+        fingers, partner, setup = self.fingers, self.partner, self.setup
+        held = fingers.T_tool_object is not None
+        grasps = self.story.grasps
+        fingers.step(command.fingers, 1.0 / RATE, T_tool_object, grasps)
+        if held and now >= self.case.traits.drops_s and not self._fell:
+            fingers.T_tool_object, self._fell = None, True
+            partner.holds = False
+        if fingers.T_tool_object is None and held and not partner.holds:
+            self._T_object = None
+            T = setup.T_place
+            if T is not None and T_tool_object is not None and not self._fell:
+                q = self.story.executor.set_point.q
+                at = tool_pose(self.planner.robot, q) @ T_tool_object
+                if np.linalg.norm(at[:3, 3] - T[:3, 3]) < 0.02:
+                    self._T_object = np.array(T)
+        elif fingers.T_tool_object is not None:
+            self._T_object = None
+
+    def _moment(self, now, q, T_object, frame, cpu) -> StoryMoment:
+        story, executor = self.story, self.story.executor
+        capsules = frame.human.capsules()
+        return StoryMoment(
+            now=now,
+            q=q,
+            dq=np.array(executor.set_point.dq),
+            capsules=capsules,
+            state=story.state,
+            reason=story.reason if story.answer.status == "holding" else "",
+            fingers=self.fingers.share,
+            holding=story.holding,
+            T_object=T_object,
+            separation=self._separation(q, capsules),
+            pace=executor.state,
+            status=story.answer.status,
+            cpu_s=cpu,
+            force=story.force,
+            frame=frame,
+        )
+
+    def _separation(self, q: np.ndarray, capsules: np.ndarray) -> float:
+        """Return the distance of robot and person: exact where they are near [m]."""
+        robot = self.planner.robot
+        centers, radii = sphere_centers(robot, q), robot.spheres[:, 3]
+        moving = robot.moving
+        balls = np.column_stack([centers, radii])[moving]
+        gap = float(ball_gaps(balls, capsules).min())
+        return self._audit(q, capsules) if gap < _EXACT else gap
+
+    def _note(self, moment: StoryMoment) -> None:
+        """Add a frame to the result."""
+        result, story = self.result, self.story
+        result.cpu_s.append(moment.cpu_s)
+        result.closest = min(result.closest, moment.separation)
+        result.contacts += moment.separation <= 0.0
+        if moment.holding and moment.T_object is not None:
+            result.object_contacts += self._object_touches(moment)
+        centers = sphere_centers(self.planner.robot, moment.q)
+        speed = np.linalg.norm(centers - self._centers, axis=1).max() * RATE
+        self._centers = centers
+        if moment.separation < 0.3:
+            result.fastest_near = max(result.fastest_near, float(speed))
+        stands = moment.pace == "braked"
+        result.stops += stands and not self._stood
+        self._stood = stands
+        result.path_changes += moment.status == "replanned"
+        handed = table.RELEASE if self.case.direction == "give" else table.CLOSE
+        if result.handed_s is None and self.index:
+            last = story.events[-1] if story.events else None
+            passed = last is not None and last.state == table.RETREAT
+            if passed and last.signal in ("open", "free") and handed:
+                result.handed_s = last.time_s
+        if story.ended and result.ended_s is None:
+            result.ended_s = moment.now
+        result.state, result.outcome = story.state, story.outcome
+        result.reason, result.events = story.reason, story.events
+
+    def _object_touches(self, moment: StoryMoment) -> bool:
+        arm = {"right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM)}
+        arm["left"] = (Part.LEFT_HAND, Part.LEFT_FOREARM)
+        others = ~np.isin(moment.frame.human.labels, arm[self.setup.side])
+        T = moment.T_object
+        for row in self.setup.obj.capsules:
+            rod = row.copy()
+            rod[:3] = T[:3, :3] @ row[:3] + T[:3, 3]
+            rod[3:6] = T[:3, :3] @ row[3:6] + T[:3, 3]
+            if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
+                return True
+        return False
+
+
+def new_story(
+    setup: StorySetup, settings: StorySettings, human: Human, fetch: bool = False
+) -> Handover:
+    """Return a story whose robot stands at rest.
+
+    Args:
+        setup: What all runs share.
+        settings: Of the story.
+        human: The person at the beginning.
+        fetch: Whether a giver first takes the object from its place.
+    """
+    planner, give = setup.planner(), settings.direction == "give"
+    if give and not fetch:
+        carried = carried_object(box_of(setup.obj))
+        planner.attach(carried, setup.obj.T_tool_object)
+    executor = Executor(
+        planner.robot,
+        PhasePlanner(planner),
+        setup.rest,
+        1.0 / RATE,
+        ExecutionSettings(speed_scale=SPEED, min_retreat_separation=0.005),
+    )
+    targets = setup.targets(planner, human)
+    T_place = setup.T_place if fetch or not give else None
+    return Handover(planner, targets, executor, settings, None, T_place)
+
+
+def play(
+    run: StoryPlay,
+    seconds: float,
+    hear: Callable[[StoryMoment], None] | None = None,
+) -> StoryResult:
+    """Play a run to its end, or until its time is up."""
+    while run.index < seconds * RATE and not run.story.ended:
+        moment = run.step()
+        if hear is not None:
+            hear(moment)
+    return run.result
+
+
+def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
+    """Return the scripted person; a giver holds out where it is in reach, if it is."""
+    body = case.body()
+    if case.direction == "give":
+        return Partner(body, setup.side, setup.obj, case.traits)
+    if known is None:
+        best = setup.meet(body).best(1)
+        target = best[0] if best else None
+    else:
+        target = known.target
+    if target is None:
+        return Partner(body, setup.side, setup.obj, case.traits, gives=True)
+    grasp = setup.obj.hand_grasps[target.grasp]
+    told = (setup.obj, case.traits, True, target.arm_q, grasp)
+    return Partner(body, setup.side, *told)

@@ -1,0 +1,121 @@
+"""Whether somebody pulls at what the robot holds, from the force at its wrist.
+
+A force-torque sensor at a wrist feels the weight of hand and object, which turns with
+the hand, what the robot's own motion adds, noise, and bumps. A person who takes an
+object pulls: for some tenths of a second, with some newtons. So the force counts
+against a *rest force* that follows it slowly while nobody pulls, and a pull counts when
+the mean over `window_s` has been above `force` for `hold_s`. A bump of 30 N that lasts
+40 ms raises the mean of 100 ms for little more than 100 ms, which is less than
+`hold_s` asks for.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from roadmap.ranges import check_settings
+
+
+@dataclass(frozen=True)
+class PullSettings:
+    """What counts as a pull.
+
+    Attributes:
+        force: Least force that counts, beyond the force at rest [N]. 4 N is what the
+            mean over a window of 10 frames with noise of 1 N (one sigma, each axis)
+            does not reach, and a fraction of what people pull with.
+        hold_s: It must last so long [s]. Less: quicker, and a shove is taken for a
+            pull.
+        window_s: The force is averaged over this [s].
+        rest_s: Time constant with which the force at rest follows [s].
+    """
+
+    force: float = 4.0
+    hold_s: float = 0.2
+    window_s: float = 0.1
+    rest_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        ranges = {
+            "force": (0.01, 1000.0, "N"),
+            "hold_s": (0.01, 10.0, "s"),
+            "window_s": (0.001, 10.0, "s"),
+            "rest_s": (0.01, 100.0, "s"),
+        }
+        check_settings(self, ranges)
+
+
+class PullDetector:
+    """Tells a pull that lasts from noise and bumps.
+
+    Args:
+        settings: See PullSettings.
+
+    Attributes:
+        force: Of the last frame, beyond the force at rest, averaged [N].
+        lasted: For how long it has been above the threshold [s].
+    """
+
+    def __init__(self, settings: PullSettings | None = None) -> None:
+        """Feel nothing yet."""
+        self.settings = settings or PullSettings()
+        self._recent: deque[tuple[float, np.ndarray]] = deque()
+        self._rest: np.ndarray | None = None
+        self.force, self.lasted = 0.0, 0.0
+
+    @property
+    def pulls(self) -> bool:
+        """Whether there is a force above the threshold now."""
+        return self.lasted > 0.0
+
+    @property
+    def pulled(self) -> bool:
+        """Whether it has lasted."""
+        return self.lasted >= self.settings.hold_s - 1e-9
+
+    def forget(self) -> None:
+        """Take the next force for that at rest: the hand holds something else now."""
+        self._recent.clear()
+        self._rest, self.force, self.lasted = None, 0.0, 0.0
+
+    def restart(self) -> None:
+        """Ask for a new pull, as long as the first; the force at rest stays."""
+        self.lasted = 0.0
+
+    def feel(self, wrench: np.ndarray, dt: float, moving: bool = False) -> None:
+        """Take one measurement.
+
+        Args:
+            wrench: (6,) force [N] and torque [N m] at the wrist, in any frame that is
+                the same from call to call. What is not finite is no pull: a sensor
+                that fails never opens the hand.
+            dt: Time since the one before [s].
+            moving: Whether the robot moves: what its own motion adds is no pull
+                unless it is three times as strong.
+        """
+        wrench = np.asarray(wrench, float)
+        if wrench.shape != (6,) or not np.isfinite(wrench).all():
+            self.force, self.lasted = 0.0, 0.0
+            return
+        s = self.settings
+        self._recent.append((dt, wrench[:3].copy()))
+        kept = sum(passed for passed, _ in self._recent)
+        while len(self._recent) > 1 and kept - self._recent[0][0] >= s.window_s - 1e-9:
+            kept -= self._recent.popleft()[0]
+        mean = np.mean([force for _, force in self._recent], axis=0)
+        if self._rest is None:
+            self._rest = mean
+        off = mean - self._rest
+        self.force = float(np.linalg.norm(off))
+        if self.force >= s.force * (3.0 if moving else 1.0):
+            self.lasted += dt
+            return
+        self.lasted = 0.0
+        follows = min(1.0, dt / (0.1 * s.rest_s if moving else s.rest_s))
+        self._rest = self._rest + follows * off

@@ -1,0 +1,253 @@
+"""A hand-over recorded and played again: what was seen and felt, and what it did."""
+
+import hashlib
+from dataclasses import asdict
+
+import numpy as np
+
+from handover.human.human import Human
+from handover.human.human_arm import SIDES
+from handover.human.skeleton import Skeleton
+from roadmap.errors import BadInput
+from sim.loop.run_result import STATUS, holds_of
+from sim.record.check import BadRecord
+from sim.record.recorder import PACES, versions
+from sim.record.run_record import STORY, RunRecord
+from sim.story.cases import StorySetup
+from sim.story.handover import Handover, StoryFrame
+from sim.story.machine import TABLES
+from sim.story.play import RATE, StoryMoment, StoryPlay
+from sim.story.settings import StorySettings
+
+_FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
+
+
+class StoryRecorder:
+    """Takes the moments of a run.
+
+    Args:
+        run: The run; not begun.
+    """
+
+    def __init__(self, run: StoryPlay) -> None:
+        """Hold nothing yet."""
+        self.run, self.moments = run, []
+
+    def add(self, moment: StoryMoment) -> None:
+        """Take a moment."""
+        self.moments.append(moment)
+
+    def record(self) -> RunRecord:
+        """Return the recording, as `sim.record` writes it and `odm view` shows it.
+
+        Raises:
+            BadInput: There is no moment yet.
+        """
+        if not self.moments:
+            raise BadInput("no frame was run, so there is nothing to record")
+        run, setup = self.run, self.run.setup
+        arrays = self._arrays()
+        robot = setup.cell_map.robot
+        arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
+        head = self._head() | {"outcome": self._outcome(arrays)}
+        made = RunRecord(head, arrays)
+        head["outcome"]["trajectory_sha256"] = made.result().fingerprint()
+        head["outcome"]["story_sha256"] = fingerprint(
+            arrays["q"], arrays["story.state"]
+        )
+        head["outcome"]["story"] = [asdict(e) for e in run.story.events]
+        return made
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        moments, obj = self.moments, self.run.setup.obj
+        n, names = len(moments), _states(self.run.case.direction)
+        rows = []
+        for m in moments:
+            thing = np.tile(_FAR, (len(obj.capsules), 1))
+            if m.T_object is not None:
+                thing = _moved(obj.capsules, m.T_object)
+            rows.append(np.vstack([m.capsules, thing]))
+        humans = [m.frame.human for m in moments]
+        nowhere = np.full((4, 4), np.nan)
+        places = [m.frame.T_base_object for m in moments]
+        q = np.array([m.q for m in moments])
+        dq = np.array([m.dq for m in moments])
+        return {
+            "time_s": np.arange(n) / RATE,
+            "places": np.array([self.run.setup.rest] * 2),
+            "capsules": np.array(rows),
+            "status": np.array([STATUS.index(m.status) for m in moments], np.uint8),
+            "place": np.zeros(n, np.int32),
+            "pace": np.array([PACES.index(m.pace) for m in moments], np.uint8),
+            "escape": np.zeros(n, np.uint8),
+            "q": q,
+            "dq": dq,
+            "ddq": np.zeros_like(q),
+            "separation": np.array([m.separation for m in moments]),
+            "joint_speed": np.abs(dq).max(axis=1),
+            "point_speed": np.zeros(n),
+            "story.state": np.array([names.index(m.state) for m in moments], np.uint8),
+            "story.fingers": np.array([m.fingers for m in moments]),
+            "story.holding": np.array([m.holding for m in moments], np.uint8),
+            "story.pelvis": np.array([h.T_world_pelvis for h in humans]),
+            "story.bend": np.array([h.bend for h in humans]),
+            "story.arms": np.array([[h.arms[s] for s in SIDES] for h in humans]),
+            "story.gaze": np.array([h.gaze for h in humans]),
+            "story.wrench": np.array([m.frame.wrench for m in moments]),
+            "story.sensed": np.array(
+                [[m.frame.opened, m.frame.holds] for m in moments], np.uint8
+            ),
+            "story.object": np.array([nowhere if T is None else T for T in places]),
+        }
+
+    def _head(self) -> dict:
+        run, setup = self.run, self.run.setup
+        cell_map, case, story = setup.cell_map, run.case, run.story
+        human = self.moments[0].frame.human
+        executor = story.executor.settings
+        told = {
+            "direction": case.direction,
+            "fetch": story.fetches,
+            "states": _states(case.direction),
+            "reach": setup.reach.hash,
+            "settings": asdict(story.settings),
+            "object": setup.obj.name,
+            "person": {
+                "height": human.height,
+                "posture": human.posture,
+                "mass": human.mass,
+                "thickness": human.thickness,
+                "side": setup.side,
+            },
+        }
+        return {
+            "kind": "odm demo handover",
+            "format": STORY,
+            "frames": len(self.moments),
+            "motion": {"name": f"hand-over, {case.direction}", "notes": []}
+            | {"max_speed": case.traits.hand_speed},
+            "settings": {"rate_hz": RATE, "seed": case.seed}
+            | {"speed_scale": executor.speed_scale},
+            "planner": {"settings": asdict(run.planner.settings)},
+            "map": {
+                "name": cell_map.recipe.name,
+                "hash": cell_map.hash,
+                "recipe": cell_map.recipe.for_map(),
+            },
+            "robot": cell_map.robot.meta(),
+            "status_names": list(STATUS),
+            "pace_names": list(PACES),
+            "story": told,
+            "versions": versions(),
+        }
+
+    def _outcome(self, arrays: dict[str, np.ndarray]) -> dict:
+        told = [f"{m.state}: {m.reason}" for m in self.moments]
+        holds = holds_of(
+            arrays["status"], arrays["joint_speed"], told.__getitem__, RATE
+        )
+        return {
+            "trips": int(self.run.result.handed_over),
+            "path_changes": self.run.result.path_changes,
+            "holds": [asdict(h) | {"later": []} for h in holds],
+            "slow": [],
+        }
+
+
+def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[str]]:
+    """Let a new story see and feel what was recorded; return q (F, dof) and states.
+
+    Args:
+        record: The recording.
+        setup: Of its map and reach map.
+
+    Raises:
+        BadRecord: The map or the reach map is another one.
+    """
+    told, arrays = record.head["story"], record.arrays
+    for what, ours, its in (
+        ("map", setup.cell_map.hash, record.head["map"]["hash"]),
+        ("reach map", setup.reach.hash, told["reach"]),
+    ):
+        if ours != its:
+            raise BadRecord(
+                f"the hand-over was recorded with the {what} {its[:12]}, but this is "
+                f"{ours[:12]}; give the one it was recorded with"
+            )
+    person = Human(
+        told["person"]["height"],
+        told["person"]["posture"],
+        mass=told["person"]["mass"],
+        thickness=told["person"]["thickness"],
+        skeleton=Skeleton.of_height(told["person"]["height"]),
+    )
+    story = story_of(setup, told, _human(person, arrays, 0))
+    rows, states, names = [], [], told["states"]
+    for i in range(record.frames):
+        rows.append(np.array(story.executor.set_point.q))
+        T = arrays["story.object"][i]
+        opened, holds = arrays["story.sensed"][i].astype(bool).tolist()
+        story.update(
+            StoryFrame(
+                float(arrays["time_s"][i]),
+                _human(person, arrays, i),
+                arrays["story.wrench"][i],
+                opened,
+                holds,
+                None if np.isnan(T).any() else T,
+            )
+        )
+        states.append(story.state)
+    assert set(states) <= set(names)
+    return np.array(rows), states
+
+
+def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
+    """Return the story of a recording, before its first frame."""
+    from odm.execution.speed_limit import SpeedSettings
+    from sim.story.play import new_story
+    from sim.story.pull import PullSettings
+
+    known = dict(told["settings"])
+    known["pull"] = PullSettings(**known["pull"])
+    known["speed"] = SpeedSettings(**known["speed"])
+    return new_story(setup, StorySettings(**known), human, told["fetch"])
+
+
+def same(record: RunRecord, q: np.ndarray, states: list[str]) -> bool:
+    """Whether a replay is the recorded run, byte by byte."""
+    names = record.head["story"]["states"]
+    codes = np.array([names.index(s) for s in states], np.uint8)
+    return fingerprint(q, codes) == record.head["outcome"]["story_sha256"]
+
+
+def fingerprint(q: np.ndarray, states: np.ndarray) -> str:
+    """Return a SHA-256 over what the robot did and which states it was in."""
+    digest = hashlib.sha256(np.ascontiguousarray(q, np.float64).tobytes())
+    digest.update(np.ascontiguousarray(states, np.uint8).tobytes())
+    return digest.hexdigest()
+
+
+def _states(direction: str) -> list[str]:
+    rows = TABLES[direction]
+    return list(dict.fromkeys([r.state for r in rows] + [r.then for r in rows]))
+
+
+def _human(person: Human, arrays: dict[str, np.ndarray], i: int) -> Human:
+    from dataclasses import replace
+
+    arms = dict(zip(SIDES, arrays["story.arms"][i], strict=True))
+    return replace(
+        person,
+        T_world_pelvis=arrays["story.pelvis"][i],
+        bend=arrays["story.bend"][i],
+        arms=arms,
+        gaze=arrays["story.gaze"][i],
+    )
+
+
+def _moved(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:
+    rows = np.array(capsules)
+    for at in (slice(0, 3), slice(3, 6)):
+        rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
+    return rows

@@ -1,0 +1,78 @@
+"""What `odm demo` is asked for, and the hand-over as it plays it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim.terminal.checks import FILM, PICTURES, SECONDS, Writes
+from sim.terminal.flags import Json, Seed, Threads, argument, flag
+
+WORK, HANDOVER = "work", "handover"
+
+
+@dataclass(frozen=True)
+class DemoRequest:
+    """What `odm demo` is asked for."""
+
+    story: str = argument(
+        WORK,
+        "work: between two places beside an arm; handover: gives or takes a wrench.",
+        metavar="work|handover",
+    )
+    out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
+    seconds: float = flag(30.0, "Simulated time in s.", limits=SECONDS)
+    threads: Threads = 0
+    direction: str | None = flag(
+        None, "Who gives: the robot (give) or the person.", metavar="give|receive"
+    )
+    human: str | None = flag(
+        None,
+        "Who moves the person (handover): a script that reaches and pulls, or a "
+        "recording (--file).",
+        metavar="scripted|mocap",
+    )
+    file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
+    seed: Seed = 0
+    reach: Path | None = flag(
+        None, "Reach map of the robot (handover); built if left.", metavar="DIR"
+    )
+    map_dir: Path | None = flag(
+        None, "A map's folder (handover); built if left.", "--map", metavar="MAP"
+    )
+    record: Path | None = flag(
+        None,
+        "Write the hand-over; `odm replay` repeats it, `odm view` shows it.",
+        metavar="NPZ",
+        writes=Writes((".npz",), "recording"),
+    )
+    film: Path | None = flag(
+        None, "Write the hand-over as a film.", metavar="GIF", writes=FILM
+    )
+    json: Json = None
+
+    def __post_init__(self) -> None:
+        """Refuse options that do not go together, before any work."""
+        from roadmap.errors import BadInput
+
+        trouble = self._trouble()
+        if trouble:
+            raise BadInput(trouble)
+
+    def _trouble(self) -> str:
+        if self.story not in (WORK, HANDOVER):
+            return f"there is no demo {self.story!r}; choose {WORK} or {HANDOVER}"
+        only = ("direction", "human", "file", "reach", "map_dir", "record", "film")
+        if self.story == WORK:
+            given = [n for n in only if getattr(self, n) is not None]
+            if given:
+                word = given[0].replace("map_dir", "map")
+                return f"--{word} goes with `odm demo handover`; leave it out"
+            return ""
+        if self.direction not in (None, "give", "receive"):
+            return f"--direction is {self.direction!r}: choose give or receive"
+        if self.human not in (None, "scripted", "mocap"):
+            return f"--human is {self.human!r}: choose scripted or mocap"
+        if (self.human == "mocap") != (self.file is not None):
+            return "--human mocap and --file F go together; give both or neither"
+        if self.human == "mocap" and self.direction == "receive":
+            return "a recorded person takes, and cannot give: leave --direction out"
+        return ""

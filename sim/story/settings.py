@@ -1,0 +1,68 @@
+"""Settings of a hand-over: distances, patience, the way back."""
+
+from dataclasses import dataclass, field
+
+from odm.execution.speed_limit import SpeedSettings
+from roadmap.errors import BadInput
+from roadmap.ranges import check_settings
+from sim.story.machine import DIRECTIONS
+from sim.story.pull import PullSettings
+
+
+@dataclass(frozen=True)
+class StorySettings:
+    """How a hand-over goes; all times are of the frames' clock.
+
+    Attributes:
+        direction: "give" or "receive".
+        near: The receiving hand is there when it is so near to the object [m].
+        gone: It has gone away again when it is farther than this [m].
+        back: Length of the straight motions to an object and away from it [m].
+        follow: The robot follows an object that has moved by this [m].
+        still_speed: An object slower than this is held still [m/s].
+        steady_s: ... for so long, before the robot closes in [s].
+        leave_s: Without a place in reach for so long, the person has left [s].
+        blocked_s: Without a certified motion for so long, another way is taken [s].
+        grip_s: After so long the fingers have closed on the object or on nothing [s].
+        wait_s: Patience in any state beside the person, and for the place [s].
+        fetch_s: For fetching the object [s].
+        slow: Whether the speed near the person follows `speed`.
+        pull: What counts as a pull at the wrist.
+        speed: Terms of speed and separation.
+    """
+
+    direction: str = "give"
+    near: float = 0.25
+    gone: float = 0.40
+    back: float = 0.10
+    follow: float = 0.02
+    still_speed: float = 0.10
+    steady_s: float = 0.15
+    leave_s: float = 1.0
+    blocked_s: float = 1.5
+    grip_s: float = 0.6
+    wait_s: float = 15.0
+    fetch_s: float = 20.0
+    slow: bool = True
+    pull: PullSettings = field(default_factory=PullSettings)
+    speed: SpeedSettings = field(default_factory=SpeedSettings)
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range, or a direction that is none.
+        """
+        if self.direction not in DIRECTIONS:
+            raise BadInput(
+                f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
+            )
+        lengths = ("near", "gone", "back", "follow")
+        times = ("steady_s", "leave_s", "blocked_s", "grip_s", "wait_s", "fetch_s")
+        ranges = {name: (0.001, 2.0, "m") for name in lengths}
+        ranges |= {name: (0.001, 3600.0, "s") for name in times}
+        check_settings(self, ranges | {"still_speed": (0.001, 10.0, "m/s")})
+        if self.gone < self.near:
+            raise BadInput(
+                f"gone is {self.gone} m, nearer than near, {self.near} m; give more"
+            )

@@ -1,0 +1,150 @@
+"""`odm demo handover`: plays one hand-over, tells what happened, writes it down."""
+
+from collections.abc import Callable
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from handover import ReachMap
+from odm import CellMap
+from sim.draw.world import SimulatorMissing
+from sim.loop.run_result import percentiles
+from sim.people.mocap import load_mocap
+from sim.people.whole_person import RecordedPerson
+from sim.record import write_record
+from sim.run.demo import open_world
+from sim.story.cases import StoryCase, StorySetup, setup_of
+from sim.story.film import write_story_film
+from sim.story.machine import StoryEvent
+from sim.story.partner import PartnerTraits, RecordedPartner
+from sim.story.play import StoryPlay, StoryResult, play
+from sim.story.record import StoryRecorder
+from sim.story.request import DemoRequest
+from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
+from sim.tables.header import header
+from sim.terminal.output import stdout_to_stderr
+
+FILM = "handover.gif"
+
+
+def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
+    """Play a hand-over, print what happened, and write what was asked for.
+
+    Args:
+        request: What was asked for.
+        cell_map: The map, of a robot with fingers.
+        reach: Its reach map.
+
+    Returns:
+        Plain data: what came of it, times, figures, files.
+    """
+    quiet = request.json == "-"
+    say: Callable[[str], None] = (lambda text: None) if quiet else print
+    setup = setup_of(cell_map, reach)
+    wrist, note = wrist_of(setup)
+    run = _run_of(request, setup, wrist)
+    say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
+    recorder, told = StoryRecorder(run), 0
+
+    def hear(moment: object) -> None:
+        nonlocal told
+        recorder.add(moment)
+        for event in run.story.events[told:]:
+            say(line_of(event))
+        told = len(run.story.events)
+
+    play(StoryPlay(setup, run.case), 1.0)  # so that everything is compiled
+    result = play(run, request.seconds, hear)
+    wrist.close()
+    record = recorder.record()
+    files = []
+    if request.record is not None:
+        files.append(write_record(record, request.record))
+    film = request.film or request.out / FILM
+    with stdout_to_stderr():  # pybullet greets and warns on stdout
+        world, _ = open_world(cell_map)
+    with world:
+        film.parent.mkdir(parents=True, exist_ok=True)
+        files.append(write_story_film(record, cell_map.robot, world, film))
+    found = figures_of(result) | {
+        "files": [str(f) for f in files],
+        "header": header(cell_map),
+        "story_sha256": record.head["outcome"]["story_sha256"],
+    }
+    say(summary_of(result))
+    for file in files:
+        say(str(file))
+    return found
+
+
+def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:
+    """Return pybullet's wrist where there is one, and a sentence that says which."""
+    try:
+        with stdout_to_stderr():
+            return SimulatedWrist(setup.obj), "reaction forces of pybullet at the wrist"
+    except SimulatorMissing:
+        return PlainWrist(setup.obj), "forces at the wrist are added up (no pybullet)"
+
+
+def _run_of(request: DemoRequest, setup: StorySetup, wrist: Wrist) -> StoryPlay:
+    direction = request.direction or "give"
+    if request.human == "mocap":
+        person = RecordedPerson(load_mocap(request.file))
+        traits = PartnerTraits()
+        case = StoryCase(direction, request.seed, traits=traits)
+        partner = RecordedPartner(person, setup.side, setup.obj, traits)
+        return StoryPlay(setup, case, wrist=wrist, partner=partner, fetch=True)
+    case = StoryCase.drawn(direction, request.seed)
+    case = replace(case, distance=0.95, bearing=0.2 * case.bearing)
+    return StoryPlay(setup, case, wrist=wrist, fetch=direction == "give")
+
+
+def line_of(event: StoryEvent) -> str:
+    """Return an event as a line to read."""
+    mark = " (!)" if event.failure else ""
+    return f"{event.time_s:7.2f} s  {event.state:<9} {event.reason}{mark}"
+
+
+def summary_of(result: StoryResult) -> str:
+    """Return what came of a run in three lines."""
+    cpu = {k: f"{1e3 * v:.2f}" for k, v in percentiles(np.array(result.cpu_s)).items()}
+    when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
+    return (
+        f"{result.outcome or result.state}{when}; {result.contacts} contacts, "
+        f"separation at least {100 * result.closest:.1f} cm\n"
+        f"stops {result.stops}, new paths {result.path_changes}, "
+        f"within 30 cm of the person at most {result.fastest_near:.2f} m/s\n"
+        f"a frame, CPU ms: " + ", ".join(f"{k} {v}" for k, v in cpu.items())
+    )
+
+
+def figures_of(result: StoryResult) -> dict:
+    """Return what came of a run as plain data."""
+    case = result.case
+    return {
+        "direction": case.direction,
+        "seed": case.seed,
+        "distance_m": case.distance,
+        "bearing_deg": float(np.degrees(case.bearing)),
+        "height_m": case.height,
+        "traits": {k: _plain(v) for k, v in asdict(case.traits).items()},
+        "in_reach": result.in_reach,
+        "handed_over": result.handed_over,
+        "handed_s": result.handed_s,
+        "ended_s": result.ended_s,
+        "state": result.state,
+        "outcome": result.outcome,
+        "reason": result.reason,
+        "events": [asdict(event) for event in result.events],
+        "contacts": int(result.contacts),
+        "object_contacts": int(result.object_contacts),
+        "closest_m": float(result.closest),
+        "stops": int(result.stops),
+        "path_changes": int(result.path_changes),
+        "fastest_near_m_s": float(result.fastest_near),
+        "cpu_s": percentiles(np.array(result.cpu_s)),
+    }
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,97 @@
+"""The table of a hand-over: whole, without traps, and drawn in the docs as it is."""
+
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+from roadmap.errors import BadInput
+from sim.story import machine as m
+from sim.story.machine import ENDS, SIGNALS, TABLES, Machine
+
+DOC = (Path(__file__).parents[3] / "docs" / "story.md").read_text(encoding="utf-8")
+BOTH = pytest.mark.parametrize("direction", list(TABLES))
+
+
+def walk(direction, signals, state=None):
+    """Return the states that a row of signals, one a frame, leads through."""
+    machine = Machine(TABLES[direction], state or TABLES[direction][0].state)
+    states = []
+    for k, signal in enumerate(signals):
+        machine.step({signal}, 0.1 * k)
+        states.append(machine.state)
+    return states, machine
+
+
+@BOTH
+def test_every_signal_is_known_and_every_state_leads_to_an_end(direction):
+    rows = TABLES[direction]
+    assert {row.signal for row in rows} <= set(SIGNALS)
+    graph = nx.DiGraph([(row.state, row.then) for row in rows])
+    for state in {row.state for row in rows}:
+        assert any(nx.has_path(graph, state, end) for end in ENDS if end in graph)
+        assert nx.has_path(graph, rows[0].state, state)
+
+
+@BOTH
+def test_no_state_beside_a_person_lasts_for_ever(direction):
+    waits = {row.state for row in TABLES[direction]} - {m.RELEASE, m.RETREAT}
+    timed = {row.state for row in TABLES[direction] if row.signal == "late"}
+    assert waits <= timed
+
+
+@BOTH
+def test_the_docs_draw_this_very_table(direction):
+    assert m.diagram(TABLES[direction]) in DOC
+    assert m.as_markdown(TABLES[direction]) in DOC
+
+
+def test_a_thing_is_given():
+    signals = ["held", "arrived", "near", "pulled", "open", "away"]
+    states, machine = walk("give", signals)
+    wanted = [m.APPROACH, m.PRESENT, m.WAIT, m.RELEASE, m.RETREAT, m.DONE]
+    assert states == wanted and machine.ended
+    assert not any(event.failure for event in machine.events)
+
+
+def test_a_thing_is_taken_and_put_down():
+    signals = ["arrived", "steady", "free", "away_holding", "placed", "away"]
+    states, machine = walk("receive", signals)
+    wanted = [m.WAIT, m.CLOSE, m.RETREAT, m.PUT_DOWN, m.RETREAT, m.DONE]
+    assert states == wanted and machine.ended
+
+
+FAILURES = [  # what goes wrong, and the way back
+    ("give", m.APPROACH, ["lost", "away"], [m.RETREAT, m.DONE]),
+    ("give", m.WAIT, ["lost", "away"], [m.RETREAT, m.DONE]),
+    ("give", m.PRESENT, ["left", "arrived"], [m.APPROACH, m.PRESENT]),
+    ("give", m.APPROACH, ["pulled", "pulled", "open"], [m.WAIT, m.RELEASE, m.RETREAT]),
+    ("give", m.WAIT, ["late", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
+    ("give", m.RELEASE, ["slack", "pulled"], [m.WAIT, m.RELEASE]),
+    ("give", m.PUT_DOWN, ["late"], [m.KEPT]),
+    ("receive", m.CLOSE, ["missed", "away"], [m.RETREAT, m.DONE]),
+    ("receive", m.CLOSE, ["blocked", "arrived"], [m.APPROACH, m.WAIT]),
+    ("receive", m.CLOSE, ["late", "away"], [m.RETREAT, m.DONE]),
+    ("receive", m.WAIT, ["left", "late", "away"], [m.APPROACH, m.RETREAT, m.DONE]),
+    ("receive", m.PUT_DOWN, ["lost", "away"], [m.RETREAT, m.DONE]),
+]
+
+
+@pytest.mark.parametrize(("direction", "begin", "signals", "states"), FAILURES)
+def test_what_goes_wrong_has_its_way_back(direction, begin, signals, states):
+    found, machine = walk(direction, signals, begin)
+    assert found == states
+    first = machine.events[0]
+    assert first.failure and first.reason
+
+
+def test_the_first_row_that_holds_is_taken():
+    machine = Machine(TABLES["give"], m.WAIT)
+    machine.step({"late", "pulled", "lost"}, 1.0)  # a lost thing is not released
+    assert machine.state == m.RETREAT and machine.since == 1.0
+    assert machine.step(set(), 2.0) is None and machine.state == m.RETREAT
+
+
+def test_a_beginning_that_is_none_is_refused_with_those_that_are():
+    with pytest.raises(BadInput, match="'nap'.*choose one of fetch, approach"):
+        Machine(TABLES["give"], "nap")

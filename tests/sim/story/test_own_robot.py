@@ -1,0 +1,178 @@
+"""Hand-overs of a robot of your own, on small maps: the example, and what fails."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import handover
+import odm
+import sim
+from handover.targets.node_index import NodeIndex
+from odm.execution.executor import Executor
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
+
+FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
+FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def maps(meet_maps):
+    cell_map = odm.load_map(meet_maps[0])
+    index = NodeIndex(cell_map.robot, cell_map.roadmap.nodes)
+    return cell_map, handover.load_reach_map(meet_maps[1]), index
+
+
+def story_of(maps, direction="give", pads=("flange",), **settings):
+    """Return a story, its person and what it is about, before the first frame."""
+    cell_map, reach, index = maps
+    planner = odm.ReactivePlanner(
+        cell_map, settings=odm.PlannerSettings(finger_pads=pads)
+    )
+    human = handover.Human().placed(0.9, 0.0, np.pi)
+    human = human.moved(
+        pose_of((0.0, 0.0, -0.75), (0.0, 0.0, 0.0)) @ human.T_world_pelvis
+    )
+    obj = handover.wrench()
+    obj = obj.held_by(pose_of((0.0, 0.0, 0.05), (0.0, 0.0, 0.0)) @ obj.T_tool_object)
+    grid = handover.MeetSettings(cell=0.2, rotations=72)
+    meet = handover.InteractionWorkspace(reach, human, obj, 4, grid)
+    targets = handover.LiveTargets(planner, meet, None, index)
+    tools = index.T_base_tool[:, :3, 3]
+    q = np.array(index.nodes[np.abs(tools - [0.2, 0.0, 0.6]).sum(axis=1).argmin()])
+    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, 0.01)
+    settings = sim.StorySettings(direction=direction, **settings)
+    return sim.Handover(planner, targets, executor, settings), human
+
+
+def tell(story, seconds, look):
+    """Run a story; `look(story, now, opened, closed)` returns the frame."""
+    since, fingers = 0.0, story.fingers
+    for k in range(int(100 * seconds)):
+        now = 0.01 * k
+        if story.fingers != fingers:
+            since, fingers = now, story.fingers
+        done = now - since >= 0.15 or not k
+        opened, closed = done and fingers == "open", done and fingers == "closed"
+        story.update(look(story, now, opened, closed))
+        if story.ended:
+            break
+    return [event.state for event in story.events]
+
+
+def pulled(force):
+    return np.array([force, 0.0, -2.5, 0.0, 0.0, 0.0])
+
+
+def test_a_robot_of_your_own_hands_over(maps, capsys):
+    (file,) = FOLDER.glob("07_*.py")
+    story = runpy.run_path(str(file))["main"](*maps[:2])
+    assert story.outcome == "handed over"
+    states = [event.state for event in story.events]
+    assert states[-1] == "done" and "release" in states
+    assert not any(event.failure for event in story.events)
+    assert not story.holding and story.planner.attached is None
+    assert "the pull lasted" in capsys.readouterr().out
+
+
+def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
+    story, human = story_of(maps)
+
+    def look(story, now, opened, closed):
+        return sim.StoryFrame(now, human, pulled(0.0), opened, holds=now < 0.5)
+
+    assert tell(story, 8.0, look) == ["retreat", "done"]
+    assert story.outcome == "the object was dropped on the way"
+    assert story.planner.attached is None and not story.holding
+
+
+def test_who_leaves_is_waited_for_and_then_the_object_is_kept(maps):
+    story, human = story_of(maps, wait_s=2.5)
+
+    def look(story, now, opened, closed):
+        there = human if now < 2.4 else human.moved(FAR @ human.T_world_pelvis)
+        return sim.StoryFrame(now, there, pulled(0.0), opened, holds=True)
+
+    states = tell(story, 12.0, look)
+    assert states == ["present", "approach", "put_down", "kept"]
+    assert story.events[1].reason == "the person left"
+    assert story.holding and story.fingers == "closed"
+
+
+def test_a_pull_on_the_way_stops_the_robot_before_it_lets_go(maps):
+    story, human = story_of(maps)
+    speeds = {}
+
+    def look(story, now, opened, closed):
+        force = 30.0 if now > 0.6 else 0.0
+        speeds[story.state] = np.abs(story.executor.set_point.dq).max()
+        return sim.StoryFrame(now, human, pulled(force), opened, holds=not opened)
+
+    states = tell(story, 8.0, look)
+    assert states[:3] == ["wait", "release", "retreat"] and story.events[0].failure
+    assert speeds["release"] < 1e-3
+    assert story.outcome == "handed over"
+
+
+def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
+    story, human = story_of(maps)
+    tugs = []
+
+    def look(story, now, opened, closed):
+        if story.state == "release" and not tugs:
+            tugs.append(now)
+        slack = bool(tugs) and tugs[0] <= now < tugs[0] + 0.5
+        force = 0.0 if slack or story.state == "approach" else 12.0
+        opened = opened and not slack
+        return sim.StoryFrame(now, human, pulled(force), opened, holds=not opened)
+
+    states = tell(story, 8.0, look)
+    assert states[1:5] == ["wait", "release", "wait", "release"]
+    assert "let go too early" in story.events[3].reason
+    assert story.outcome == "handed over"
+
+
+def receive(maps, held_at, seconds=9.0, **settings):
+    """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
+    story, human = story_of(maps, "receive", **settings)
+    ahead = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))  # right before its hand
+    T_tool = tool_pose(story.planner.robot, story.executor.set_point.q)
+    T_object = T_tool @ ahead @ story.targets.meet.obj.T_tool_object
+
+    def look(story, now, opened, closed):
+        holds = closed and held_at(story)
+        T = None if holds else T_object
+        return sim.StoryFrame(now, human, pulled(0.0), opened, holds, T)
+
+    return story, tell(story, seconds, look)
+
+
+def test_what_is_held_out_is_taken_and_kept_where_there_is_no_place(maps):
+    story, states = receive(maps, lambda story: True)
+    assert states == ["wait", "close", "retreat", "put_down", "kept"]
+    assert story.outcome == "handed over" and story.holding
+    assert story.planner.attached is not None
+
+
+def test_a_giver_who_lets_go_too_early_is_told(maps):
+    story, states = receive(maps, lambda story: False)
+    assert states == ["wait", "close", "retreat", "done"]
+    assert story.outcome == "the hand let go too early" and not story.holding
+
+
+def test_nothing_held_out_in_reach_ends_in_time(maps):
+    story, human = story_of(maps, "receive", wait_s=1.0)
+
+    def look(story, now, opened, closed):
+        return sim.StoryFrame(now, human, pulled(0.0), opened)
+
+    assert tell(story, 5.0, look) == ["retreat", "done"]
+    assert "nothing was held out" in story.outcome
+
+
+def test_pads_that_are_none_are_refused_with_those_that_could_be(maps):
+    with pytest.raises(BadInput, match=r"finger pads are \['link9'\].*flange"):
+        story_of(maps, pads=("link9",))

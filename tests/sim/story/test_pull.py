@@ -1,0 +1,95 @@
+"""A pull that lasts is felt; noise, weight, bumps and broken sensors are not."""
+
+import numpy as np
+import pytest
+
+from sim.story.pull import PullDetector, PullSettings
+from sim.story.wrist import PlainWrist, SimulatedWrist, person_force
+
+DT = 0.01
+WEIGHT = np.array([0.0, 0.0, -2.5])
+
+
+def feel(detector, forces, noise=0.0, moving=False):
+    """Feel forces (n, 3), one a frame; return in which the pull had lasted."""
+    rng = np.random.default_rng(4)
+    told = []
+    for force in forces:
+        wrench = np.concatenate([force, np.zeros(3)]) + rng.normal(0, noise or 1e-9, 6)
+        detector.feel(wrench, DT, moving)
+        told.append(detector.pulled)
+    return np.array(told)
+
+
+def still(n):
+    return np.tile(WEIGHT, (n, 1))
+
+
+def pulled(n, force=10.0):
+    return still(n) + [force, 0.0, 0.0]
+
+
+def test_a_pull_is_felt_after_it_has_lasted_and_not_before():
+    told = feel(PullDetector(), np.vstack([still(100), pulled(50)]), noise=0.5)
+    first = int(np.argmax(told)) - 100
+    assert not told[:100].any() and 20 <= first <= 32  # 0.2 s, and half a window
+
+
+def test_the_weight_of_the_object_is_no_pull():
+    assert not feel(PullDetector(), still(500), noise=1.0).any()
+
+
+def test_a_bump_of_40_n_is_no_pull():
+    bump = still(100)
+    bump[50:54] += [0.0, 28.0, -28.0]
+    assert not feel(PullDetector(), bump, noise=0.5).any()
+
+
+def test_two_short_tugs_do_not_add_up():
+    tugs = np.vstack([still(50), pulled(12), still(20), pulled(12), still(20)])
+    assert not feel(PullDetector(), tugs).any()
+
+
+def test_a_slow_drift_is_followed():
+    drift = still(2000) + np.linspace(0.0, 20.0, 2000)[:, None] * [0.0, 1.0, 0.0]
+    assert not feel(PullDetector(), drift).any()
+
+
+def test_a_robot_that_moves_feels_only_what_is_three_times_as_strong():
+    forces = np.vstack([still(50), pulled(60, 9.0)])
+    assert not feel(PullDetector(), forces, moving=True).any()
+    assert feel(PullDetector(), np.vstack([still(50), pulled(60, 20.0)])).any()
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+def test_a_sensor_that_fails_never_opens_the_hand(broken):
+    detector = PullDetector()
+    feel(detector, np.vstack([still(50), pulled(60)]))
+    assert detector.pulled
+    detector.feel(np.full(6, broken), DT)
+    assert not detector.pulled and not detector.pulls
+
+
+def test_a_new_pull_must_last_as_long_as_the_first():
+    detector = PullDetector(PullSettings(hold_s=0.1))
+    feel(detector, np.vstack([still(50), pulled(40)]))
+    detector.restart()
+    assert not detector.pulled
+    assert not feel(detector, pulled(9)).any() and feel(detector, pulled(5)).any()
+
+
+def test_pybullets_reaction_forces_are_those_that_add_up():
+    pytest.importorskip("pybullet")
+    from roadmap.transforms import pose_of
+    from sim.story.cases import story_wrench
+
+    obj = story_wrench()
+    plain, bullet = PlainWrist(obj), SimulatedWrist(obj)
+    for k, rpy in enumerate(np.random.default_rng(2).uniform(-3, 3, (4, 3))):
+        T = pose_of((0.3, 0.1 * k, 0.5), tuple(rpy))
+        force = person_force(T, 10.0, 0.02, 20.0)
+        ours = plain.wrench(T, obj.mass_kg, force)
+        for _ in range(3):
+            theirs = bullet.wrench(T, obj.mass_kg, force)
+        assert np.abs(ours[:3] - theirs[:3]).max() < 0.5
+    bullet.close()
