@@ -17,7 +17,6 @@ from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
-from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
 MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
@@ -25,7 +24,6 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -64,19 +62,6 @@ class Mover:
             v=np.zeros(3),
             simplex=np.zeros((16, 3)),
         )
-        steps = STEPS
-        self.prune = None if limb.seven is None else kernels.Pruning(
-            seven=limb.seven,
-            chain=limb.chain.arrays,
-            free=free_angles(limb.seven, steps),
-            room=room(),
-            found=np.zeros((8 * steps, 7)),
-            value=np.zeros(8 * steps),
-            frames=np.zeros((8, 12)),
-            jac=np.zeros((6, 7)),
-            weighted=np.zeros((7, 7)),
-            gram=np.zeros((6, 6)),
-        )  # fmt: skip
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
