@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from handover.grasps._closing import compose
 from handover.plans._space import pair_apart
 from roadmap.jit_options import FULL
 from roadmap.kinematics._chain import dexterity, forward, jacobian
 from roadmap.kinematics._forward import body_frames
-from roadmap.kinematics._seven import solve_all
+from roadmap.kinematics._seven import solve_all, within_reach
 
 UNKNOWN, FREE, OUT_OF_REACH, HAND_TOUCHES, ARM_TOUCHES = -1, 0, 1, 2, 3
 
@@ -29,10 +30,13 @@ class Arm(NamedTuple):
     jac: np.ndarray  # (6, 7)
     weighted: np.ndarray  # (7, 7)
     gram: np.ndarray  # (6, 6)
+    palm: int  # body of the palm
+    base_palm: np.ndarray  # (12,) pose of that body in the palm's frame
     hand: np.ndarray  # (a,) pairs that depend on the hand's pose alone
     alone: np.ndarray  # (b,) pairs of links of the arm that no finger changes
     both: np.ndarray  # (c,) pairs of the arm and its hand
     q: np.ndarray  # (dof,) working memory
+    pose: np.ndarray  # (3, 12) the same
 
 
 class Listed(NamedTuple):
@@ -41,9 +45,11 @@ class Listed(NamedTuple):
     first: np.ndarray  # (n + 1,) rows of q that belong to a grasp
     q: np.ndarray  # (m, 7) joints of the arm
     value: np.ndarray  # (m,) their dexterity; -1: not known, -2: not free
+    target: np.ndarray  # (n, 12) the palm, frame of the arm's mount
     rank: np.ndarray  # (n,) a bound on a grasp's dexterity; exact where it is free
     verdict: np.ndarray  # (n,)
-    handed: np.ndarray  # (n,) bool: the hand is known to be clear there
+    handed: np.ndarray  # (n,) bool: the hand was tested there
+    blamed: np.ndarray  # (n,) pair that the hand was too near in, -1
     shut: np.ndarray  # (n, k) fingers of the closed hand
     wide: np.ndarray  # (n, k) and of the open one
     answer: np.ndarray  # (n, dof) joints of arm and closed hand, where it is free
@@ -74,14 +80,31 @@ def too_near(space, rows, scratch):
 
 
 @njit(**FULL)
-def hand_touches(space, arm, joints, shut, wide, scratch):
-    """Say whether the closed or the open hand is too near to something."""
+def hand_touches(space, arm, target, shut, wide, scratch):
+    """Say whether the closed or the open hand is too near to something.
+
+    target: (12,) palm in the frame of the arm's mount, which is body 0. Bodies between
+    do not matter here and are left wherever they are.
+    """
+    parent, row, at = space.tree_i[arm.palm, 0], space.tree_f[arm.palm], arm.pose
+    for k in range(12):
+        at[2, k] = row[k]
+    compose(target, arm.base_palm, at[0])
+    compose(space.tree_f[0], at[0], at[1])
+    space.tree_i[arm.palm, 0] = -1
+    for k in range(12):
+        row[k] = at[1, k]
+    found = False
     for opened in range(2):
-        fill(arm.q, joints, wide if opened == 1 else shut)
+        fill(arm.q, arm.q[: arm.q.shape[0] - shut.shape[0]], wide if opened else shut)
         body_frames(space.tree_i, space.tree_f, arm.q, scratch.frames)
         if too_near(space, arm.hand, scratch):
-            return True
-    return False
+            found = True
+            break
+    space.tree_i[arm.palm, 0] = parent
+    for k in range(12):
+        row[k] = at[2, k]
+    return found
 
 
 @njit(**FULL)
@@ -116,40 +139,51 @@ def solve(space, arm, targets, listed, hands, rated, scratch):
     targets: (n, 12) in the frame of the arm's mount. hands: whether the hand is tested
     here, and not later, when a grasp's turn comes. rated: the same of dexterity.
     """
-    at = 0
+    listed.first[0] = 0
     for i in range(targets.shape[0]):
-        listed.first[i] = at
-        n = solve_all(arm.seven, targets[i], arm.free, arm.room, listed.q[at:])
-        judge(space, arm, listed, i, n, (hands, rated), scratch)
-        at = listed.first[i + 1]
+        begin(listed, i, targets[i])
+        at = listed.first[i]
+        n = 0
+        if within_reach(arm.seven, targets[i], arm.room):
+            if hands:
+                test_hand(space, arm, listed, i, scratch)
+            if listed.verdict[i] == UNKNOWN:
+                q = listed.q[at:]
+                n = solve_all(arm.seven, targets[i], arm.free, arm.room, q)
+        end(arm, listed, i, n, rated)
 
 
 @njit(**FULL)
-def judge(space, arm, listed, i, n, now, scratch):
-    """Begin the verdict on grasp i, n joints of which were written to its rows.
+def begin(listed, i, target):
+    """Begin the verdict on grasp i, whose palm is at a pose."""
+    listed.verdict[i], listed.rank[i] = UNKNOWN, 1e300
+    listed.handed[i], listed.blamed[i] = False, -1
+    for k in range(12):
+        listed.target[i, k] = target[k]
 
-    now: whether the hand is tested, and dexterity worked out, at once.
-    """
-    begin = listed.first[i]
-    listed.first[i + 1] = begin + n
-    listed.verdict[i], listed.rank[i], listed.handed[i] = UNKNOWN, 1e300, False
+
+@njit(**FULL)
+def end(arm, listed, i, n, rated):
+    """Note that n joints which reach grasp i were written to its rows."""
+    at = listed.first[i]
+    listed.first[i + 1] = at + n
+    if listed.verdict[i] != UNKNOWN:
+        return
     if n == 0:
         listed.verdict[i], listed.rank[i] = OUT_OF_REACH, -1.0
         return
-    listed.value[begin] = -1.0
-    if now[0]:
-        test_hand(space, arm, listed, i, scratch)
-    if now[1] and listed.verdict[i] == UNKNOWN:
+    listed.value[at] = -1.0
+    if rated:
         rate(arm, listed, i)
 
 
 @njit(**FULL)
 def test_hand(space, arm, listed, i, scratch):
     """Test the hand at grasp i."""
-    begin = listed.first[i]
-    joints, shut, wide = listed.q[begin], listed.shut[i], listed.wide[i]
-    if hand_touches(space, arm, joints, shut, wide, scratch):
+    target, shut, wide = listed.target[i], listed.shut[i], listed.wide[i]
+    if hand_touches(space, arm, target, shut, wide, scratch):
         listed.verdict[i], listed.rank[i] = HAND_TOUCHES, -1.0
+        listed.blamed[i] = arm.hand[0]
     listed.handed[i] = True
 
 

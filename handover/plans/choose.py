@@ -169,8 +169,10 @@ def tuples(
     every = np.arange(len(pair.of_giver))
     starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
     report.looked[f"giver {sides[0]}, start"] = starts
+    clashes: dict[int, set[int]] = {}
     for step, places, turns in _steps(pair, settings):
         for found in goals:
+            clash = clashes.setdefault(found[0], set())
             for T in _poses(scene, pair, found[0], places, turns):
                 if not len(starts.possible()):
                     return
@@ -179,7 +181,9 @@ def tuples(
                 if q_receiver is None:
                     continue
                 report.poses[1] += 1
-                for g, q_start, q, value in _given(giving, starts, T, q_receiver):
+                for g, q_start, q, value in _given(
+                    giving, starts, T, q_receiver, clash
+                ):
                     yield Tuple(
                         *sides, g, found[0], T, q_start, q, q_receiver, found[1],
                         found[2], value, step,
@@ -318,14 +322,22 @@ def _taken(
 
 
 def _given(
-    giving: Grasper, starts: Looked, T: np.ndarray, q_receiver: np.ndarray
+    giving: Grasper,
+    starts: Looked,
+    T: np.ndarray,
+    q_receiver: np.ndarray,
+    clash: set[int],
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
     """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
 
-    The receiver holds the object, too.
+    The receiver holds the object, too. `clash` gets grasps at which both hands meet:
+    wherever the object is, they will.
     """
     stand = partial(_stand, giving.mover, q_receiver, T)
-    for g, q, value in giving.look(T, starts.possible(), stand, hands=True):
+    use = np.array([g for g in starts.possible().tolist() if g not in clash], np.int64)
+    found = giving.look(T, use, stand, hands=True)
+    clash.update(found.clashing().tolist())
+    for g, q, value in found:
         q_start = starts.joints(g)
         if q_start is not None:
             yield g, q_start, q, value

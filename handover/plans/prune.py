@@ -15,6 +15,7 @@ from handover.plans.mover import Mover
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.seven import free_angles, room
 from roadmap.kinematics.tool_chain import descent_of
+from roadmap.transforms import flat_pose
 
 _WHY = {
     kernels.OUT_OF_REACH: "out of reach",
@@ -62,6 +63,11 @@ class Grasper:
         rows = np.arange(len(space.pairs))
         hand = rows < space.first
         both = ~hand & (space.pairs == mover.hand_group).any(axis=1)
+        # links behind the last joint of the arm go where the palm goes
+        bodies = [limb.parts[begin].body for _, begin, _ in limb.groups]
+        fixed = [k for k, body in enumerate(bodies) if body == limb.palm]
+        still = space.pairs[:, 1] >= mover.object_group
+        hand |= np.isin(space.pairs[:, 0], fixed) & still
         n = limb.n_arm
         self.arm = kernels.Arm(
             seven=() if limb.seven is None else limb.seven,
@@ -72,11 +78,16 @@ class Grasper:
             jac=np.zeros((6, n)),
             weighted=np.zeros((n, 7)),
             gram=np.zeros((6, 6)),
+            palm=limb.palm,
+            base_palm=flat_pose(np.linalg.inv(limb.T_body_palm)),
             hand=rows[hand],
             alone=rows[~hand & ~both],
             both=rows[both],
             q=np.zeros(limb.dof),
+            pose=np.zeros((3, 12)),
         )
+        first_other = mover.object_group + 1
+        self.hands = mover.hand_group, first_other + len(mover.other.groups) - 1
         self.most = 8 * len(self.arm.free) if limb.seven else _RESTARTS + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
@@ -116,9 +127,11 @@ class Looked:
             first=np.zeros(n + 1, np.int64),
             q=np.empty((rows, mover.limb.n_arm)),
             value=np.empty(rows),
+            target=np.empty((n, 12)),
             rank=np.empty(n),
             verdict=np.empty(n, np.int64),
             handed=np.zeros(n, bool),
+            blamed=np.empty(n, np.int64),
             shut=grasps.values[self.use],
             wide=grasps.preshape[self.use],
             answer=np.empty((n, mover.limb.dof)),
@@ -153,6 +166,12 @@ class Looked:
     def possible(self) -> np.ndarray:
         """Return the grasps that are not known to fail, (m,)."""
         return self.use[self._listed.verdict <= kernels.FREE]
+
+    def clashing(self) -> np.ndarray:
+        """Return the grasps at which the hand is known to meet the other hand, (m,)."""
+        pairs = self._grasper.mover.space.pairs[self._listed.blamed]
+        met = (self._listed.blamed >= 0) & (pairs == self._grasper.hands).all(axis=1)
+        return self.use[met]
 
     def joints(self, grasp: int) -> np.ndarray | None:
         """Return the most dexterous free joints (dof,) of a grasp, None: none are."""
@@ -190,13 +209,16 @@ class Looked:
         work, trial = descent_of(arm.chain), np.zeros(n)
         goal = _ERROR, float(_MOST_STEPS)
         for i, target in enumerate(targets):
-            count, begin = 0, listed.first[i]
-            for start in starts:
+            kernels.begin(listed, i, target)
+            if now[0]:
+                kernels.test_hand(mover.space, arm, listed, i, mover.scratch)
+            count, first = 0, listed.first[i]
+            for start in starts if listed.verdict[i] == kernels.UNKNOWN else ():
                 work.q[:] = start
                 if descend(arm.chain, target, _SCALE, goal, work, trial):
-                    listed.q[begin + count] = work.q
+                    listed.q[first + count] = work.q
                     count += 1
-            kernels.judge(mover.space, arm, listed, i, count, now, mover.scratch)
+            kernels.end(arm, listed, i, count, now[1])
 
 
 def prune_grasps(

@@ -235,6 +235,18 @@ def aim(arm, target, room):
 
 
 @njit(**BARE)
+def within_reach(arm, target, room):
+    """Say whether a pose is not too far off, or too near, for the elbow to reach W."""
+    if not arm.round_wrist:
+        return True
+    far = aim(arm, target, room)
+    n, first, second = elbows(arm, far * far)
+    if n == 0 or far < 1e-9:
+        return False
+    return joint_of(arm, 3, first)[0] or joint_of(arm, 3, second)[0]
+
+
+@njit(**BARE)
 def solve_round(arm, target, free, room, found):
     """Write the solutions for all swivels of the elbow, the last axis through W.
 
