@@ -13,7 +13,7 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import FULL
+from roadmap.jit_options import BARE, FULL
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -34,7 +34,7 @@ class Trees(NamedTuple):
     sample: np.ndarray  # (3, dof)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def apart(a, b):
     """Return the distance of two configurations."""
     total = 0.0
@@ -43,7 +43,7 @@ def apart(a, b):
     return math.sqrt(total)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def passes(space, trees, q, q_to, tolerance, scratch):
     """Return whether a straight motion is proved, its end looked at first."""
     trees.tests[0] += 1
@@ -56,7 +56,7 @@ def passes(space, trees, q, q_to, tolerance, scratch):
     return pair < 0
 
 
-@njit(**FULL)
+@njit(**BARE)
 def nearest(trees, side, q):
     """Return the branch of a tree nearest to q."""
     best, at = math.inf, 0
@@ -67,7 +67,7 @@ def nearest(trees, side, q):
     return at
 
 
-@njit(**FULL)
+@njit(**BARE)
 def grow(space, trees, side, near, q, tolerance, scratch):
     """Add a branch from `near` towards q; return it (-1: none) and if it is there."""
     if trees.count[side] == trees.parent.shape[1]:
@@ -100,7 +100,7 @@ def draw(trees, number, side, limits, n_arm):
             out[j] = low + u * (high - low)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratch):
     """Look for a path of proved motions; True: it is in trees.route.
 
@@ -138,7 +138,7 @@ def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratc
     return False
 
 
-@njit(**FULL)
+@njit(**BARE)
 def write_route(trees, a, new, other):
     """Write the path over a branch of tree `a` and one of the other, the same place."""
     first, last = (new, other) if a == 0 else (other, new)

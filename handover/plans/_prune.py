@@ -10,10 +10,9 @@ import numpy as np
 from numba import njit
 
 from handover.grasps._closing import compose
-from handover.plans._space import pair_apart
-from roadmap.jit_options import FULL
+from handover.plans._space import pair_apart, place
+from roadmap.jit_options import BARE
 from roadmap.kinematics._chain import dexterity, forward, jacobian
-from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import solve_all, within_reach
 
 UNKNOWN, FREE, OUT_OF_REACH, HAND_TOUCHES, ARM_TOUCHES = -1, 0, 1, 2, 3
@@ -55,7 +54,7 @@ class Listed(NamedTuple):
     answer: np.ndarray  # (n, dof) joints of arm and closed hand, where it is free
 
 
-@njit(**FULL)
+@njit(**BARE)
 def fill(q, arm, fingers):
     """Write joints of arm and hand to q."""
     n = arm.shape[0]
@@ -65,7 +64,7 @@ def fill(q, arm, fingers):
         q[n + j] = fingers[j]
 
 
-@njit(**FULL)
+@njit(**BARE)
 def too_near(space, rows, scratch):
     """Say whether one of some pairs is too near; it moves to the front of `rows`."""
     for i in range(rows.shape[0]):
@@ -79,7 +78,7 @@ def too_near(space, rows, scratch):
     return False
 
 
-@njit(**FULL)
+@njit(**BARE)
 def hand_touches(space, arm, target, shut, wide, scratch):
     """Say whether the closed or the open hand is too near to something.
 
@@ -97,7 +96,7 @@ def hand_touches(space, arm, target, shut, wide, scratch):
     found = False
     for opened in range(2):
         fill(arm.q, arm.q[: arm.q.shape[0] - shut.shape[0]], wide if opened else shut)
-        body_frames(space.tree_i, space.tree_f, arm.q, scratch.frames)
+        place(space, arm.q, scratch)
         if too_near(space, arm.hand, scratch):
             found = True
             break
@@ -107,19 +106,19 @@ def hand_touches(space, arm, target, shut, wide, scratch):
     return found
 
 
-@njit(**FULL)
+@njit(**BARE)
 def arm_touches(space, arm, joints, shut, wide, scratch):
     """Say whether the arm is too near to something, its hand closed or open."""
     fill(arm.q, joints, shut)
-    body_frames(space.tree_i, space.tree_f, arm.q, scratch.frames)
+    place(space, arm.q, scratch)
     if too_near(space, arm.alone, scratch) or too_near(space, arm.both, scratch):
         return True
     fill(arm.q, joints, wide)
-    body_frames(space.tree_i, space.tree_f, arm.q, scratch.frames)
+    place(space, arm.q, scratch)
     return too_near(space, arm.both, scratch)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def rate(arm, listed, i):
     """Work out the dexterity of all joints that reach grasp i, and the best one."""
     best = 0.0
@@ -132,7 +131,7 @@ def rate(arm, listed, i):
     listed.rank[i] = best
 
 
-@njit(**FULL)
+@njit(**BARE)
 def solve(space, arm, targets, listed, hands, rated, scratch):
     """List the joints that reach each palm pose.
 
@@ -153,7 +152,7 @@ def solve(space, arm, targets, listed, hands, rated, scratch):
         end(arm, listed, i, n, rated)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def begin(listed, i, target):
     """Begin the verdict on grasp i, whose palm is at a pose."""
     listed.verdict[i], listed.rank[i] = UNKNOWN, 1e300
@@ -162,7 +161,7 @@ def begin(listed, i, target):
         listed.target[i, k] = target[k]
 
 
-@njit(**FULL)
+@njit(**BARE)
 def end(arm, listed, i, n, rated):
     """Note that n joints which reach grasp i were written to its rows."""
     at = listed.first[i]
@@ -177,7 +176,7 @@ def end(arm, listed, i, n, rated):
         rate(arm, listed, i)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def test_hand(space, arm, listed, i, scratch):
     """Test the hand at grasp i."""
     target, shut, wide = listed.target[i], listed.shut[i], listed.wide[i]
@@ -187,7 +186,7 @@ def test_hand(space, arm, listed, i, scratch):
     listed.handed[i] = True
 
 
-@njit(**FULL)
+@njit(**BARE)
 def settle(space, arm, listed, i, scratch):
     """Find out whether grasp i is free, and its most dexterous free joints."""
     if not listed.handed[i]:
@@ -213,7 +212,7 @@ def settle(space, arm, listed, i, scratch):
     listed.verdict[i], listed.rank[i] = ARM_TOUCHES, -1.0
 
 
-@njit(**FULL)
+@njit(**BARE)
 def next_free(space, arm, listed, told, scratch):
     """Return the most dexterous free grasp that was not told yet, -1: there is none.
 
@@ -242,7 +241,7 @@ def next_free(space, arm, listed, told, scratch):
         settle(space, arm, listed, best, scratch)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def settle_all(space, arm, listed, scratch):
     """Settle every grasp that is not settled yet."""
     for i in range(listed.rank.shape[0]):

@@ -54,14 +54,7 @@ class Mover:
         self.T_mount = mount_pose(placed, limb)
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
-        self._scratch = kernels.Scratch(
-            frames=np.zeros((len(self.space.tree_i), 12)),
-            moves=np.zeros(len(self.space.pairs)),
-            lists=np.zeros((_DEPTH, len(self.space.pairs)), np.int32),
-            stack=np.zeros((_DEPTH + 1, max(4, limb.dof))),
-            v=np.zeros(3),
-            simplex=np.zeros((16, 3)),
-        )
+        self._scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -119,6 +112,9 @@ class Mover:
             reach=reach,
             margin=margin.copy(),
             first=first,
+            thing=self.object_group,
+            axis_row=_axis_rows(pairs, np.diff(spans)),
+            turn_body=_turn_bodies(limb),
         )
         self._margin = margin
         self._rows = _object_rows(pairs, self.object_group, limb, other)
@@ -174,6 +170,7 @@ class Mover:
         n = len(self.other.tree_i)
         rows = slice(self._first_other, self._first_other + n)
         self.space.tree_f[rows, :12] = frames
+        self._scratch.stale[0] = True
 
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
@@ -184,6 +181,7 @@ class Mover:
         space.margin[:] = self._margin
         space.margin[rows.still] = _OFF  # neither moves
         space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
+        self._scratch.stale[0] = True
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
@@ -199,6 +197,7 @@ class Mover:
         space.reach[rows.still] = reach
         space.reach[rows.limb] = reach * rows.beyond
         space.margin[rows.hand] = _OFF
+        self._scratch.stale[0] = True
 
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
@@ -238,6 +237,17 @@ class Mover:
         p, _ = kernels.motion_clear(self.space, q, q_to - q, TOLERANCE, self._scratch)
         return None if p < 0 else self._told(p)
 
+    def path_blocked(self, path: np.ndarray) -> str | None:
+        """Say what a path (n, dof) is not proved clear of, None: it is proved."""
+        path = np.ascontiguousarray(path, float)
+        out = (path < self.limb.lower - 1e-6) | (path > self.limb.upper + 1e-6)
+        if out.any():
+            return (
+                f"{self.limb.joints[int(out.any(axis=0).argmax())]} leaves its limits"
+            )
+        p, _ = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
+        return None if p < 0 else self._told(p)
+
     def _told(self, p: int) -> str:
         a, b = self.space.pairs[p]
         return f"{self.names[a]} would touch {self.names[b].removeprefix('other ')}"
@@ -246,6 +256,42 @@ class Mover:
     def scratch(self) -> kernels.Scratch:
         """Working memory of one thread."""
         return self._scratch
+
+
+def _scratch(space: kernels.Space, dof: int) -> kernels.Scratch:
+    n_pairs = len(space.pairs)
+    sizes = np.diff(space.group_span, axis=1)[:, 0]
+    rows = int((sizes[space.pairs[:, 0]] * sizes[space.pairs[:, 1]]).sum())
+    return kernels.Scratch(
+        frames=np.zeros((len(space.tree_i), 12)),
+        moves=np.zeros(n_pairs),
+        lists=np.zeros((_DEPTH, n_pairs), np.int32),
+        stack=np.zeros((_DEPTH + 1, max(4, dof))),
+        simplex=np.zeros((16, 3)),
+        group_at=np.zeros((len(space.group_ball), 3)),
+        part_at=np.zeros((len(space.part_ball), 3)),
+        axes=np.zeros((rows, 3)),
+        arms=np.zeros((space.thing + 1, dof)),
+        leg=np.zeros(dof),
+        stale=np.ones(1, bool),
+    )
+
+
+def _axis_rows(pairs: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return where the axes of each pair's parts begin."""
+    counts = sizes[pairs[:, 0]] * sizes[pairs[:, 1]]
+    return np.cumsum(counts) - counts
+
+
+def _turn_bodies(limb: Limb) -> np.ndarray:
+    """Return the body that each joint of the arm turns by its own angle, else -1."""
+    found = np.full(limb.dof, -1)
+    for j in range(limb.n_arm):
+        bodies = np.flatnonzero(limb.tree_i[:, 1] == j)
+        if len(bodies) == 1 and limb.tree_i[bodies[0], 2] == 1:
+            if abs(limb.tree_f[bodies[0], 15]) == 1.0:
+                found[j] = bodies[0]
+    return found
 
 
 class _Rows(NamedTuple):
