@@ -65,6 +65,7 @@ class Report:
         tuples: Tuples of H that were found.
         step: Which step of the search found the plan's tuple.
         failed: Motions that were not found, one line for each tuple tried.
+        refused: These tuples.
         seconds: Stage -> time spent [s]; no part of a plan's bytes.
     """
 
@@ -74,6 +75,7 @@ class Report:
     tuples: int = 0
     step: str = ""
     failed: list = field(default_factory=list)
+    refused: list[Tuple] = field(default_factory=list)
     seconds: dict = field(default_factory=dict)
 
     @property
@@ -170,10 +172,10 @@ def tuples(
     starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
     report.looked[f"giver {sides[0]}, start"] = starts
     clashes: dict[int, set[int]] = {}
-    for step, places, turns in _steps(pair, settings):
+    for step, places, turns in steps_of(pair, settings):
         for found in goals:
             clash = clashes.setdefault(found[0], set())
-            for T in _poses(scene, pair, found[0], places, turns):
+            for T in handover_poses(scene, pair, found[0], places, turns):
                 if not len(starts.possible()):
                     return
                 report.poses[0] += 1
@@ -230,7 +232,7 @@ def _carry(mover: Mover, other: np.ndarray, T_palm_object: np.ndarray) -> None:
     mover.hold(T_palm_object)
 
 
-def _steps(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
+def steps_of(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
     """Yield (name, places, turns) of each step: the paper's first, then wider."""
     places = common_voxels(pair, settings.near)
     if len(places):
@@ -275,7 +277,7 @@ def shoulder(mover: Mover) -> np.ndarray:
     return mover.T_mount[:3, :3] @ local + mover.T_mount[:3, 3]
 
 
-def _poses(
+def handover_poses(
     scene: Scene, pair: Pair, grasp: int, places: np.ndarray, turns: list[float]
 ) -> Iterator[np.ndarray]:
     """Yield T_world_handover of Algorithm 3, lines 8 to 13, at places (n, 3)."""

@@ -283,6 +283,7 @@ class _Search:
             except Blocked as blocked:
                 moving += self.clock.spent - begun_motions
                 report.failed.append(f"tuple {len(seen)}: {blocked}")
+                report.refused.append(chosen)
                 continue
             done = timed(pieces, pair, chosen)
             moving += self.clock.spent - begun_motions

@@ -222,7 +222,10 @@ class Looked:
 
 
 def prune_grasps(
-    mover: Mover, grasps: GraspSet, T_world_object: np.ndarray
+    mover: Mover,
+    grasps: GraspSet,
+    T_world_object: np.ndarray,
+    use: np.ndarray | None = None,
 ) -> Executed:
     """Keep the grasps that an arm can execute on an object where it stands.
 
@@ -230,10 +233,11 @@ def prune_grasps(
         mover: The arm; it looks at the object as it was put (`put_object`, `hold`).
         grasps: The set.
         T_world_object: (4, 4) where the object is [m].
+        use: (k,) which grasps to look at; all if left.
 
     Returns:
         Those that are within limits and free with open and closed hand; of the joints
         that reach a grasp, the most dexterous free ones over a grid of the free angle.
     """
-    every = np.arange(len(grasps))
-    return Grasper(mover, grasps).look(T_world_object, every, lambda: None).all()
+    use = np.arange(len(grasps)) if use is None else use
+    return Grasper(mover, grasps).look(T_world_object, use, lambda: None).all()
