@@ -13,7 +13,7 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import BARE, FULL
+from roadmap.jit_options import BARE, FULL, WITHIN
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -32,6 +32,13 @@ class Trees(NamedTuple):
     corners: np.ndarray  # (1,) how many
     tests: np.ndarray  # (1,) motions tested
     sample: np.ndarray  # (3, dof)
+
+
+@njit(**WITHIN)
+def put(out, q):
+    """Copy joints."""
+    for j in range(q.shape[0]):
+        out[j] = q[j]
 
 
 @njit(**BARE)
@@ -107,15 +114,17 @@ def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratc
     The budget counts motions tested.
     """
     trees.tests[0], trees.corners[0] = 0, 0
-    trees.route[0], trees.route[1] = q_from, q_to
+    put(trees.route[0], q_from)
+    put(trees.route[1], q_to)
     if passes(space, trees, q_from, q_to, tolerance, scratch):
         trees.corners[0] = 2
         return True
     for side in range(2):
         trees.count[side] = 1
         trees.parent[side, 0] = -1
-        trees.q[side, 0] = q_from if side == 0 else q_to
-    trees.sample[0] = q_from  # the hand's joints
+    put(trees.q[0, 0], q_from)
+    put(trees.q[1, 0], q_to)
+    put(trees.sample[0], q_from)  # the hand's joints
     number = 0
     while trees.tests[0] < budget:
         number += 1
@@ -154,12 +163,12 @@ def write_route(trees, a, new, other):
         return False
     k, i = n - 1, first
     while i >= 0:
-        trees.route[k] = trees.q[0, i]
+        put(trees.route[k], trees.q[0, i])
         i = trees.parent[0, i]
         k -= 1
     k, i = n - 1, last
     while i >= 0:
-        trees.route[k] = trees.q[1, i]
+        put(trees.route[k], trees.q[1, i])
         i = trees.parent[1, i]
         k += 1
     trees.corners[0] = n + m - 1
