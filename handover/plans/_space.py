@@ -357,6 +357,22 @@ def best_of(space, prune, n, shut, wide, q, scratch):
     return ARM_TOUCHES, 0.0
 
 
+@njit(**FULL)
+def postures(space, prune, target, shut, wide, out, scratch):
+    """Write all joints that `execute` may answer to out (n, dof); return how many."""
+    n = solve_all(prune.seven, target, prune.free, prune.room, prune.found)
+    count, end = 0, space.pairs.shape[0]
+    for i in range(n):
+        q = out[count]
+        fill(q, prune.found[i], wide)
+        if stands_clear(space, q, 0, end, scratch) >= 0:
+            continue
+        fill(q, prune.found[i], shut)
+        if stands_clear(space, q, 0, end, scratch) < 0:
+            count += 1
+    return count
+
+
 @njit(**BARE)
 def fill(q, arm, fingers):
     """Write joints of arm and hand to q."""

@@ -231,35 +231,48 @@ class Mover:
         """Return T_world_palm, (4, 4) [m]."""
         return self.T_mount @ self.limb.palm_pose(q)
 
-    def why(self, q: np.ndarray) -> str | None:
-        """Say what is too near at joints (dof,), None: nothing."""
+    def why(self, q: np.ndarray) -> tuple[int, str | None]:
+        """Return (pair, what is too near at joints (dof,)); (-1, None): nothing."""
         q = np.ascontiguousarray(q, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        out = (q < low) | (q > high)
-        if out.any():
-            return f"{self.limb.joints[int(out.argmax())]} is outside its limits"
+        out = self._outside(q)
+        if out:
+            return -1, out
         p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
-        return None if p < 0 else self._told(p)
+        return p, None if p < 0 else self._told(p)
 
-    def motion_blocked(self, q: np.ndarray, q_to: np.ndarray) -> str | None:
-        """Say what a straight motion is not proved clear of, None: it is proved."""
-        q, q_to = np.ascontiguousarray(q, float), np.ascontiguousarray(q_to, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        for end in (q, q_to):
-            out = (end < low) | (end > high)
-            if out.any():
-                return f"{self.limb.joints[int(out.argmax())]} leaves its limits"
-        p, _ = kernels.motion_clear(self.space, q, q_to - q, TOLERANCE, self._scratch)
-        return None if p < 0 else self._told(p)
-
-    def path_blocked(self, path: np.ndarray) -> str | None:
-        """Say what a path (n, dof) is not proved clear of, None: it is proved."""
+    def path_blocked(self, path: np.ndarray) -> tuple[int, str | None]:
+        """Return (pair, what a path (n, dof) is not proved clear of); (-1, None)."""
         path = np.ascontiguousarray(path, float)
-        out = (path < self.limb.lower - 1e-6) | (path > self.limb.upper + 1e-6)
-        if out.any():
-            return f"{self.limb.joints[int(out.any(axis=0).argmax())]} leaves its limits"
+        out = self._outside(path)
+        if out:
+            return -1, out
         p, _ = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
-        return None if p < 0 else self._told(p)
+        return p, None if p < 0 else self._told(p)
+
+    def postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        """Return free joints (n, dof) that bring the palm where it is at q (dof,).
+
+        They hold the fingers as in q, and are free with those at `wide` (k,), too;
+        none where the arm has no closed form.
+        """
+        limb, prune = self.limb, self.prune
+        if prune is None:
+            return np.zeros((0, limb.dof))
+        q = np.ascontiguousarray(q, float)
+        found = np.zeros((len(prune.found), limb.dof))
+        n = kernels.postures(
+            self.space, prune, self.target(self.palm(q)), q[limb.n_arm :],
+            np.ascontiguousarray(wide, float), found, self._scratch,
+        )  # fmt: skip
+        return found[:n]
+
+    def _outside(self, q: np.ndarray) -> str:
+        """Name a joint of q (..., dof) that is outside its limits, "" for none."""
+        out = (q < self.limb.lower - 1e-6) | (q > self.limb.upper + 1e-6)
+        if not out.any():
+            return ""
+        joint = out.reshape(-1, len(self.limb.joints)).any(axis=0).argmax()
+        return f"{self.limb.joints[int(joint)]} is outside its limits"
 
     def _told(self, p: int) -> str:
         a, b = self.space.pairs[p]
