@@ -113,7 +113,7 @@ class MotionPlanner:
             pair.receiver, home_of(scene.receiver, pair.receiver.limb), settings, clock
         )
         self._known: dict = {}  # what does not depend on the whole tuple
-        self._meetings: dict[int, tuple[Tuple, _Meeting | Blocked]] = {}
+        self._meetings: dict[int, tuple[Tuple, list[_Meeting] | Blocked]] = {}
 
     def of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
         """Return the pieces of a tuple's motions, in order, and the tuple.
@@ -139,13 +139,13 @@ class MotionPlanner:
         _, met = self._meetings.get(id(chosen), (None, None))
         if met is None:
             try:
-                met = self._meeting(chosen)
+                met = self._meeting_of(chosen)
             except Blocked as blocked:
                 met = blocked
             self._meetings[id(chosen)] = chosen, met
         if isinstance(met, Blocked):
             raise met
-        start, carry = self._carried(starts, met, budget)
+        start, met, carry = self._carried(starts, met, budget)
         home = self._way_home(chosen, met, budget)
         approach = self._approach(chosen, met, budget)
         place = self._place(chosen, met, goal, budget)
@@ -178,8 +178,6 @@ class MotionPlanner:
         """Return ways to grasp and lift: line, fingers, lift."""
         paths, grasps, g = self.giver, self.pair.of_giver, chosen.grasp_giver
         giver, found, trouble = self.pair.giver, [], None
-        self._put_giver_at_start()
-        giver.let_touch()
         wide = grasps.preshape[g]
         every = paths.postures(chosen.q_start, wide, paths.home)
         for k in range(self.settings.postures + 1):
@@ -224,12 +222,13 @@ class MotionPlanner:
         pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g))
         return _Goal(down, opening, pre, line)
 
-    def _meeting(self, chosen: Tuple) -> _Meeting:
-        """Return how the object changes hands: fingers and lines of both."""
+    def _meeting_of(self, chosen: Tuple) -> list[_Meeting]:
+        """Return how the object may change hands: fingers and lines of both.
+
+        All with one posture of the receiver, and some of the giver.
+        """
         pair, tries, trouble = self.pair, self.settings.meetings, None
         wide = pair.of_receiver.preshape[chosen.grasp_receiver]
-        self._put_receiver_to_take(chosen, chosen.q_giver)
-        pair.receiver.let_touch()
         every = self.receiver.postures(chosen.q_receiver, wide, self.receiver.home)
         while tries > 0:
             self._put_receiver_to_take(chosen, chosen.q_giver)
@@ -246,7 +245,7 @@ class MotionPlanner:
                     break
                 continue
             met, tries, blocked = self._left(chosen, q_receiver, taken, tries)
-            if met is not None:
+            if met:
                 return met
             trouble = trouble or blocked
             if blocked.by_hand:
@@ -254,13 +253,11 @@ class MotionPlanner:
         raise trouble
 
     def _left(self, chosen: Tuple, q_receiver: np.ndarray, taken: tuple, tries: int):
-        """Return (meeting, tries left, trouble): how the giver leaves the object."""
-        pair, trouble = self.pair, None
+        """Return (meetings, tries left, trouble): how the giver leaves the object."""
+        pair, trouble, met = self.pair, None, []
         wide = pair.of_giver.preshape[chosen.grasp_giver]
-        self._put_giver_to_leave(chosen, q_receiver)
-        pair.giver.let_touch()
         every = self.giver.postures(chosen.q_giver, wide, self.giver.home)
-        while tries > 0:
+        while len(met) < self.settings.starts and (tries > 0 or trouble is None):
             self._put_giver_to_leave(chosen, q_receiver)
             pair.giver.let_touch()
             q_giver = next(every, None)
@@ -277,8 +274,8 @@ class MotionPlanner:
                 if blocked.by_hand:
                     break
                 continue
-            return _Meeting(q_giver, q_receiver, *taken, *left), tries, None
-        return None, tries, trouble
+            met.append(_Meeting(q_giver, q_receiver, *taken, *left))
+        return met, tries, trouble
 
     def _take(self, chosen: Tuple, q_giver: np.ndarray, q: np.ndarray) -> tuple:
         """Return (where the line begins, line and closing hand) of the receiver."""
@@ -315,23 +312,19 @@ class MotionPlanner:
     # --- what is searched -------------------------------------------------------------
 
     def _carried(
-        self, starts: list[_Start], met: _Meeting, budget: int
-    ) -> tuple[_Start, np.ndarray]:
-        trouble = None
-        for start in starts:
-            giver = self.pair.giver
-            giver.put_other(self.receiver.home)
-            giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[start.key[0]]))
-            try:
-                path = self.giver.between(start.up[-1], met.q_giver, "carry", budget)
-            except Blocked as blocked:
-                trouble = blocked
-                continue
-            if len(path) == 2:
-                path = np.array([path[0], 0.5 * (path[0] + path[1]), path[1]])
-                self.giver.prove(path, "carry")
-            return start, path
-        raise trouble
+        self, starts: list[_Start], meetings: list[_Meeting], budget: int
+    ) -> tuple[_Start, _Meeting, np.ndarray]:
+        """Return the path of the object between the nearest postures, and these."""
+        giver = self.pair.giver
+        giver.put_other(self.receiver.home)
+        giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[starts[0].key[0]]))
+        begin = np.array([start.up[-1] for start in starts])
+        end = np.array([met.q_giver for met in meetings])
+        path, first, last = self.giver.between(begin, end, "carry", budget)
+        if len(path) == 2:
+            path = np.array([path[0], 0.5 * (path[0] + path[1]), path[1]])
+            self.giver.prove(path, "carry")
+        return starts[first], meetings[last], path
 
     def _reach(self, start: _Start, budget: int) -> np.ndarray:
         self._put_giver_at_start()
@@ -353,7 +346,9 @@ class MotionPlanner:
         receiver.put_other(self.giver.home)
         receiver.hold(np.linalg.inv(self.pair.of_receiver.T_object_palm[g]))
         end = chosen.q_goal if goal.down is None else goal.down[0]
-        path = self.receiver.between(met.q_receiver, end, "place", budget)
+        path, _, _ = self.receiver.between(
+            met.q_receiver[None], end[None], "place", budget
+        )
         if goal.down is None:
             return [Piece("place", "receiver", path, True)]
         back = self._searched(

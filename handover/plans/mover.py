@@ -240,14 +240,17 @@ class Mover:
         p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
         return p, None if p < 0 else self._told(p)
 
-    def path_blocked(self, path: np.ndarray) -> tuple[int, str | None]:
-        """Return (pair, what a path (n, dof) is not proved clear of); (-1, None)."""
+    def path_blocked(self, path: np.ndarray) -> tuple[int, str | None, int]:
+        """Return (pair, what a path (n, dof) is not proved clear of, first such leg).
+
+        Nothing: (-1, None, number of legs).
+        """
         path = np.ascontiguousarray(path, float)
         out = self._outside(path)
         if out:
-            return -1, out
-        p, _ = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
-        return p, None if p < 0 else self._told(p)
+            return -1, out, 0
+        p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
+        return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
 
     def postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
         """Return free joints (n, dof) that bring the palm where it is at q (dof,).

@@ -76,7 +76,7 @@ class Paths:
         Raises:
             Blocked: One is not free.
         """
-        pair, trouble = self.mover.path_blocked(path)
+        pair, trouble, _ = self.mover.path_blocked(path)
         if trouble:
             raise Blocked(f"{what}: {trouble}", by_hand=self._by_hand(pair))
 
@@ -91,27 +91,29 @@ class Paths:
         Raises:
             Blocked: There is none.
         """
-        mover, trouble, by_hand = self.mover, "", True
-        T = mover.T_world_object
+        mover, T = self.mover, self.mover.T_world_object
         if not line_clear(*held, self.settings.back):
             raise Blocked(
                 f"no straight line for {what}: the hand would cut the object",
                 by_hand=True,
             )
         away = -mover.palm(q_open)[:3, 2]
-        for share in _SHORTER:
-            line = self._line(q_open, away, share * self.settings.back)
-            if line is None:
-                trouble, by_hand = "the arm cannot follow it", False
+        line = self._line(q_open, away, self.settings.back)
+        ends = self._ends(len(line), self.settings.back)
+        if not ends:
+            raise Blocked(f"no straight line for {what}: the arm cannot follow it")
+        mover.let_touch()
+        pair, trouble, leg = mover.path_blocked(line)
+        by_hand = self._by_hand(pair)
+        mover.put_object(T)
+        for end in ends:
+            if leg < end:
                 continue
-            mover.put_object(T)
-            pair, trouble = mover.why(line[-1])
+            pair, trouble, _ = mover.path_blocked(line[[end, end]])
             if trouble is None:
-                mover.let_touch()
-                pair, trouble = mover.path_blocked(line)
-                if trouble is None:
-                    return line[-1], line[::-1]
-            by_hand = by_hand and self._by_hand(pair)
+                return line[end], line[end::-1]
+            by_hand = self._by_hand(pair)
+        by_hand = by_hand and leg < len(line) - 1
         raise Blocked(f"no straight line for {what}: {trouble}", by_hand=by_hand)
 
     def lift(self, q: np.ndarray) -> np.ndarray:
@@ -120,20 +122,24 @@ class Paths:
         Raises:
             Blocked: There is none.
         """
-        up, by_hand = np.array([0.0, 0.0, 1.0]), True
-        for share in _SHORTER:
-            line = self._line(q, up, share * self.settings.lift)
-            if line is None:
-                by_hand = False
-                continue
-            pair, trouble = self.mover.path_blocked(line)
-            if trouble is None:
-                return line
-            by_hand = by_hand and self._by_hand(pair)
+        line = self._line(q, np.array([0.0, 0.0, 1.0]), self.settings.lift)
+        pair, _, leg = self.mover.path_blocked(line)
+        for end in self._ends(len(line), self.settings.lift):
+            if leg >= end:
+                return line[: end + 1]
         raise Blocked(
             "the object cannot be lifted from, or put on, what carries it",
-            by_hand=by_hand,
+            by_hand=self._by_hand(pair),
         )
+
+    def _ends(self, corners: int, length: float) -> list[int]:
+        """Return corners where a line may end, the farthest first."""
+        whole = self._steps(length)
+        ends = dict.fromkeys(int(np.ceil(share * whole)) for share in _SHORTER)
+        return [end for end in ends if end < corners]
+
+    def _steps(self, length: float) -> int:
+        return max(1, int(np.ceil(length / self.settings.line)))
 
     def reach(self, pre: np.ndarray, what: str, budget: int) -> np.ndarray:
         """Return a path from where the arm waits: first the hand, then the arm.
@@ -143,38 +149,33 @@ class Paths:
         """
         home, n = self.home, self.mover.limb.n_arm
         ready = np.concatenate([home[:n], pre[n:]])
-        path = self.between(ready, pre, what, budget)
+        path, _, _ = self.between(ready[None], pre[None], what, budget)
         if np.abs(ready - home).max() > SAME:
             self.prove(np.array([home, ready]), what)
             path = np.vstack([home, path])
         return path
 
     def between(
-        self, q_from: np.ndarray, q_to: np.ndarray, what: str, budget: int
-    ) -> np.ndarray:
-        """Return a proved path between two postures.
+        self, starts: np.ndarray, goals: np.ndarray, what: str, budget: int
+    ) -> tuple[np.ndarray, int, int]:
+        """Return a proved path from a start to a goal, and which ones it joins.
 
         Args:
-            q_from, q_to: (dof,) its ends.
+            starts: (m, dof) where it may begin.
+            goals: (k, dof) where it may end.
             what: The motion's name for messages.
             budget: Motions that the search tests.
 
         Raises:
-            Blocked: An end is not free, or the budget is spent.
+            Blocked: All starts or all goals are not free, or the budget is spent.
             OutOfTime: The clock is over.
         """
         if self.clock.over:
             raise OutOfTime(what)
-        mover, trees, limb = self.mover, self._trees, self.mover.limb
-        for q in (q_from, q_to):
-            pair, trouble = mover.why(q)
-            if trouble:
-                raise Blocked(
-                    f"{what}: an end of it is blocked, {trouble}",
-                    by_hand=self._by_hand(pair),
-                )
+        mover, trees, n_arm = self.mover, self._trees, self.mover.limb.n_arm
+        first, last = self._free(starts, what), self._free(goals, what)
         found = kernels.connect(
-            mover.space, trees, q_from, q_to, self._limits, limb.n_arm, budget,
+            mover.space, trees, starts[first], goals[last], self._limits, n_arm, budget,
             TOLERANCE, mover.scratch,
         )  # fmt: skip
         if not found:
@@ -187,7 +188,23 @@ class Paths:
         if len(path) == 1:
             path = np.vstack([path, path])
         self.prove(path, what)
-        return path
+        return path, first[trees.ends[0]], last[trees.ends[1]]
+
+    def _free(self, ends: np.ndarray, what: str) -> list[int]:
+        """Return which of the ends (m, dof) of a motion are free."""
+        free, first = [], (-1, None)
+        for k, q in enumerate(ends):
+            pair, trouble = self.mover.why(q)
+            if trouble is None:
+                free.append(k)
+            elif not k:
+                first = pair, trouble
+        if not free:
+            raise Blocked(
+                f"{what}: an end of it is blocked, {first[1]}",
+                by_hand=self._by_hand(first[0]),
+            )
+        return free
 
     def postures(
         self, q: np.ndarray, wide: np.ndarray, near: np.ndarray
@@ -218,21 +235,21 @@ class Paths:
 
     def _line(
         self, q: np.ndarray, direction: np.ndarray, distance: float
-    ) -> np.ndarray | None:
-        """Follow a straight line of the palm from q; None: the arm cannot."""
+    ) -> np.ndarray:
+        """Follow a straight line of the palm from q, as far as the arm can."""
         mover, n = self.mover, self.mover.limb.n_arm
         arrays = mover.limb.chain.arrays
         work, trial, T = descent_of(arrays), np.zeros(n), mover.palm(q)
-        steps = max(1, int(np.ceil(distance / self.settings.line)))
+        steps = self._steps(distance)
         corners = [np.array(q, float)]
         for k in range(1, steps + 1):
             at = T.copy()
             at[:3, 3] += direction * distance * k / steps
             work.q[:] = corners[-1][:n]
             if not descend(arrays, mover.target(at), _SCALE, _GOAL, work, trial):
-                return None
+                break
             if np.abs(work.q - corners[-1][:n]).max() > _LEAP:
-                return None
+                break
             corners.append(np.concatenate([work.q, q[n:]]))
         return np.array(corners)
 
@@ -244,6 +261,7 @@ def _trees(dof: int) -> kernels.Trees:
         count=np.zeros(2, np.int64),
         route=np.zeros((_CORNERS, dof)),
         corners=np.zeros(1, np.int64),
+        ends=np.zeros(2, np.int64),
         tests=np.zeros(1, np.int64),
         sample=np.zeros((3, dof)),
     )

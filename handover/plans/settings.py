@@ -42,7 +42,8 @@ class PlanSettings:
             enough for is put off until others were tried, then gets `budget`.
         postures: Other postures of an arm, the palm where it was, that are tried where
             no straight line to or from a grasp is free.
-        starts: Postures of the giver at the start that a carry is looked for from.
+        starts: Postures of the giver at the start, and as many where it hands over,
+            that a carry is looked for between.
         meetings: Pairs of postures that are tried where the object changes hands.
     """
 
@@ -54,11 +55,11 @@ class PlanSettings:
     lift: float = 0.05
     line: float = 0.01
     budget: int = 4000
-    shorten: int = 40
+    shorten: int = 16
     tries: int = 400
     first_budget: int = 300
     postures: int = 12
-    starts: int = 2
+    starts: int = 3
     meetings: int = 10
 
     def __post_init__(self) -> None:
