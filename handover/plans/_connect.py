@@ -13,7 +13,7 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import BARE, FULL
+from roadmap.jit_options import BARE, FULL, WITHIN
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -30,8 +30,16 @@ class Trees(NamedTuple):
     count: np.ndarray  # (2,)
     route: np.ndarray  # (m, dof) the path that was found
     corners: np.ndarray  # (1,) how many
+    ends: np.ndarray  # (2,) which start and which goal it joins
     tests: np.ndarray  # (1,) motions tested
     sample: np.ndarray  # (3, dof)
+
+
+@njit(**WITHIN)
+def put(out, q):
+    """Copy joints."""
+    for j in range(q.shape[0]):
+        out[j] = q[j]
 
 
 @njit(**BARE)
@@ -101,21 +109,22 @@ def draw(trees, number, side, limits, n_arm):
 
 
 @njit(**BARE)
-def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratch):
+def connect(space, trees, starts, goals, limits, n_arm, budget, tolerance, scratch):
     """Look for a path of proved motions; True: it is in trees.route.
 
-    The budget counts motions tested.
+    starts, goals: (m, dof) and (k, dof); trees.ends says which ones were joined. The
+    budget counts motions tested.
     """
     trees.tests[0], trees.corners[0] = 0, 0
-    trees.route[0], trees.route[1] = q_from, q_to
-    if passes(space, trees, q_from, q_to, tolerance, scratch):
-        trees.corners[0] = 2
+    if straight(space, trees, starts, goals, tolerance, scratch):
         return True
     for side in range(2):
-        trees.count[side] = 1
-        trees.parent[side, 0] = -1
-        trees.q[side, 0] = q_from if side == 0 else q_to
-    trees.sample[0] = q_from  # the hand's joints
+        roots = starts if side == 0 else goals
+        trees.count[side] = roots.shape[0]
+        for i in range(roots.shape[0]):
+            trees.parent[side, i] = -1
+            put(trees.q[side, i], roots[i])
+    put(trees.sample[0], starts[0])  # the hand's joints
     number = 0
     while trees.tests[0] < budget:
         number += 1
@@ -139,6 +148,27 @@ def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratc
 
 
 @njit(**BARE)
+def straight(space, trees, starts, goals, tolerance, scratch):
+    """Join a start and a goal by one motion, the nearest ones first."""
+    last, n = -1.0, goals.shape[0]
+    for _ in range(starts.shape[0] * n):
+        best, at = math.inf, -1
+        for k in range(starts.shape[0] * n):
+            far = apart(starts[k // n], goals[k % n])
+            if last < far < best:
+                best, at = far, k
+        if at < 0:
+            return False
+        last, i, j = best, at // n, at % n
+        if passes(space, trees, starts[i], goals[j], tolerance, scratch):
+            put(trees.route[0], starts[i])
+            put(trees.route[1], goals[j])
+            trees.corners[0], trees.ends[0], trees.ends[1] = 2, i, j
+            return True
+    return False
+
+
+@njit(**BARE)
 def write_route(trees, a, new, other):
     """Write the path over a branch of tree `a` and one of the other, the same place."""
     first, last = (new, other) if a == 0 else (other, new)
@@ -154,12 +184,14 @@ def write_route(trees, a, new, other):
         return False
     k, i = n - 1, first
     while i >= 0:
-        trees.route[k] = trees.q[0, i]
+        put(trees.route[k], trees.q[0, i])
+        trees.ends[0] = i
         i = trees.parent[0, i]
         k -= 1
     k, i = n - 1, last
     while i >= 0:
-        trees.route[k] = trees.q[1, i]
+        put(trees.route[k], trees.q[1, i])
+        trees.ends[1] = i
         i = trees.parent[1, i]
         k += 1
     trees.corners[0] = n + m - 1

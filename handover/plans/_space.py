@@ -15,6 +15,7 @@ from numba import njit
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.jit_options import BARE, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._seven import solve_all
 
 
 class Space(NamedTuple):
@@ -284,3 +285,45 @@ def path_clear(space, path, tolerance, scratch):
         if pair >= 0:
             return pair, i
     return -1, -1
+
+
+class Solver(NamedTuple):
+    """An arm in closed form."""
+
+    seven: tuple  # the arm, frame of its mount
+    room: tuple  # for that
+    free: np.ndarray  # (k,) values of the free angle
+    found: np.ndarray  # (8 k, 7) solutions
+
+
+@njit(**BARE)
+def fill(q, arm, fingers):
+    """Write joints of arm and hand to q."""
+    n = arm.shape[0]
+    for j in range(n):
+        q[j] = arm[j]
+    for j in range(fingers.shape[0]):
+        q[n + j] = fingers[j]
+
+
+@njit(**BARE)
+def postures(space, arm, target, hands, out, scratch):
+    """Write all free joints that bring the palm to a pose to out (n, dof).
+
+    target: (12,) palm in the frame of the arm's mount. hands: fingers shut and wide,
+    (k,) each; both must be free.
+
+    Returns:
+        How many.
+    """
+    n = solve_all(arm.seven, target, arm.free, arm.room, arm.found)
+    count, end = 0, space.pairs.shape[0]
+    for i in range(n):
+        q = out[count]
+        fill(q, arm.found[i], hands[1])
+        if stands_clear(space, q, 0, end, scratch) >= 0:
+            continue
+        fill(q, arm.found[i], hands[0])
+        if stands_clear(space, q, 0, end, scratch) < 0:
+            count += 1
+    return count

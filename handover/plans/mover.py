@@ -17,6 +17,8 @@ from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._seven import MOST
+from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
 MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
@@ -24,6 +26,7 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
+_STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -55,6 +58,7 @@ class Mover:
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
         self._scratch = _scratch(self.space, limb.dof)
+        self._solver = None if limb.seven is None else solver_of(limb)
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -216,37 +220,50 @@ class Mover:
         """Return T_world_palm, (4, 4) [m]."""
         return self.T_mount @ self.limb.palm_pose(q)
 
-    def why(self, q: np.ndarray) -> str | None:
-        """Say what is too near at joints (dof,), None: nothing."""
+    def why(self, q: np.ndarray) -> tuple[int, str | None]:
+        """Return (pair, what is too near at joints (dof,)); (-1, None): nothing."""
         q = np.ascontiguousarray(q, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        out = (q < low) | (q > high)
-        if out.any():
-            return f"{self.limb.joints[int(out.argmax())]} is outside its limits"
+        out = self._outside(q)
+        if out:
+            return -1, out
         p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
-        return None if p < 0 else self._told(p)
+        return p, None if p < 0 else self._told(p)
 
-    def motion_blocked(self, q: np.ndarray, q_to: np.ndarray) -> str | None:
-        """Say what a straight motion is not proved clear of, None: it is proved."""
-        q, q_to = np.ascontiguousarray(q, float), np.ascontiguousarray(q_to, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        for end in (q, q_to):
-            out = (end < low) | (end > high)
-            if out.any():
-                return f"{self.limb.joints[int(out.argmax())]} leaves its limits"
-        p, _ = kernels.motion_clear(self.space, q, q_to - q, TOLERANCE, self._scratch)
-        return None if p < 0 else self._told(p)
+    def path_blocked(self, path: np.ndarray) -> tuple[int, str | None, int]:
+        """Return (pair, what a path (n, dof) is not proved clear of, first such leg).
 
-    def path_blocked(self, path: np.ndarray) -> str | None:
-        """Say what a path (n, dof) is not proved clear of, None: it is proved."""
+        Nothing: (-1, None, number of legs).
+        """
         path = np.ascontiguousarray(path, float)
-        out = (path < self.limb.lower - 1e-6) | (path > self.limb.upper + 1e-6)
-        if out.any():
-            return (
-                f"{self.limb.joints[int(out.any(axis=0).argmax())]} leaves its limits"
-            )
-        p, _ = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
-        return None if p < 0 else self._told(p)
+        out = self._outside(path)
+        if out:
+            return -1, out, 0
+        p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
+        return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
+
+    def postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        """Return free joints (n, dof) that bring the palm where it is at q (dof,).
+
+        They hold the fingers as in q, and are free with those at `wide` (k,), too;
+        none where the arm has no closed form.
+        """
+        limb, arm = self.limb, self._solver
+        if arm is None:
+            return np.zeros((0, limb.dof))
+        q = np.ascontiguousarray(q, float)
+        found = np.zeros((len(arm.found), limb.dof))
+        hands = np.ascontiguousarray(q[limb.n_arm :]), np.ascontiguousarray(wide, float)
+        target = self.target(self.palm(q))
+        n = kernels.postures(self.space, arm, target, hands, found, self._scratch)
+        return found[:n]
+
+    def _outside(self, q: np.ndarray) -> str:
+        """Name a joint of q (..., dof) that is outside its limits, "" for none."""
+        out = (q < self.limb.lower - 1e-6) | (q > self.limb.upper + 1e-6)
+        if not out.any():
+            return ""
+        joint = out.reshape(-1, len(self.limb.joints)).any(axis=0).argmax()
+        return f"{self.limb.joints[int(joint)]} is outside its limits"
 
     def _told(self, p: int) -> str:
         a, b = self.space.pairs[p]
@@ -292,6 +309,13 @@ def _turn_bodies(limb: Limb) -> np.ndarray:
             if abs(limb.tree_f[bodies[0], 15]) == 1.0:
                 found[j] = bodies[0]
     return found
+
+
+def solver_of(limb: Limb) -> kernels.Solver:
+    """Return an arm's closed form with working memory for one thread."""
+    free = free_angles(limb.seven, _STEPS)
+    found = np.zeros((MOST * len(free), 7))
+    return kernels.Solver(seven=limb.seven, room=room(), free=free, found=found)
 
 
 class _Rows(NamedTuple):
