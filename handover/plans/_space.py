@@ -14,11 +14,8 @@ from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.jit_options import BARE, FULL, WITHIN
-from roadmap.kinematics._chain import dexterity, forward, jacobian
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import solve_all
-
-FREE, OUT_OF_REACH, HAND_TOUCHES, ARM_TOUCHES = 0, 1, 2, 3
 
 
 class Space(NamedTuple):
@@ -290,109 +287,34 @@ def path_clear(space, path, tolerance, scratch):
     return -1, -1
 
 
-class Pruning(NamedTuple):
-    """What executing grasps needs beside the space."""
+class Swivels(NamedTuple):
+    """What finds an arm's other joints for a pose of its palm."""
 
-    seven: tuple  # the arm in closed form, base frame of the arm
-    chain: tuple  # the same arm, for its dexterity
+    seven: tuple  # the arm in closed form, frame of its mount
     free: np.ndarray  # (k,) values of the free angle
     room: tuple
     found: np.ndarray  # (8 k, 7) solutions
-    value: np.ndarray  # (8 k,) their dexterity
-    frames: np.ndarray  # (8, 12) of the chain
-    jac: np.ndarray  # (6, 7)
-    weighted: np.ndarray  # (7, 7)
-    gram: np.ndarray  # (6, 6)
-
-
-@njit(**FULL)
-def execute(space, prune, target, shut, wide, q, scratch):
-    """Find the most dexterous free joints that bring the palm to a pose.
-
-    target: (12,) palm in the frame of the arm's base. shut, wide: (k,) fingers of the
-    closed and of the open hand, both must be free. q: (dof,) gets the answer, hand
-    closed.
-
-    Returns:
-        (verdict, dexterity).
-    """
-    n = solve_all(prune.seven, target, prune.free, prune.room, prune.found)
-    return best_of(space, prune, n, shut, wide, q, scratch)
-
-
-@njit(**FULL)
-def best_of(space, prune, n, shut, wide, q, scratch):
-    """Return the verdict on the first n solutions found, as `execute`."""
-    if n == 0:
-        return OUT_OF_REACH, 0.0
-    for opened in range(2):
-        fill(q, prune.found[0], wide if opened == 1 else shut)
-        if stands_clear(space, q, 0, space.first, scratch) >= 0:
-            return HAND_TOUCHES, 0.0
-    for i in range(n):
-        forward(prune.chain, prune.found[i], prune.frames)
-        jacobian(prune.chain, prune.frames, prune.jac)
-        prune.value[i] = dexterity(
-            prune.chain, prune.found[i], prune.jac, prune.weighted, prune.gram
-        )
-    for _ in range(n):
-        best = -1
-        for i in range(n):
-            if prune.value[i] > 0.0 and (
-                best < 0 or prune.value[i] > prune.value[best]
-            ):
-                best = i
-        if best < 0:
-            break
-        value, prune.value[best] = prune.value[best], -1.0
-        free = True
-        for opened in range(2):
-            fill(q, prune.found[best], wide if opened == 0 else shut)
-            end = space.pairs.shape[0]
-            if stands_clear(space, q, space.first, end, scratch) >= 0:
-                free = False
-                break
-        if free:
-            return FREE, value
-    return ARM_TOUCHES, 0.0
-
-
-@njit(**FULL)
-def postures(space, prune, target, shut, wide, out, scratch):
-    """Write all joints that `execute` may answer to out (n, dof); return how many."""
-    n = solve_all(prune.seven, target, prune.free, prune.room, prune.found)
-    count, end = 0, space.pairs.shape[0]
-    for i in range(n):
-        q = out[count]
-        fill(q, prune.found[i], wide)
-        if stands_clear(space, q, 0, end, scratch) >= 0:
-            continue
-        fill(q, prune.found[i], shut)
-        if stands_clear(space, q, 0, end, scratch) < 0:
-            count += 1
-    return count
 
 
 @njit(**BARE)
-def fill(q, arm, fingers):
-    """Write joints of arm and hand to q."""
-    n = arm.shape[0]
-    for j in range(n):
-        q[j] = arm[j]
-    for j in range(fingers.shape[0]):
-        q[n + j] = fingers[j]
+def postures(space, swivels, target, shut, wide, out, scratch):
+    """Write free joints that bring the palm to a pose to out (n, dof), return how many.
 
-
-@njit(**FULL)
-def execute_all(space, prune, targets, hands, use, answers, scratch):
-    """Execute grasps `use` (k,) of a set; see `execute`.
-
-    targets: (n, 12). hands: fingers shut and wide, (n, k) each. answers: joints (n,
-    dof), dexterity (n,) and verdict (n,), written.
+    target: (12,) in the frame of the arm's mount. shut, wide: (k,) fingers of the
+    closed and of the open hand, both must be free; the closed ones are written.
     """
-    for i in range(use.shape[0]):
-        k = use[i]
-        verdict, value = execute(
-            space, prune, targets[k], hands[0][k], hands[1][k], answers[0][k], scratch
-        )
-        answers[1][k], answers[2][k] = value, verdict
+    s = swivels
+    n = solve_all(s.seven, target, s.free, s.room, s.found)
+    count, end, n_arm = 0, space.pairs.shape[0], s.found.shape[1]
+    for i in range(n):
+        q, clear = out[count], True
+        for j in range(n_arm):
+            q[j] = s.found[i, j]
+        for opened in range(2):
+            for j in range(shut.shape[0]):
+                q[n_arm + j] = shut[j] if opened else wide[j]
+            if clear and stands_clear(space, q, 0, end, scratch) >= 0:
+                clear = False
+        if clear:
+            count += 1
+    return count

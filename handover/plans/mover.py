@@ -17,7 +17,6 @@ from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
-from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
 MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
@@ -25,7 +24,6 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -57,19 +55,6 @@ class Mover:
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
         self._scratch = _scratch(self.space, limb.dof)
-        steps = STEPS
-        self.prune = None if limb.seven is None else kernels.Pruning(
-            seven=limb.seven,
-            chain=limb.chain.arrays,
-            free=free_angles(limb.seven, steps),
-            room=room(),
-            found=np.zeros((8 * steps, 7)),
-            value=np.zeros(8 * steps),
-            frames=np.zeros((8, 12)),
-            jac=np.zeros((6, 7)),
-            weighted=np.zeros((7, 7)),
-            gram=np.zeros((6, 6)),
-        )  # fmt: skip
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -251,23 +236,6 @@ class Mover:
             return -1, out, 0
         p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
         return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
-
-    def postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
-        """Return free joints (n, dof) that bring the palm where it is at q (dof,).
-
-        They hold the fingers as in q, and are free with those at `wide` (k,), too;
-        none where the arm has no closed form.
-        """
-        limb, prune = self.limb, self.prune
-        if prune is None:
-            return np.zeros((0, limb.dof))
-        q = np.ascontiguousarray(q, float)
-        found = np.zeros((len(prune.found), limb.dof))
-        n = kernels.postures(
-            self.space, prune, self.target(self.palm(q)), q[limb.n_arm :],
-            np.ascontiguousarray(wide, float), found, self._scratch,
-        )  # fmt: skip
-        return found[:n]
 
     def _outside(self, q: np.ndarray) -> str:
         """Name a joint of q (..., dof) that is outside its limits, "" for none."""

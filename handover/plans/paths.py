@@ -7,16 +7,19 @@ import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
+from handover.plans._space import Swivels, postures
 from handover.plans.grasps import line_clear
 from handover.plans.mover import TOLERANCE, Mover
 from handover.plans.settings import PlanSettings
 from roadmap.errors import PlanningError
 from roadmap.kinematics._inverse import descend
+from roadmap.kinematics.seven import free_angles, room
 from roadmap.kinematics.tool_chain import descent_of
 
 _BRANCHES, _CORNERS = 4000, 400
 _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 _GOAL = 1e-6, 30.0  # error of that, 0.1 um; steps
+_STEPS = 12  # values of the free angle of an arm
 _LEAP = 0.35  # [rad] a joint turns in a piece of a line, at most
 # of the straight line to a grasp, where the whole is blocked
 _SHORTER = (1.0, 0.6, 0.35)
@@ -68,6 +71,10 @@ class Paths:
         self.clock = clock
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
+        seven = mover.limb.seven
+        self._swivels = None if seven is None else Swivels(
+            seven, free_angles(seven, _STEPS), room(), np.zeros((8 * _STEPS, 7))
+        )  # fmt: skip
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
@@ -218,12 +225,25 @@ class Paths:
         """
         yield q
         n = self.mover.limb.n_arm
-        found = self.mover.postures(q, wide)
+        found = self._postures(q, wide)
         far = np.abs(found[:, :n] - near[:n]).max(axis=1)
         found = found[np.argsort(far, kind="stable")]
         for other in found[: self.settings.postures]:
             if np.abs(other - q).max() > 1e-6:
                 yield other
+
+    def _postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        """Return free joints (n, dof) that keep the palm as at q, [] without closed form."""
+        mover, n = self.mover, self.mover.limb.n_arm
+        if self._swivels is None:
+            return np.zeros((0, mover.limb.dof))
+        q = np.ascontiguousarray(q, float)
+        found = np.zeros((len(self._swivels.found), mover.limb.dof))
+        count = postures(
+            mover.space, self._swivels, mover.target(mover.palm(q)), q[n:],
+            np.ascontiguousarray(wide, float), found, mover.scratch,
+        )  # fmt: skip
+        return found[:count]
 
     def _by_hand(self, pair: int) -> bool:
         """Return whether a pair depends on the poses of both hands alone."""

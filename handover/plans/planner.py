@@ -202,9 +202,15 @@ class _Tried:
     def _first(self, those: list, budget: int) -> tuple | None:
         for number, chosen in list(those):
             try:
-                return self.planner.of(chosen, budget)
+                found = self.planner.of(chosen, budget)
+                self.report.refused[:] = [
+                    t for t in self.report.refused if t is not chosen
+                ]
+                return found
             except Blocked as blocked:
                 self.report.failed.append(f"tuple {number}: {blocked}")
+                if all(chosen is not other for other in self.report.refused):
+                    self.report.refused.append(chosen)
                 if blocked.searched and (number, chosen) not in self._put_off:
                     self._put_off.append((number, chosen))
         return None
