@@ -104,22 +104,24 @@ def beyond(a, b, far):
 
 @njit(**BARE)
 def pair_apart(space, p, need, scratch):
-    """Return (lower, upper) bounds of a pair's distance; exact only below `need`."""
+    """Return (lower, upper) bounds of a pair's distance; `need` at most is proved."""
     ga, gb = space.pairs[p, 0], space.pairs[p, 1]
     at, gat, ball = scratch.part_at, scratch.group_at, space.part_ball
     ra, rb = space.group_ball[ga, 3], space.group_ball[gb, 3]
     if beyond(gat[ga], gat[gb], need + ra + rb):
         return need, 1e300
     lower, upper, row = need, 1e300, space.axis_row[p]
-    b0, b1 = space.group_span[gb, 0], space.group_span[gb, 1]
-    for i in range(space.group_span[ga, 0], space.group_span[ga, 1]):
-        row += b1 - b0
-        if beyond(at[i], gat[gb], need + ball[i, 3] + rb):
+    a0, a1 = space.group_span[ga, 0], space.group_span[ga, 1]
+    for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
+        row += a1 - a0
+        if beyond(gat[ga], at[j], need + ra + ball[j, 3]):
             continue
-        for j in range(b0, b1):
+        for i in range(a0, a1):
             if beyond(at[i], at[j], need + ball[i, 3] + ball[j, 3]):
                 continue
-            low, up = parts_apart(space, i, j, need, scratch, row - b1 + j)
+            # farther than their middles they cannot be: are they apart at all?
+            ask = need if beyond(at[i], at[j], need) else space.margin[p]
+            low, up = parts_apart(space, i, j, ask, scratch, row - a1 + i)
             lower, upper = min(lower, low), min(upper, up)
             if upper < space.margin[p]:
                 return lower, upper
@@ -128,7 +130,7 @@ def pair_apart(space, p, need, scratch):
 
 @njit(**FULL)
 def parts_apart(space, i, j, need, scratch, row):
-    """Return (lower, upper) bounds of two parts' distance; exact only below `need`."""
+    """Return (lower, upper) bounds of two parts' distance; `need` at most is proved."""
     v = scratch.axes[row]
     if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
         for k in range(3):
@@ -145,18 +147,14 @@ def stands_clear(space, q, begin, end, scratch):
     """Return the first of pairs begin..end that is not clear at `q`, -1 for none."""
     place(space, q, scratch)
     for p in range(begin, end):
+        ga, gb = space.pairs[p, 0], space.pairs[p, 1]
+        far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
+        if beyond(scratch.group_at[ga], scratch.group_at[gb], far):
+            continue
         lower, _ = pair_apart(space, p, space.margin[p], scratch)
         if not lower >= space.margin[p]:
             return p
     return -1
-
-
-@njit(**BARE)
-def gap_of(space, q, p, most, scratch):
-    """Return the distance of pair p at `q`, at most `most` [m]."""
-    place(space, q, scratch)
-    lower, _ = pair_apart(space, p, most, scratch)
-    return min(lower, most)
 
 
 @njit(**BARE)
