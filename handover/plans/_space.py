@@ -15,6 +15,7 @@ from numba import njit
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.jit_options import BARE, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
 
 
@@ -283,6 +284,30 @@ def path_clear(space, path, tolerance, scratch):
         if pair >= 0:
             return pair, i
     return -1, -1
+
+
+@njit(**BARE)
+def follow(chain, target, step, steps, goal, work, trial, out):
+    """Follow a straight line of the palm as far as the arm can; return the last corner.
+
+    target: (12,) pose of the palm at corner 0, written. step: (3,) to the next one.
+    goal: (5,) length and angle that count as 1; error to reach and most steps of a
+    descent; most that a joint turns in a step. out: (steps + 1, dof) corners, all as
+    the first one; the arm's joints, which come first, are written.
+    """
+    n = work.q.shape[0]
+    for k in range(1, steps + 1):
+        for i in range(3):
+            target[9 + i] += step[i]
+        for j in range(n):
+            work.q[j] = out[k - 1, j]
+        if not descend(chain, target, goal[:2], goal[2:4], work, trial):
+            return k - 1
+        for j in range(n):
+            if abs(work.q[j] - out[k - 1, j]) > goal[4]:
+                return k - 1
+            out[k, j] = work.q[j]
+    return steps
 
 
 class Swivels(NamedTuple):

@@ -7,20 +7,19 @@ import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
-from handover.plans._space import Swivels, postures
+from handover.plans._space import Swivels, follow, postures
 from handover.plans.grasps import line_clear
 from handover.plans.mover import TOLERANCE, Mover
 from handover.plans.settings import PlanSettings
 from roadmap.errors import PlanningError
-from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.seven import free_angles, room
 from roadmap.kinematics.tool_chain import descent_of
 
 _BRANCHES, _CORNERS = 4000, 400
-_SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
-_GOAL = 1e-6, 30.0  # error of that, 0.1 um; steps
 _STEPS = 12  # values of the free angle of an arm
-_LEAP = 0.35  # [rad] a joint turns in a piece of a line, at most
+# of straight lines: [m] and [rad] that count as 1 in a descent, error of that (0.1 um),
+# steps of a descent, and [rad] that a joint turns in a piece at most
+_GOAL = np.array([0.1, 0.1, 1e-6, 30.0, 0.35])
 # of the straight line to a grasp, where the whole is blocked
 _SHORTER = (1.0, 0.6, 0.35)
 SAME = 1e-9  # [rad or m]
@@ -148,19 +147,21 @@ class Paths:
     def _steps(self, length: float) -> int:
         return max(1, int(np.ceil(length / self.settings.line)))
 
-    def reach(self, pre: np.ndarray, what: str, budget: int) -> np.ndarray:
-        """Return a path from where the arm waits: first the hand, then the arm.
+    def reach(self, pre: np.ndarray, what: str, budget: int) -> tuple[np.ndarray, int]:
+        """Return a path from where the arm waits to one of `pre` (k, dof), and which.
+
+        First the hand, then the arm; all of `pre` with the same fingers.
 
         Raises:
             Blocked: None was found.
         """
         home, n = self.home, self.mover.limb.n_arm
-        ready = np.concatenate([home[:n], pre[n:]])
-        path, _, _ = self.between(ready[None], pre[None], what, budget)
+        ready = np.concatenate([home[:n], pre[0, n:]])
+        path, _, k = self.between(ready[None], pre, what, budget)
         if np.abs(ready - home).max() > SAME:
             self.prove(np.array([home, ready]), what)
             path = np.vstack([home, path])
-        return path
+        return path, k
 
     def between(
         self, starts: np.ndarray, goals: np.ndarray, what: str, budget: int
@@ -233,7 +234,7 @@ class Paths:
                 yield other
 
     def _postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
-        """Return free joints (n, dof) that keep the palm as at q, [] without closed form."""
+        """Return free joints (n, dof) that keep the palm as at q; maybe none."""
         mover, n = self.mover, self.mover.limb.n_arm
         if self._swivels is None:
             return np.zeros((0, mover.limb.dof))
@@ -257,21 +258,15 @@ class Paths:
         self, q: np.ndarray, direction: np.ndarray, distance: float
     ) -> np.ndarray:
         """Follow a straight line of the palm from q, as far as the arm can."""
-        mover, n = self.mover, self.mover.limb.n_arm
-        arrays = mover.limb.chain.arrays
-        work, trial, T = descent_of(arrays), np.zeros(n), mover.palm(q)
+        mover, arrays, steps = self.mover, self.mover.limb.chain.arrays
         steps = self._steps(distance)
-        corners = [np.array(q, float)]
-        for k in range(1, steps + 1):
-            at = T.copy()
-            at[:3, 3] += direction * distance * k / steps
-            work.q[:] = corners[-1][:n]
-            if not descend(arrays, mover.target(at), _SCALE, _GOAL, work, trial):
-                break
-            if np.abs(work.q - corners[-1][:n]).max() > _LEAP:
-                break
-            corners.append(np.concatenate([work.q, q[n:]]))
-        return np.array(corners)
+        corners = np.tile(np.asarray(q, float), (steps + 1, 1))
+        step = mover.T_mount[:3, :3].T @ direction * (distance / steps)
+        target, trial = mover.target(mover.palm(q)), np.zeros(mover.limb.n_arm)
+        last = follow(
+            arrays, target, step, steps, _GOAL, descent_of(arrays), trial, corners
+        )
+        return corners[: last + 1]
 
 
 def _trees(dof: int) -> kernels.Trees:

@@ -173,6 +173,7 @@ class _Tried:
         self.planner, self.report = planner, report
         self.seen: list[Tuple] = []
         self._put_off: list[tuple[int, Tuple]] = []
+        self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
         self._grasp = -1
         self.seconds = 0.0
 
@@ -187,8 +188,8 @@ class _Tried:
             if chosen.grasp_receiver != self._grasp:
                 self._grasp = chosen.grasp_receiver
                 middle = int((settings.first_budget * settings.budget) ** 0.5)
-                last = self._put_off[-settings.starts :]
-                found = self._first(last, middle)
+                found = self._first(self._fresh[:1], middle)
+                self._fresh = []
             return found or self._first(
                 [(len(self.seen), chosen)], settings.first_budget
             )
@@ -213,6 +214,7 @@ class _Tried:
                     self.report.refused.append(chosen)
                 if blocked.searched and (number, chosen) not in self._put_off:
                     self._put_off.append((number, chosen))
+                    self._fresh.append((number, chosen))
         return None
 
 
