@@ -154,9 +154,12 @@ class MotionPlanner:
     def _of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
         g, r = chosen.grasp_giver, chosen.grasp_receiver
         hard = budget > self.settings.first_budget
-        starts = self._once(("start", g), lambda: _Several(self._starts(chosen)))
+        trouble = self._known.get(("start", g))
+        if isinstance(trouble, Blocked):
+            raise trouble
         goal = self._once(("goal", r), lambda: self._goal(chosen))
         meetings = self._meetings_of(chosen, hard)
+        starts = self._once(("start", g), lambda: _Several(self._starts(chosen)))
         met, home = self._way_home(chosen, meetings, budget)
         start, carry = self._carried(starts, met, budget)
         approach = self._approach(chosen, met, budget)
@@ -273,7 +276,7 @@ class MotionPlanner:
                 trouble = trouble or blocked
                 if blocked.by_hand:
                     break
-        trouble.searched = not trouble.by_hand and not hard
+        trouble.more = not trouble.by_hand and not hard
         raise trouble
 
     def _leave(

@@ -31,6 +31,7 @@ class Blocked(PlanningError):
     Attributes:
         by_hand: No other posture of the arm changes it.
         searched: A search ended by its budget; a larger one may find it.
+        more: Other postures of the arms were not tried yet.
     """
 
     def __init__(
@@ -38,7 +39,7 @@ class Blocked(PlanningError):
     ) -> None:
         """Take the sentence."""
         super().__init__(text)
-        self.by_hand, self.searched = by_hand, searched
+        self.by_hand, self.searched, self.more = by_hand, searched, False
 
 
 class OutOfTime(PlanningError):
@@ -115,7 +116,7 @@ class Paths:
         for end in ends:
             if leg < end:
                 continue
-            pair, trouble, _ = mover.path_blocked(line[[end, end]])
+            pair, trouble = mover.why(line[end])
             if trouble is None:
                 return line[end], line[end::-1]
             by_hand = self._by_hand(pair)
@@ -258,7 +259,7 @@ class Paths:
         self, q: np.ndarray, direction: np.ndarray, distance: float
     ) -> np.ndarray:
         """Follow a straight line of the palm from q, as far as the arm can."""
-        mover, arrays, steps = self.mover, self.mover.limb.chain.arrays
+        mover, arrays = self.mover, self.mover.limb.chain.arrays
         steps = self._steps(distance)
         corners = np.tile(np.asarray(q, float), (steps + 1, 1))
         step = mover.T_mount[:3, :3].T @ direction * (distance / steps)

@@ -212,9 +212,11 @@ class _Tried:
                 self.report.failed.append(f"tuple {number}: {blocked}")
                 if all(chosen is not other for other in self.report.refused):
                     self.report.refused.append(chosen)
-                if blocked.searched and (number, chosen) not in self._put_off:
+                if not (blocked.searched or blocked.more):
+                    continue
+                if (number, chosen) not in self._put_off:
                     self._put_off.append((number, chosen))
-                    self._fresh.append((number, chosen))
+                    self._fresh += [(number, chosen)] * blocked.searched
         return None
 
 
