@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from handover.grasps._closing import compose
-from handover.plans._space import pair_apart, place
+from handover.plans._space import fill, pair_apart, place
 from roadmap.jit_options import BARE
 from roadmap.kinematics._chain import dexterity, forward, jacobian
 from roadmap.kinematics._seven import solve_all, within_reach
@@ -19,11 +19,9 @@ UNKNOWN, FREE, OUT_OF_REACH, HAND_TOUCHES, ARM_TOUCHES = -1, 0, 1, 2, 3
 
 
 class Arm(NamedTuple):
-    """An arm in closed form, and which pairs of the space its tests look at."""
+    """An arm, and which pairs of the space its tests look at."""
 
-    seven: tuple  # the arm, frame of its mount
-    room: tuple  # for that
-    free: np.ndarray  # (k,) values of the free angle
+    solver: tuple  # the arm in closed form, () for none
     chain: tuple  # the same arm, for its dexterity
     frames: np.ndarray  # (8, 12) of the chain
     jac: np.ndarray  # (6, 7)
@@ -52,16 +50,6 @@ class Listed(NamedTuple):
     shut: np.ndarray  # (n, k) fingers of the closed hand
     wide: np.ndarray  # (n, k) and of the open one
     answer: np.ndarray  # (n, dof) joints of arm and closed hand, where it is free
-
-
-@njit(**BARE)
-def fill(q, arm, fingers):
-    """Write joints of arm and hand to q."""
-    n = arm.shape[0]
-    for j in range(n):
-        q[j] = arm[j]
-    for j in range(fingers.shape[0]):
-        q[n + j] = fingers[j]
 
 
 @njit(**BARE)
@@ -138,17 +126,18 @@ def solve(space, arm, targets, listed, hands, rated, scratch):
     targets: (n, 12) in the frame of the arm's mount. hands: whether the hand is tested
     here, and not later, when a grasp's turn comes. rated: the same of dexterity.
     """
+    own = arm.solver
     listed.first[0] = 0
     for i in range(targets.shape[0]):
         begin(listed, i, targets[i])
         at = listed.first[i]
         n = 0
-        if within_reach(arm.seven, targets[i], arm.room):
+        if within_reach(own.seven, targets[i], own.room):
             if hands:
                 test_hand(space, arm, listed, i, scratch)
             if listed.verdict[i] == UNKNOWN:
                 q = listed.q[at:]
-                n = solve_all(arm.seven, targets[i], arm.free, arm.room, q)
+                n = solve_all(own.seven, targets[i], own.free, own.room, q)
         end(arm, listed, i, n, rated)
 
 

@@ -310,34 +310,40 @@ def follow(chain, target, step, steps, goal, work, trial, out):
     return steps
 
 
-class Swivels(NamedTuple):
-    """What finds an arm's other joints for a pose of its palm."""
+class Solver(NamedTuple):
+    """An arm in closed form."""
 
-    seven: tuple  # the arm in closed form, frame of its mount
+    seven: tuple  # the arm, frame of its mount
+    room: tuple  # for that
     free: np.ndarray  # (k,) values of the free angle
-    room: tuple
     found: np.ndarray  # (8 k, 7) solutions
 
 
 @njit(**BARE)
-def postures(space, swivels, target, shut, wide, out, scratch):
+def fill(q, arm, fingers):
+    """Write joints of arm and hand to q."""
+    n = arm.shape[0]
+    for j in range(n):
+        q[j] = arm[j]
+    for j in range(fingers.shape[0]):
+        q[n + j] = fingers[j]
+
+
+@njit(**BARE)
+def postures(space, arm, target, shut, wide, out, scratch):
     """Write free joints that bring the palm to a pose to out (n, dof), return how many.
 
     target: (12,) in the frame of the arm's mount. shut, wide: (k,) fingers of the
     closed and of the open hand, both must be free; the closed ones are written.
     """
-    s = swivels
-    n = solve_all(s.seven, target, s.free, s.room, s.found)
-    count, end, n_arm = 0, space.pairs.shape[0], s.found.shape[1]
+    n = solve_all(arm.seven, target, arm.free, arm.room, arm.found)
+    count, end = 0, space.pairs.shape[0]
     for i in range(n):
-        q, clear = out[count], True
-        for j in range(n_arm):
-            q[j] = s.found[i, j]
-        for opened in range(2):
-            for j in range(shut.shape[0]):
-                q[n_arm + j] = shut[j] if opened else wide[j]
-            if clear and stands_clear(space, q, 0, end, scratch) >= 0:
-                clear = False
-        if clear:
+        q = out[count]
+        fill(q, arm.found[i], wide)
+        if stands_clear(space, q, 0, end, scratch) >= 0:
+            continue
+        fill(q, arm.found[i], shut)
+        if stands_clear(space, q, 0, end, scratch) < 0:
             count += 1
     return count

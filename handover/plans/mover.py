@@ -17,6 +17,8 @@ from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._seven import MOST
+from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
 MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
@@ -24,6 +26,7 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
+_STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -289,6 +292,13 @@ def _turn_bodies(limb: Limb) -> np.ndarray:
             if abs(limb.tree_f[bodies[0], 15]) == 1.0:
                 found[j] = bodies[0]
     return found
+
+
+def solver_of(limb: Limb) -> kernels.Solver:
+    """Return an arm's closed form with working memory for one thread."""
+    free = free_angles(limb.seven, _STEPS)
+    found = np.zeros((MOST * len(free), 7))
+    return kernels.Solver(seven=limb.seven, room=room(), free=free, found=found)
 
 
 class _Rows(NamedTuple):

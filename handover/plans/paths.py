@@ -7,16 +7,14 @@ import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
-from handover.plans._space import Swivels, follow, postures
+from handover.plans._space import follow, postures
 from handover.plans.grasps import line_clear
-from handover.plans.mover import TOLERANCE, Mover
+from handover.plans.mover import TOLERANCE, Mover, solver_of
 from handover.plans.settings import PlanSettings
 from roadmap.errors import PlanningError
-from roadmap.kinematics.seven import free_angles, room
 from roadmap.kinematics.tool_chain import descent_of
 
 _BRANCHES, _CORNERS = 4000, 400
-_STEPS = 12  # values of the free angle of an arm
 # of straight lines: [m] and [rad] that count as 1 in a descent, error of that (0.1 um),
 # steps of a descent, and [rad] that a joint turns in a piece at most
 _GOAL = np.array([0.1, 0.1, 1e-6, 30.0, 0.35])
@@ -71,10 +69,7 @@ class Paths:
         self.clock = clock
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
-        seven = mover.limb.seven
-        self._swivels = None if seven is None else Swivels(
-            seven, free_angles(seven, _STEPS), room(), np.zeros((8 * _STEPS, 7))
-        )  # fmt: skip
+        self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
@@ -237,12 +232,12 @@ class Paths:
     def _postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
         """Return free joints (n, dof) that keep the palm as at q; maybe none."""
         mover, n = self.mover, self.mover.limb.n_arm
-        if self._swivels is None:
+        if self._arm is None:
             return np.zeros((0, mover.limb.dof))
         q = np.ascontiguousarray(q, float)
-        found = np.zeros((len(self._swivels.found), mover.limb.dof))
+        found = np.zeros((len(self._arm.found), mover.limb.dof))
         count = postures(
-            mover.space, self._swivels, mover.target(mover.palm(q)), q[n:],
+            mover.space, self._arm, mover.target(mover.palm(q)), q[n:],
             np.ascontiguousarray(wide, float), found, mover.scratch,
         )  # fmt: skip
         return found[:count]

@@ -11,9 +11,8 @@ import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _prune as kernels
-from handover.plans.mover import Mover
+from handover.plans.mover import Mover, solver_of
 from roadmap.kinematics._inverse import descend
-from roadmap.kinematics.seven import free_angles, room
 from roadmap.kinematics.tool_chain import descent_of
 from roadmap.transforms import flat_pose
 
@@ -25,7 +24,6 @@ _WHY = {
 _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 _ERROR = 1e-5  # of that: 1 um
 _RESTARTS, _MOST_STEPS = 12, 60
-_STEPS = 12  # values of the free angle of an arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +68,7 @@ class Grasper:
         hand |= np.isin(space.pairs[:, 0], fixed) & still
         n = limb.n_arm
         self.arm = kernels.Arm(
-            seven=() if limb.seven is None else limb.seven,
-            room=() if limb.seven is None else room(),
-            free=np.zeros(1) if limb.seven is None else free_angles(limb.seven, _STEPS),
+            solver=() if limb.seven is None else solver_of(limb),
             chain=limb.chain.arrays,
             frames=np.zeros((len(limb.chain.kind) + 1, 12)),
             jac=np.zeros((6, n)),
@@ -88,7 +84,7 @@ class Grasper:
         )
         first_other = mover.object_group + 1
         self.hands = mover.hand_group, first_other + len(mover.other.groups) - 1
-        self.most = 8 * len(self.arm.free) if limb.seven else _RESTARTS + 1
+        self.most = len(self.arm.solver.found) if limb.seven else _RESTARTS + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
     def look(
@@ -139,7 +135,7 @@ class Looked:
         self._told = np.zeros(n, bool)
         targets = mover.target(T_world_object @ grasper.T_object_palm[self.use])
         stand()
-        if arm.seven:
+        if arm.solver:
             kernels.solve(mover.space, arm, targets, self._listed, *now, mover.scratch)
         else:
             self._numerically(targets, now)

@@ -4,14 +4,20 @@ What the planner's choice is compared with, and what the paper's tables count. E
 grasp is tested wherever it is asked for, in the set's order.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import Pair, handover_poses, steps_of
+from handover.plans.limb import limb_of
+from handover.plans.mover import Mover
 from handover.plans.prune import Executed, prune_grasps
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import PlacedAgent, Scene
+
+Key = tuple[int, int, tuple[float, ...]]  # grasps of receiver and giver, place, turn
 
 
 @dataclass(frozen=True)
@@ -21,21 +27,39 @@ class Whole:
     Attributes:
         step: The first step of the search in which H is not empty, "" for none.
         giver, receiver: Grasps left at the start and at the goal.
-        poses: Hand-over poses of the step that are in H.
-        tuples: (receiver's grasp, giver's grasp, number of the pose, receiver's
-            dexterity at the goal, giver's at the hand-over) of each.
+        poses: Hand-over poses in H.
+        tuples: What tells a tuple from others -> the receiver's dexterity at the goal.
     """
 
     step: str
     giver: int
     receiver: int
     poses: int
-    tuples: list[tuple[int, int, int, float, float]]
+    tuples: dict[Key, float]
 
-    @property
-    def best(self) -> float:
-        """The largest dexterity of the receiver at the goal."""
-        return max(row[3] for row in self.tuples)
+    def best(self, without: set[Key] = frozenset()) -> float:
+        """Return the largest dexterity of the receiver at the goal, 0 for none."""
+        left = [value for key, value in self.tuples.items() if key not in without]
+        return max(left, default=0.0)
+
+
+def key_of(receiver: int, giver: int, T_world_handover: np.ndarray) -> Key:
+    """Return what tells a tuple of H from all others."""
+    return receiver, giver, tuple(np.round(T_world_handover[:3], 9).ravel().tolist())
+
+
+def pair_of(scene: Scene, arms: tuple[str, str], sets: Mapping[str, GraspSet]) -> Pair:
+    """Return the arms (giver's, receiver's) of a scene; sets: hand -> grasps."""
+    one, other = (
+        limb_of(scene.giver.agent, arms[0]),
+        limb_of(scene.receiver.agent, arms[1]),
+    )
+    return Pair(
+        Mover(scene, scene.giver, one, scene.receiver, other),
+        Mover(scene, scene.receiver, other, scene.giver, one),
+        sets[one.spec.name],
+        sets[other.spec.name],
+    )
 
 
 def whole_choice(scene: Scene, pair: Pair, settings: PlanSettings) -> Whole:
@@ -54,32 +78,30 @@ def whole_choice(scene: Scene, pair: Pair, settings: PlanSettings) -> Whole:
     giver.let_touch()
     starts = prune_grasps(giver, pair.of_giver, scene.T_world_start)
     for step, places, turns in steps_of(pair, settings):
-        found, number, poses = [], 0, set()
-        for grasp, dexterity in sorted(zip(goals.grasp, goals.dexterity, strict=True)):
+        found: dict[Key, float] = {}
+        for grasp, dexterity in zip(goals.grasp, goals.dexterity, strict=True):
             for T in handover_poses(scene, pair, grasp, places, turns):
-                number += 1
-                T_palm_object = np.linalg.inv(pair.of_receiver.T_object_palm[grasp])
                 receiver.put_other(waits["giver"])
-                receiver.hold(T_palm_object)
+                receiver.hold(np.linalg.inv(pair.of_receiver.T_object_palm[grasp]))
                 held = prune_grasps(receiver, pair.of_receiver, T, np.array([grasp]))
-                if not len(held):
-                    continue
-                for row in _given(pair, starts, T, held.q[0]):
-                    found.append((int(grasp), row[0], number, float(dexterity), row[1]))
-                    poses.add(number)
+                if len(held):
+                    for g in _given(pair, starts, T, held.q[0]):
+                        found[key_of(int(grasp), g, T)] = float(dexterity)
         if found:
-            return Whole(step, len(starts), len(goals), len(poses), found)
-    return Whole("", len(starts), len(goals), 0, [])
+            poses = len({(key[0], key[2]) for key in found})
+            return Whole(step, len(starts), len(goals), poses, found)
+    return Whole("", len(starts), len(goals), 0, {})
 
 
-def _given(pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray):
+def _given(
+    pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray
+) -> list[int]:
     giver = pair.giver
     giver.put_other(q_receiver)
     giver.put_object(T)
     giver.let_touch()
-    use = np.sort(starts.grasp)
-    found = prune_grasps(giver, pair.of_giver, T, use)
-    return list(zip(found.grasp.tolist(), found.dexterity.tolist(), strict=True))
+    found = prune_grasps(giver, pair.of_giver, T, np.sort(starts.grasp))
+    return found.grasp.tolist()
 
 
 def _waiting(placed: PlacedAgent, joints: tuple[str, ...]) -> np.ndarray:
