@@ -62,8 +62,20 @@ def pair_of(scene: Scene, arms: tuple[str, str], sets: Mapping[str, GraspSet]) -
     )
 
 
-def whole_choice(scene: Scene, pair: Pair, settings: PlanSettings) -> Whole:
-    """Return H of two arms, as [Huaman2014] makes it, widened step by step."""
+def whole_choice(
+    scene: Scene, pair: Pair, settings: PlanSettings, until: str = ""
+) -> list[Whole]:
+    """Return H of two arms, as [Huaman2014] makes it, widened step by step.
+
+    Args:
+        scene: The scene.
+        pair: Both arms.
+        settings: How far it is widened.
+        until: The last step; the first in which H is not empty, if left.
+
+    Returns:
+        One for each step, the last one is that of `until`.
+    """
     giver, receiver = pair.giver, pair.receiver
     waits = {
         "giver": _waiting(scene.giver, giver.limb.joints),
@@ -77,6 +89,7 @@ def whole_choice(scene: Scene, pair: Pair, settings: PlanSettings) -> Whole:
     giver.put_object(scene.T_world_start)
     giver.let_touch()
     starts = prune_grasps(giver, pair.of_giver, scene.T_world_start)
+    wholes = []
     for step, places, turns in steps_of(pair, settings):
         found: dict[Key, float] = {}
         for grasp, dexterity in zip(goals.grasp, goals.dexterity, strict=True):
@@ -87,10 +100,20 @@ def whole_choice(scene: Scene, pair: Pair, settings: PlanSettings) -> Whole:
                 if len(held):
                     for g in _given(pair, starts, T, held.q[0]):
                         found[key_of(int(grasp), g, T)] = float(dexterity)
-        if found:
-            poses = len({(key[0], key[2]) for key in found})
-            return Whole(step, len(starts), len(goals), poses, found)
-    return Whole("", len(starts), len(goals), 0, {})
+        poses = len({(key[0], key[2]) for key in found})
+        wholes.append(Whole(step, len(starts), len(goals), poses, found))
+        if step == until or (found and not until):
+            break
+    return wholes
+
+
+def best_of(wholes: list[Whole], without: set[Key]) -> float:
+    """Return what is to be chosen: the best of the first step that has any left."""
+    for whole in wholes:
+        best = whole.best(without)
+        if best > 0.0:
+            return best
+    return 0.0
 
 
 def _given(
