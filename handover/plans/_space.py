@@ -91,7 +91,7 @@ def place(space, q, scratch):
             for k in range(3):
                 scratch.axes[i, k] = 0.0
         scratch.stale[0] = False
-    put_balls(space, 0, space.thing + 1, scratch)
+    put_balls(space, np.int64(0), space.thing + 1, scratch)
     for g in range(space.thing + 1):
         scratch.arms[g, 0] = -1.0
 
@@ -219,7 +219,7 @@ def motion_clear(space, q, dq, tolerance, scratch):
     at = stack[stack.shape[0] - 1]
     stack[0, 0], stack[0, 1] = 0.5, 0.5
     stack[0, 2], stack[0, 3] = space.pairs.shape[0], 0.0
-    depth = 0
+    depth = np.int64(0)  # no literal: it would be another kernel
     while depth >= 0:
         state = stack[depth, 3]
         if state == 0.0:
@@ -255,7 +255,7 @@ def sift(space, dq, half, depth, tolerance, scratch):
     """
     moves, lists, left = scratch.moves, scratch.lists, 0
     for k in range(int(scratch.stack[depth, 2])):
-        p = lists[depth, k]
+        p = np.int64(lists[depth, k])
         ga, gb, move = space.pairs[p, 0], space.pairs[p, 1], moves[p] * half
         far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
         if beyond(scratch.group_at[ga], scratch.group_at[gb], far + move):
@@ -337,13 +337,13 @@ def postures(space, arm, target, shut, wide, out, scratch):
     closed and of the open hand, both must be free; the closed ones are written.
     """
     n = solve_all(arm.seven, target, arm.free, arm.room, arm.found)
-    count, end = 0, space.pairs.shape[0]
+    count, begin, end = 0, np.int64(0), space.pairs.shape[0]
     for i in range(n):
         q = out[count]
         fill(q, arm.found[i], wide)
-        if stands_clear(space, q, 0, end, scratch) >= 0:
+        if stands_clear(space, q, begin, end, scratch) >= 0:
             continue
         fill(q, arm.found[i], shut)
-        if stands_clear(space, q, 0, end, scratch) < 0:
+        if stands_clear(space, q, begin, end, scratch) < 0:
             count += 1
     return count
