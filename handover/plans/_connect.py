@@ -55,7 +55,8 @@ def apart(a, b):
 def passes(space, trees, q, q_to, tolerance, scratch):
     """Return whether a straight motion is proved, its end looked at first."""
     trees.tests[0] += 1
-    if stands_clear(space, q_to, 0, space.pairs.shape[0], scratch) >= 0:
+    begin, end = np.int64(0), space.pairs.shape[0]
+    if stands_clear(space, q_to, begin, end, scratch) >= 0:
         return False
     dq = trees.sample[1]
     for j in range(q.shape[0]):

@@ -209,7 +209,7 @@ def next_free(space, arm, listed, told, scratch):
     """
     n = listed.rank.shape[0]
     while True:
-        best = -1
+        best = np.int64(-1)
         for i in range(n):
             if told[i] or listed.rank[i] < 0.0:
                 continue

@@ -15,6 +15,7 @@ from numba import njit
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.jit_options import BARE, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
 
 
@@ -90,7 +91,7 @@ def place(space, q, scratch):
             for k in range(3):
                 scratch.axes[i, k] = 0.0
         scratch.stale[0] = False
-    put_balls(space, 0, space.thing + 1, scratch)
+    put_balls(space, np.int64(0), space.thing + 1, scratch)
     for g in range(space.thing + 1):
         scratch.arms[g, 0] = -1.0
 
@@ -104,22 +105,24 @@ def beyond(a, b, far):
 
 @njit(**BARE)
 def pair_apart(space, p, need, scratch):
-    """Return (lower, upper) bounds of a pair's distance; exact only below `need`."""
+    """Return (lower, upper) bounds of a pair's distance; `need` at most is proved."""
     ga, gb = space.pairs[p, 0], space.pairs[p, 1]
     at, gat, ball = scratch.part_at, scratch.group_at, space.part_ball
     ra, rb = space.group_ball[ga, 3], space.group_ball[gb, 3]
     if beyond(gat[ga], gat[gb], need + ra + rb):
         return need, 1e300
     lower, upper, row = need, 1e300, space.axis_row[p]
-    b0, b1 = space.group_span[gb, 0], space.group_span[gb, 1]
-    for i in range(space.group_span[ga, 0], space.group_span[ga, 1]):
-        row += b1 - b0
-        if beyond(at[i], gat[gb], need + ball[i, 3] + rb):
+    a0, a1 = space.group_span[ga, 0], space.group_span[ga, 1]
+    for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
+        row += a1 - a0
+        if beyond(gat[ga], at[j], need + ra + ball[j, 3]):
             continue
-        for j in range(b0, b1):
+        for i in range(a0, a1):
             if beyond(at[i], at[j], need + ball[i, 3] + ball[j, 3]):
                 continue
-            low, up = parts_apart(space, i, j, need, scratch, row - b1 + j)
+            # farther than their middles they cannot be: are they apart at all?
+            ask = need if beyond(at[i], at[j], need) else space.margin[p]
+            low, up = parts_apart(space, i, j, ask, scratch, row - a1 + i)
             lower, upper = min(lower, low), min(upper, up)
             if upper < space.margin[p]:
                 return lower, upper
@@ -128,7 +131,7 @@ def pair_apart(space, p, need, scratch):
 
 @njit(**FULL)
 def parts_apart(space, i, j, need, scratch, row):
-    """Return (lower, upper) bounds of two parts' distance; exact only below `need`."""
+    """Return (lower, upper) bounds of two parts' distance; `need` at most is proved."""
     v = scratch.axes[row]
     if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
         for k in range(3):
@@ -145,18 +148,14 @@ def stands_clear(space, q, begin, end, scratch):
     """Return the first of pairs begin..end that is not clear at `q`, -1 for none."""
     place(space, q, scratch)
     for p in range(begin, end):
+        ga, gb = space.pairs[p, 0], space.pairs[p, 1]
+        far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
+        if beyond(scratch.group_at[ga], scratch.group_at[gb], far):
+            continue
         lower, _ = pair_apart(space, p, space.margin[p], scratch)
         if not lower >= space.margin[p]:
             return p
     return -1
-
-
-@njit(**BARE)
-def gap_of(space, q, p, most, scratch):
-    """Return the distance of pair p at `q`, at most `most` [m]."""
-    place(space, q, scratch)
-    lower, _ = pair_apart(space, p, most, scratch)
-    return min(lower, most)
 
 
 @njit(**BARE)
@@ -220,7 +219,7 @@ def motion_clear(space, q, dq, tolerance, scratch):
     at = stack[stack.shape[0] - 1]
     stack[0, 0], stack[0, 1] = 0.5, 0.5
     stack[0, 2], stack[0, 3] = space.pairs.shape[0], 0.0
-    depth = 0
+    depth = np.int64(0)  # no literal: it would be another kernel
     while depth >= 0:
         state = stack[depth, 3]
         if state == 0.0:
@@ -256,7 +255,7 @@ def sift(space, dq, half, depth, tolerance, scratch):
     """
     moves, lists, left = scratch.moves, scratch.lists, 0
     for k in range(int(scratch.stack[depth, 2])):
-        p = lists[depth, k]
+        p = np.int64(lists[depth, k])
         ga, gb, move = space.pairs[p, 0], space.pairs[p, 1], moves[p] * half
         far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
         if beyond(scratch.group_at[ga], scratch.group_at[gb], far + move):
@@ -287,6 +286,30 @@ def path_clear(space, path, tolerance, scratch):
     return -1, -1
 
 
+@njit(**BARE)
+def follow(chain, target, step, steps, goal, work, trial, out):
+    """Follow a straight line of the palm as far as the arm can; return the last corner.
+
+    target: (12,) pose of the palm at corner 0, written. step: (3,) to the next one.
+    goal: (5,) length and angle that count as 1; error to reach and most steps of a
+    descent; most that a joint turns in a step. out: (steps + 1, dof) corners, all as
+    the first one; the arm's joints, which come first, are written.
+    """
+    n = work.q.shape[0]
+    for k in range(1, steps + 1):
+        for i in range(3):
+            target[9 + i] += step[i]
+        for j in range(n):
+            work.q[j] = out[k - 1, j]
+        if not descend(chain, target, goal[:2], goal[2:4], work, trial):
+            return k - 1
+        for j in range(n):
+            if abs(work.q[j] - out[k - 1, j]) > goal[4]:
+                return k - 1
+            out[k, j] = work.q[j]
+    return steps
+
+
 class Solver(NamedTuple):
     """An arm in closed form."""
 
@@ -307,23 +330,20 @@ def fill(q, arm, fingers):
 
 
 @njit(**BARE)
-def postures(space, arm, target, hands, out, scratch):
-    """Write all free joints that bring the palm to a pose to out (n, dof).
+def postures(space, arm, target, shut, wide, out, scratch):
+    """Write free joints that bring the palm to a pose to out (n, dof), return how many.
 
-    target: (12,) palm in the frame of the arm's mount. hands: fingers shut and wide,
-    (k,) each; both must be free.
-
-    Returns:
-        How many.
+    target: (12,) in the frame of the arm's mount. shut, wide: (k,) fingers of the
+    closed and of the open hand, both must be free; the closed ones are written.
     """
     n = solve_all(arm.seven, target, arm.free, arm.room, arm.found)
-    count, end = 0, space.pairs.shape[0]
+    count, begin, end = 0, np.int64(0), space.pairs.shape[0]
     for i in range(n):
         q = out[count]
-        fill(q, arm.found[i], hands[1])
-        if stands_clear(space, q, 0, end, scratch) >= 0:
+        fill(q, arm.found[i], wide)
+        if stands_clear(space, q, begin, end, scratch) >= 0:
             continue
-        fill(q, arm.found[i], hands[0])
-        if stands_clear(space, q, 0, end, scratch) < 0:
+        fill(q, arm.found[i], shut)
+        if stands_clear(space, q, begin, end, scratch) < 0:
             count += 1
     return count

@@ -5,7 +5,7 @@ all of those are free are paths searched between them. What does not depend on t
 tuple is worked out once for all of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,6 +91,25 @@ class _Goal:
     line: np.ndarray | None = None
 
 
+_NO_MORE = Blocked("no other posture")
+
+
+class _Several:
+    """What an iterator yields, as many as are asked for; the first is made at once."""
+
+    def __init__(self, every: Iterator) -> None:
+        self._every, self._found = every, [next(every)]
+
+    def first(self, n: int) -> list:
+        """Return n of them, or all that there are."""
+        try:
+            while len(self._found) < n:
+                self._found.append(next(self._every))
+        except (Blocked, StopIteration):
+            pass
+        return self._found
+
+
 class MotionPlanner:
     """Looks for the motions of tuples in a scene.
 
@@ -113,7 +132,7 @@ class MotionPlanner:
             pair.receiver, home_of(scene.receiver, pair.receiver.limb), settings, clock
         )
         self._known: dict = {}  # what does not depend on the whole tuple
-        self._meetings: dict[int, tuple[Tuple, list[_Meeting] | Blocked]] = {}
+        self._meetings: dict[int, tuple] = {}  # by tuple: (it, hard, what was found)
 
     def of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
         """Return the pieces of a tuple's motions, in order, and the tuple.
@@ -134,19 +153,15 @@ class MotionPlanner:
 
     def _of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
         g, r = chosen.grasp_giver, chosen.grasp_receiver
-        starts = self._once(("start", g), lambda: self._starts(chosen))
+        hard = budget > self.settings.first_budget
+        trouble = self._known.get(("start", g))
+        if isinstance(trouble, Blocked):
+            raise trouble
         goal = self._once(("goal", r), lambda: self._goal(chosen))
-        _, met = self._meetings.get(id(chosen), (None, None))
-        if met is None:
-            try:
-                met = self._meeting_of(chosen)
-            except Blocked as blocked:
-                met = blocked
-            self._meetings[id(chosen)] = chosen, met
-        if isinstance(met, Blocked):
-            raise met
-        start, met, carry = self._carried(starts, met, budget)
-        home = self._way_home(chosen, met, budget)
+        meetings = self._meetings_of(chosen, hard)
+        starts = self._once(("start", g), lambda: _Several(self._starts(chosen)))
+        met, home = self._way_home(chosen, meetings, budget)
+        start, carry = self._carried(starts, met, budget)
         approach = self._approach(chosen, met, budget)
         place = self._place(chosen, met, goal, budget)
         reach = self._searched(
@@ -174,17 +189,21 @@ class MotionPlanner:
 
     # --- what is cheap --------------------------------------------------------------
 
-    def _starts(self, chosen: Tuple) -> list[_Start]:
-        """Return ways to grasp and lift: line, fingers, lift."""
+    def _starts(self, chosen: Tuple) -> Iterator[_Start]:
+        """Yield ways to grasp and lift: line, fingers, lift.
+
+        Raises:
+            Blocked: There is none.
+        """
         paths, grasps, g = self.giver, self.pair.of_giver, chosen.grasp_giver
-        giver, found, trouble = self.pair.giver, [], None
+        giver, trouble = self.pair.giver, None
         wide = grasps.preshape[g]
         every = paths.postures(chosen.q_start, wide, paths.home)
         for k in range(self.settings.postures + 1):
             self._put_giver_at_start()
             giver.let_touch()
             q = next(every, None)
-            if q is None or len(found) == self.settings.starts:
+            if q is None:
                 break
             try:
                 q_open = _with_hand(giver.limb, q, wide)
@@ -200,10 +219,9 @@ class MotionPlanner:
                 if blocked.by_hand:
                     break
                 continue
-            found.append(_Start((g, k), q, pre, np.vstack([line, close[1:]]), up))
-        if not found:
-            raise trouble
-        return found
+            trouble = trouble or _NO_MORE
+            yield _Start((g, k), q, pre, np.vstack([line, close[1:]]), up)
+        raise trouble
 
     def _goal(self, chosen: Tuple) -> _Goal:
         """Return how the receiver lets go at the goal: lift, fingers, line."""
@@ -222,48 +240,58 @@ class MotionPlanner:
         pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g))
         return _Goal(down, opening, pre, line)
 
-    def _meeting_of(self, chosen: Tuple) -> list[_Meeting]:
-        """Return how the object may change hands: fingers and lines of both.
+    def _meetings_of(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+        """Return how the object may change hands; more postures are tried if `hard`."""
+        _, tried, met = self._meetings.get(id(chosen), (None, None, None))
+        known = isinstance(met, Blocked) and (tried or not hard or met.by_hand)
+        if met is None or (tried < hard and not known):
+            try:
+                met = self._meet(chosen, hard)
+            except Blocked as blocked:
+                met = blocked
+            self._meetings[id(chosen)] = chosen, hard, met
+        if isinstance(met, Blocked):
+            raise met
+        return met
+
+    def _meet(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+        """Return fingers and lines of both where the object changes hands.
 
         All with one posture of the receiver, and some of the giver.
         """
-        pair, tries, trouble = self.pair, self.settings.meetings, None
+        pair, trouble = self.pair, None
+        tries = self.settings.meetings if hard else 1
         wide = pair.of_receiver.preshape[chosen.grasp_receiver]
         every = self.receiver.postures(chosen.q_receiver, wide, self.receiver.home)
-        while tries > 0:
+        for _ in range(tries):
             self._put_receiver_to_take(chosen, chosen.q_giver)
             pair.receiver.let_touch()
             q_receiver = next(every, None)
             if q_receiver is None:
                 break
-            tries -= 1
             try:
                 taken = self._take(chosen, chosen.q_giver, q_receiver)
+                return self._leave(chosen, q_receiver, taken, tries)
             except Blocked as blocked:
                 trouble = trouble or blocked
                 if blocked.by_hand:
                     break
-                continue
-            met, tries, blocked = self._left(chosen, q_receiver, taken, tries)
-            if met:
-                return met
-            trouble = trouble or blocked
-            if blocked.by_hand:
-                break
+        trouble.more = not trouble.by_hand and not hard
         raise trouble
 
-    def _left(self, chosen: Tuple, q_receiver: np.ndarray, taken: tuple, tries: int):
-        """Return (meetings, tries left, trouble): how the giver leaves the object."""
+    def _leave(
+        self, chosen: Tuple, q_receiver: np.ndarray, taken: tuple, tries: int
+    ) -> list[_Meeting]:
+        """Return how the giver leaves the object to the receiver."""
         pair, trouble, met = self.pair, None, []
         wide = pair.of_giver.preshape[chosen.grasp_giver]
         every = self.giver.postures(chosen.q_giver, wide, self.giver.home)
-        while len(met) < self.settings.starts and (tries > 0 or trouble is None):
+        for _ in range(tries):
             self._put_giver_to_leave(chosen, q_receiver)
             pair.giver.let_touch()
             q_giver = next(every, None)
-            if q_giver is None:
+            if q_giver is None or len(met) == self.settings.starts:
                 break
-            tries -= 1
             try:
                 left = self._release(chosen, q_giver, q_receiver)
                 if q_giver is not chosen.q_giver:
@@ -275,7 +303,9 @@ class MotionPlanner:
                     break
                 continue
             met.append(_Meeting(q_giver, q_receiver, *taken, *left))
-        return met, tries, trouble
+        if not met:
+            raise trouble
+        return met
 
     def _take(self, chosen: Tuple, q_giver: np.ndarray, q: np.ndarray) -> tuple:
         """Return (where the line begins, line and closing hand) of the receiver."""
@@ -312,31 +342,36 @@ class MotionPlanner:
     # --- what is searched -------------------------------------------------------------
 
     def _carried(
-        self, starts: list[_Start], meetings: list[_Meeting], budget: int
-    ) -> tuple[_Start, _Meeting, np.ndarray]:
-        """Return the path of the object between the nearest postures, and these."""
-        giver = self.pair.giver
+        self, starts: "_Several", met: _Meeting, budget: int
+    ) -> tuple[_Start, np.ndarray]:
+        """Return the path of the object, and where it begins."""
+        giver, every = self.pair.giver, starts.first(self.settings.starts)
         giver.put_other(self.receiver.home)
-        giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[starts[0].key[0]]))
-        begin = np.array([start.up[-1] for start in starts])
-        end = np.array([met.q_giver for met in meetings])
-        path, first, last = self.giver.between(begin, end, "carry", budget)
+        giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[every[0].key[0]]))
+        begin = np.array([start.up[-1] for start in every])
+        path, first, _ = self.giver.between(begin, met.q_giver[None], "carry", budget)
         if len(path) == 2:
             path = np.array([path[0], 0.5 * (path[0] + path[1]), path[1]])
             self.giver.prove(path, "carry")
-        return starts[first], meetings[last], path
+        return every[first], path
 
     def _reach(self, start: _Start, budget: int) -> np.ndarray:
         self._put_giver_at_start()
-        return self.giver.reach(start.pre, "reach", budget)
+        return self.giver.reach(start.pre[None], "reach", budget)[0]
 
     def _approach(self, chosen: Tuple, met: _Meeting, budget: int) -> np.ndarray:
         self._put_receiver_to_take(chosen, met.q_giver)
-        return self.receiver.reach(met.take_pre, "reach for the object", budget)
+        pre = met.take_pre[None]
+        return self.receiver.reach(pre, "reach for the object", budget)[0]
 
-    def _way_home(self, chosen: Tuple, met: _Meeting, budget: int) -> np.ndarray:
-        self._put_giver_to_leave(chosen, met.q_receiver)
-        return self.giver.reach(met.leave_pre, "the giver's way home", budget)
+    def _way_home(
+        self, chosen: Tuple, meetings: list[_Meeting], budget: int
+    ) -> tuple[_Meeting, np.ndarray]:
+        """Return the giver's way home, and where it begins."""
+        self._put_giver_to_leave(chosen, meetings[0].q_receiver)
+        begin = np.array([met.leave_pre for met in meetings])
+        path, k = self.giver.reach(begin, "the giver's way home", budget)
+        return meetings[k], path
 
     def _place(
         self, chosen: Tuple, met: _Meeting, goal: _Goal, budget: int
@@ -366,7 +401,7 @@ class MotionPlanner:
     def _home_from_goal(self, goal: _Goal, budget: int) -> np.ndarray:
         self.pair.receiver.put_other(self.giver.home)
         self.pair.receiver.put_object(self.scene.T_world_goal)
-        return self.receiver.reach(goal.pre, "the receiver's way home", budget)
+        return self.receiver.reach(goal.pre[None], "the receiver's way home", budget)[0]
 
     # --- who stands where -------------------------------------------------------------
 

@@ -58,7 +58,6 @@ class Mover:
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
         self._scratch = _scratch(self.space, limb.dof)
-        self._solver = None if limb.seven is None else solver_of(limb)
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -240,22 +239,6 @@ class Mover:
             return -1, out, 0
         p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
         return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
-
-    def postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
-        """Return free joints (n, dof) that bring the palm where it is at q (dof,).
-
-        They hold the fingers as in q, and are free with those at `wide` (k,), too;
-        none where the arm has no closed form.
-        """
-        limb, arm = self.limb, self._solver
-        if arm is None:
-            return np.zeros((0, limb.dof))
-        q = np.ascontiguousarray(q, float)
-        found = np.zeros((len(arm.found), limb.dof))
-        hands = np.ascontiguousarray(q[limb.n_arm :]), np.ascontiguousarray(wide, float)
-        target = self.target(self.palm(q))
-        n = kernels.postures(self.space, arm, target, hands, found, self._scratch)
-        return found[:n]
 
     def _outside(self, q: np.ndarray) -> str:
         """Name a joint of q (..., dof) that is outside its limits, "" for none."""

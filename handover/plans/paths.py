@@ -7,17 +7,17 @@ import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
+from handover.plans._space import follow, postures
 from handover.plans.grasps import line_clear
-from handover.plans.mover import TOLERANCE, Mover
+from handover.plans.mover import TOLERANCE, Mover, solver_of
 from handover.plans.settings import PlanSettings
 from roadmap.errors import PlanningError
-from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.tool_chain import descent_of
 
 _BRANCHES, _CORNERS = 4000, 400
-_SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
-_GOAL = 1e-6, 30.0  # error of that, 0.1 um; steps
-_LEAP = 0.35  # [rad] a joint turns in a piece of a line, at most
+# of straight lines: [m] and [rad] that count as 1 in a descent, error of that (0.1 um),
+# steps of a descent, and [rad] that a joint turns in a piece at most
+_GOAL = np.array([0.1, 0.1, 1e-6, 30.0, 0.35])
 # of the straight line to a grasp, where the whole is blocked
 _SHORTER = (1.0, 0.6, 0.35)
 SAME = 1e-9  # [rad or m]
@@ -29,6 +29,7 @@ class Blocked(PlanningError):
     Attributes:
         by_hand: No other posture of the arm changes it.
         searched: A search ended by its budget; a larger one may find it.
+        more: Other postures of the arms were not tried yet.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class Blocked(PlanningError):
     ) -> None:
         """Take the sentence."""
         super().__init__(text)
-        self.by_hand, self.searched = by_hand, searched
+        self.by_hand, self.searched, self.more = by_hand, searched, False
 
 
 class OutOfTime(PlanningError):
@@ -68,6 +69,7 @@ class Paths:
         self.clock = clock
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
+        self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
@@ -109,7 +111,7 @@ class Paths:
         for end in ends:
             if leg < end:
                 continue
-            pair, trouble, _ = mover.path_blocked(line[[end, end]])
+            pair, trouble = mover.why(line[end])
             if trouble is None:
                 return line[end], line[end::-1]
             by_hand = self._by_hand(pair)
@@ -141,19 +143,21 @@ class Paths:
     def _steps(self, length: float) -> int:
         return max(1, int(np.ceil(length / self.settings.line)))
 
-    def reach(self, pre: np.ndarray, what: str, budget: int) -> np.ndarray:
-        """Return a path from where the arm waits: first the hand, then the arm.
+    def reach(self, pre: np.ndarray, what: str, budget: int) -> tuple[np.ndarray, int]:
+        """Return a path from where the arm waits to one of `pre` (k, dof), and which.
+
+        First the hand, then the arm; all of `pre` with the same fingers.
 
         Raises:
             Blocked: None was found.
         """
         home, n = self.home, self.mover.limb.n_arm
-        ready = np.concatenate([home[:n], pre[n:]])
-        path, _, _ = self.between(ready[None], pre[None], what, budget)
+        ready = np.concatenate([home[:n], pre[0, n:]])
+        path, _, k = self.between(ready[None], pre, what, budget)
         if np.abs(ready - home).max() > SAME:
             self.prove(np.array([home, ready]), what)
             path = np.vstack([home, path])
-        return path
+        return path, k
 
     def between(
         self, starts: np.ndarray, goals: np.ndarray, what: str, budget: int
@@ -218,12 +222,25 @@ class Paths:
         """
         yield q
         n = self.mover.limb.n_arm
-        found = self.mover.postures(q, wide)
+        found = self._postures(q, wide)
         far = np.abs(found[:, :n] - near[:n]).max(axis=1)
         found = found[np.argsort(far, kind="stable")]
         for other in found[: self.settings.postures]:
             if np.abs(other - q).max() > 1e-6:
                 yield other
+
+    def _postures(self, q: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        """Return free joints (n, dof) that keep the palm as at q; maybe none."""
+        mover, n = self.mover, self.mover.limb.n_arm
+        if self._arm is None:
+            return np.zeros((0, mover.limb.dof))
+        q = np.ascontiguousarray(q, float)
+        found = np.zeros((len(self._arm.found), mover.limb.dof))
+        count = postures(
+            mover.space, self._arm, mover.target(mover.palm(q)), q[n:],
+            np.ascontiguousarray(wide, float), found, mover.scratch,
+        )  # fmt: skip
+        return found[:count]
 
     def _by_hand(self, pair: int) -> bool:
         """Return whether a pair depends on the poses of both hands alone."""
@@ -237,21 +254,15 @@ class Paths:
         self, q: np.ndarray, direction: np.ndarray, distance: float
     ) -> np.ndarray:
         """Follow a straight line of the palm from q, as far as the arm can."""
-        mover, n = self.mover, self.mover.limb.n_arm
-        arrays = mover.limb.chain.arrays
-        work, trial, T = descent_of(arrays), np.zeros(n), mover.palm(q)
+        mover, arrays = self.mover, self.mover.limb.chain.arrays
         steps = self._steps(distance)
-        corners = [np.array(q, float)]
-        for k in range(1, steps + 1):
-            at = T.copy()
-            at[:3, 3] += direction * distance * k / steps
-            work.q[:] = corners[-1][:n]
-            if not descend(arrays, mover.target(at), _SCALE, _GOAL, work, trial):
-                break
-            if np.abs(work.q - corners[-1][:n]).max() > _LEAP:
-                break
-            corners.append(np.concatenate([work.q, q[n:]]))
-        return np.array(corners)
+        corners = np.tile(np.asarray(q, float), (steps + 1, 1))
+        step = mover.T_mount[:3, :3].T @ direction * (distance / steps)
+        target, trial = mover.target(mover.palm(q)), np.zeros(mover.limb.n_arm)
+        last = follow(
+            arrays, target, step, steps, _GOAL, descent_of(arrays), trial, corners
+        )
+        return corners[: last + 1]
 
 
 def _trees(dof: int) -> kernels.Trees:

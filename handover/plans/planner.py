@@ -173,6 +173,7 @@ class _Tried:
         self.planner, self.report = planner, report
         self.seen: list[Tuple] = []
         self._put_off: list[tuple[int, Tuple]] = []
+        self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
         self._grasp = -1
         self.seconds = 0.0
 
@@ -187,8 +188,8 @@ class _Tried:
             if chosen.grasp_receiver != self._grasp:
                 self._grasp = chosen.grasp_receiver
                 middle = int((settings.first_budget * settings.budget) ** 0.5)
-                last = self._put_off[-settings.starts :]
-                found = self._first(last, middle)
+                found = self._first(self._fresh[:1], middle)
+                self._fresh = []
             return found or self._first(
                 [(len(self.seen), chosen)], settings.first_budget
             )
@@ -202,12 +203,20 @@ class _Tried:
     def _first(self, those: list, budget: int) -> tuple | None:
         for number, chosen in list(those):
             try:
-                return self.planner.of(chosen, budget)
+                found = self.planner.of(chosen, budget)
+                self.report.refused[:] = [
+                    t for t in self.report.refused if t is not chosen
+                ]
+                return found
             except Blocked as blocked:
                 self.report.failed.append(f"tuple {number}: {blocked}")
-                self.report.refused.append(chosen)
-                if blocked.searched and (number, chosen) not in self._put_off:
+                if all(chosen is not other for other in self.report.refused):
+                    self.report.refused.append(chosen)
+                if not (blocked.searched or blocked.more):
+                    continue
+                if (number, chosen) not in self._put_off:
                     self._put_off.append((number, chosen))
+                    self._fresh += [(number, chosen)] * blocked.searched
         return None
 
 

@@ -44,7 +44,8 @@ class PlanSettings:
             no straight line to or from a grasp is free.
         starts: Postures of the giver at the start, and as many where it hands over,
             that a carry is looked for between.
-        meetings: Pairs of postures that are tried where the object changes hands.
+        meetings: Postures of each that are tried where the object changes hands, if
+            the first ones, with `first_budget`, were not enough.
     """
 
     voxels: int = 24
@@ -60,7 +61,7 @@ class PlanSettings:
     first_budget: int = 300
     postures: int = 12
     starts: int = 3
-    meetings: int = 10
+    meetings: int = 8
 
     def __post_init__(self) -> None:
         """Check every number.
