@@ -144,6 +144,11 @@ class Looked:
         """Return how many grasps are looked at."""
         return len(self.use)
 
+    @property
+    def verdicts(self) -> np.ndarray:
+        """What is known of each grasp, (n,) codes of `_prune.py`."""
+        return self._listed.verdict.copy()
+
     def __iter__(self) -> Iterator[tuple[int, np.ndarray, float]]:
         """Yield (grasp, joints (dof,), dexterity) of those that are free, best first.
 
