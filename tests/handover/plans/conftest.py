@@ -19,6 +19,6 @@ def scene():
 
 
 @pytest.fixture(scope="session")
-def grasps(scene):
-    hands = ("sdh_left", "hubo_left")
-    return {hand: handover.build_grasps(scene.obj, hand, FEW) for hand in hands}
+def grasps():
+    jar, hands = handover.load_object("food_jar"), ("sdh_left", "hubo_left")
+    return {hand: handover.build_grasps(jar, hand, FEW) for hand in hands}
