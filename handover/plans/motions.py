@@ -270,6 +270,8 @@ class MotionPlanner:
             if q_receiver is None:
                 break
             try:
+                if not hard:  # what fails most often comes first
+                    self._release(chosen, chosen.q_giver, q_receiver)
                 taken = self._take(chosen, chosen.q_giver, q_receiver)
                 return self._leave(chosen, q_receiver, taken, tries)
             except Blocked as blocked:
