@@ -7,7 +7,7 @@ import pytest
 
 import handover
 from handover.grasps.build import GraspSettings
-from handover.plans import _connect, _space
+from handover.plans import _space
 from handover.plans.choose import Pair
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, home_of
@@ -275,11 +275,3 @@ def test_the_time_limit_names_the_step_that_it_ended(scene, grasps):
     assert not plan
     assert "ended the plan in the choice of grasps and pose" in plan.reason
     assert "give more time" in plan.reason
-
-
-def test_kernels_are_made_for_one_width_and_no_literal():
-    """Each kernel that is compiled twice costs a user seconds."""
-    for module in (_space, _connect):
-        for name in ("pair_apart", "stands_clear", "sift", "motion_clear", "connect"):
-            kernel = getattr(module, name, None)
-            assert kernel is None or len(kernel.signatures) <= 1, name
