@@ -39,10 +39,14 @@ class ArmReach:
 
     def at(self, point: np.ndarray) -> float:
         """Return the entry at a point (3,), base frame [m]; 0: not reached."""
-        at = np.floor((np.asarray(point, float) - self.origin) / self.cell)
-        if (at < 0).any() or (at >= self.average.shape).any():
-            return 0.0
-        return float(self.average[tuple(at.astype(int))])
+        return float(self.entries(np.asarray(point, float)[None])[0])
+
+    def entries(self, points: np.ndarray) -> np.ndarray:
+        """Return the entries at points (n, 3), base frame [m]."""
+        at = np.floor((points - self.origin) / self.cell).astype(int)
+        inside = ((at >= 0) & (at < self.average.shape)).all(axis=1)
+        at[~inside] = 0
+        return np.where(inside, self.average[tuple(at.T)], 0.0)
 
     def gap(self, point: np.ndarray) -> float:
         """Return how far a point is from the nearest middle of a reached voxel [m]."""

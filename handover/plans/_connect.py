@@ -13,7 +13,7 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import FULL
+from roadmap.jit_options import BARE, FULL, WITHIN
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -30,11 +30,19 @@ class Trees(NamedTuple):
     count: np.ndarray  # (2,)
     route: np.ndarray  # (m, dof) the path that was found
     corners: np.ndarray  # (1,) how many
+    ends: np.ndarray  # (2,) which start and which goal it joins
     tests: np.ndarray  # (1,) motions tested
     sample: np.ndarray  # (3, dof)
 
 
-@njit(**FULL)
+@njit(**WITHIN)
+def put(out, q):
+    """Copy joints."""
+    for j in range(q.shape[0]):
+        out[j] = q[j]
+
+
+@njit(**BARE)
 def apart(a, b):
     """Return the distance of two configurations."""
     total = 0.0
@@ -43,11 +51,12 @@ def apart(a, b):
     return math.sqrt(total)
 
 
-@njit(**FULL)
+@njit(**BARE)
 def passes(space, trees, q, q_to, tolerance, scratch):
     """Return whether a straight motion is proved, its end looked at first."""
     trees.tests[0] += 1
-    if stands_clear(space, q_to, 0, space.pairs.shape[0], scratch) >= 0:
+    begin, end = np.int64(0), space.pairs.shape[0]
+    if stands_clear(space, q_to, begin, end, scratch) >= 0:
         return False
     dq = trees.sample[1]
     for j in range(q.shape[0]):
@@ -56,7 +65,7 @@ def passes(space, trees, q, q_to, tolerance, scratch):
     return pair < 0
 
 
-@njit(**FULL)
+@njit(**BARE)
 def nearest(trees, side, q):
     """Return the branch of a tree nearest to q."""
     best, at = math.inf, 0
@@ -67,7 +76,7 @@ def nearest(trees, side, q):
     return at
 
 
-@njit(**FULL)
+@njit(**BARE)
 def grow(space, trees, side, near, q, tolerance, scratch):
     """Add a branch from `near` towards q; return it (-1: none) and if it is there."""
     if trees.count[side] == trees.parent.shape[1]:
@@ -100,22 +109,23 @@ def draw(trees, number, side, limits, n_arm):
             out[j] = low + u * (high - low)
 
 
-@njit(**FULL)
-def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratch):
+@njit(**BARE)
+def connect(space, trees, starts, goals, limits, n_arm, budget, tolerance, scratch):
     """Look for a path of proved motions; True: it is in trees.route.
 
-    The budget counts motions tested.
+    starts, goals: (m, dof) and (k, dof); trees.ends says which ones were joined. The
+    budget counts motions tested.
     """
     trees.tests[0], trees.corners[0] = 0, 0
-    trees.route[0], trees.route[1] = q_from, q_to
-    if passes(space, trees, q_from, q_to, tolerance, scratch):
-        trees.corners[0] = 2
+    if straight(space, trees, starts, goals, tolerance, scratch):
         return True
     for side in range(2):
-        trees.count[side] = 1
-        trees.parent[side, 0] = -1
-        trees.q[side, 0] = q_from if side == 0 else q_to
-    trees.sample[0] = q_from  # the hand's joints
+        roots = starts if side == 0 else goals
+        trees.count[side] = roots.shape[0]
+        for i in range(roots.shape[0]):
+            trees.parent[side, i] = -1
+            put(trees.q[side, i], roots[i])
+    put(trees.sample[0], starts[0])  # the hand's joints
     number = 0
     while trees.tests[0] < budget:
         number += 1
@@ -138,7 +148,28 @@ def connect(space, trees, q_from, q_to, limits, n_arm, budget, tolerance, scratc
     return False
 
 
-@njit(**FULL)
+@njit(**BARE)
+def straight(space, trees, starts, goals, tolerance, scratch):
+    """Join a start and a goal by one motion, the nearest ones first."""
+    last, n = -1.0, goals.shape[0]
+    for _ in range(starts.shape[0] * n):
+        best, at = math.inf, -1
+        for k in range(starts.shape[0] * n):
+            far = apart(starts[k // n], goals[k % n])
+            if last < far < best:
+                best, at = far, k
+        if at < 0:
+            return False
+        last, i, j = best, at // n, at % n
+        if passes(space, trees, starts[i], goals[j], tolerance, scratch):
+            put(trees.route[0], starts[i])
+            put(trees.route[1], goals[j])
+            trees.corners[0], trees.ends[0], trees.ends[1] = 2, i, j
+            return True
+    return False
+
+
+@njit(**BARE)
 def write_route(trees, a, new, other):
     """Write the path over a branch of tree `a` and one of the other, the same place."""
     first, last = (new, other) if a == 0 else (other, new)
@@ -154,12 +185,14 @@ def write_route(trees, a, new, other):
         return False
     k, i = n - 1, first
     while i >= 0:
-        trees.route[k] = trees.q[0, i]
+        put(trees.route[k], trees.q[0, i])
+        trees.ends[0] = i
         i = trees.parent[0, i]
         k -= 1
     k, i = n - 1, last
     while i >= 0:
-        trees.route[k] = trees.q[1, i]
+        put(trees.route[k], trees.q[1, i])
+        trees.ends[1] = i
         i = trees.parent[1, i]
         k += 1
     trees.corners[0] = n + m - 1

@@ -13,16 +13,17 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import FULL
-from roadmap.kinematics._chain import dexterity, forward, jacobian
+from roadmap.jit_options import BARE, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
-
-FREE, OUT_OF_REACH, HAND_TOUCHES, ARM_TOUCHES = 0, 1, 2, 3
 
 
 class Space(NamedTuple):
-    """What moves, what stands, and which pairs must stay apart."""
+    """What moves, what stands, and which pairs must stay apart.
+
+    The groups of the arm come first, then the object, then what stands.
+    """
 
     tree_i: np.ndarray  # (n_bodies, 3) bodies, as in `Robot`
     tree_f: np.ndarray  # (n_bodies, 17)
@@ -38,6 +39,9 @@ class Space(NamedTuple):
     reach: np.ndarray  # (p, dof) relative motion per unit of a joint [m/rad or 1]
     margin: np.ndarray  # (p,) to be kept [m]
     first: int  # so many pairs, from the first on, depend on the hand's pose alone
+    thing: int  # the group of the object
+    axis_row: np.ndarray  # (p,) first row of a pair's axes in the scratch
+    turn_body: np.ndarray  # (dof,) body whose joint turns by it, -1: not so simple
 
 
 class Scratch(NamedTuple):
@@ -47,71 +51,154 @@ class Scratch(NamedTuple):
     moves: np.ndarray  # (p,)
     lists: np.ndarray  # (depth, p)
     stack: np.ndarray  # (depth + 1, max(4, dof))
-    v: np.ndarray  # (3,)
     simplex: np.ndarray  # (16, 3)
+    group_at: np.ndarray  # (m, 3) where the groups' balls are, world frame [m]
+    part_at: np.ndarray  # (n, 3) the same of the parts
+    axes: np.ndarray  # (rows, 3) what parted two parts last, 0: unknown
+    arms: np.ndarray  # (thing + 1, dof) distance from a joint's axis [m], -1: unknown
+    leg: np.ndarray  # (dof,)
+    stale: np.ndarray  # (1,) whether what stands has moved since it was written
+
+
+@njit(**BARE)
+def put_balls(space, first, end, scratch):
+    """Write where the balls of groups first..end and of their parts are."""
+    frames = scratch.frames
+    for g in range(first, end):
+        f, c, out = frames[space.group_body[g]], space.group_ball[g], scratch.group_at
+        for k in range(3):
+            out[g, k] = (
+                f[3 * k] * c[0] + f[3 * k + 1] * c[1] + f[3 * k + 2] * c[2] + f[9 + k]
+            )
+        for i in range(space.group_span[g, 0], space.group_span[g, 1]):
+            f, c, out = frames[space.part_body[i]], space.part_ball[i], scratch.part_at
+            for k in range(3):
+                out[i, k] = (
+                    f[3 * k] * c[0]
+                    + f[3 * k + 1] * c[1]
+                    + f[3 * k + 2] * c[2]
+                    + f[9 + k]
+                )
 
 
 @njit(**FULL)
-def balls_gap(fa, a, fb, b, v):
-    """Return the distance of two balls on bodies; v gets the way from b to a."""
-    square = 0.0
-    for k in range(3):
-        x = fa[3 * k] * a[0] + fa[3 * k + 1] * a[1] + fa[3 * k + 2] * a[2] + fa[9 + k]
-        y = fb[3 * k] * b[0] + fb[3 * k + 1] * b[1] + fb[3 * k + 2] * b[2] + fb[9 + k]
-        v[k] = x - y
-        square += (x - y) * (x - y)
-    return math.sqrt(square) - a[3] - b[3]
+def place(space, q, scratch):
+    """Write where all is that moves, at joints q; what stands, if that is stale."""
+    body_frames(space.tree_i, space.tree_f, q, scratch.frames)
+    if scratch.stale[0]:
+        put_balls(space, space.thing + 1, space.group_body.shape[0], scratch)
+        for i in range(scratch.axes.shape[0]):  # no answer depends on the last one
+            for k in range(3):
+                scratch.axes[i, k] = 0.0
+        scratch.stale[0] = False
+    put_balls(space, np.int64(0), space.thing + 1, scratch)
+    for g in range(space.thing + 1):
+        scratch.arms[g, 0] = -1.0
 
 
-@njit(**FULL)
+@njit(**WITHIN)
+def beyond(a, b, far):
+    """Return whether two points are at least `far` apart."""
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return far <= 0.0 or x * x + y * y + z * z >= far * far
+
+
+@njit(**BARE)
 def pair_apart(space, p, need, scratch):
-    """Return (lower, upper) bounds of a pair's distance; exact only below `need`."""
-    frames, v = scratch.frames, scratch.v
+    """Return (lower, upper) bounds of a pair's distance; `need` at most is proved."""
     ga, gb = space.pairs[p, 0], space.pairs[p, 1]
-    fa, fb = frames[space.group_body[ga]], frames[space.group_body[gb]]
-    lower = balls_gap(fa, space.group_ball[ga], fb, space.group_ball[gb], v)
-    if lower >= need:
-        return lower, 1e300
-    lower, upper = 1e300, 1e300
-    for i in range(space.group_span[ga, 0], space.group_span[ga, 1]):
-        fi = frames[space.part_body[i]]
-        if balls_gap(fi, space.part_ball[i], fb, space.group_ball[gb], v) >= need:
+    at, gat, ball = scratch.part_at, scratch.group_at, space.part_ball
+    ra, rb = space.group_ball[ga, 3], space.group_ball[gb, 3]
+    if beyond(gat[ga], gat[gb], need + ra + rb):
+        return need, 1e300
+    lower, upper, row = need, 1e300, space.axis_row[p]
+    a0, a1 = space.group_span[ga, 0], space.group_span[ga, 1]
+    for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
+        row += a1 - a0
+        if beyond(gat[ga], at[j], need + ra + ball[j, 3]):
             continue
-        for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
-            fj = frames[space.part_body[j]]
-            low = balls_gap(fi, space.part_ball[i], fj, space.part_ball[j], v)
-            if low >= need:
+        for i in range(a0, a1):
+            if beyond(at[i], at[j], need + ball[i, 3] + ball[j, 3]):
                 continue
-            pad = space.radius[i] + space.radius[j]
-            a = Shell(space.part_span[i, 0], space.part_span[i, 1], fi)
-            b = Shell(space.part_span[j, 0], space.part_span[j, 1], fj)
-            low, up = separation(space.points, a, b, v, need + pad, scratch.simplex)
-            lower, upper = min(lower, low - pad), min(upper, up - pad)
+            # farther than their middles they cannot be: are they apart at all?
+            ask = need if beyond(at[i], at[j], need) else space.margin[p]
+            low, up = parts_apart(space, i, j, ask, scratch, row - a1 + i)
+            lower, upper = min(lower, low), min(upper, up)
             if upper < space.margin[p]:
                 return lower, upper
     return lower, upper
 
 
 @njit(**FULL)
+def parts_apart(space, i, j, need, scratch, row):
+    """Return (lower, upper) bounds of two parts' distance; `need` at most is proved."""
+    v = scratch.axes[row]
+    if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
+        for k in range(3):
+            v[k] = scratch.part_at[i, k] - scratch.part_at[j, k]
+    pad, frames = space.radius[i] + space.radius[j], scratch.frames
+    a = Shell(space.part_span[i, 0], space.part_span[i, 1], frames[space.part_body[i]])
+    b = Shell(space.part_span[j, 0], space.part_span[j, 1], frames[space.part_body[j]])
+    low, up = separation(space.points, a, b, v, need + pad, scratch.simplex)
+    return low - pad, up - pad
+
+
+@njit(**BARE)
 def stands_clear(space, q, begin, end, scratch):
     """Return the first of pairs begin..end that is not clear at `q`, -1 for none."""
-    body_frames(space.tree_i, space.tree_f, q, scratch.frames)
+    place(space, q, scratch)
     for p in range(begin, end):
+        ga, gb = space.pairs[p, 0], space.pairs[p, 1]
+        far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
+        if beyond(scratch.group_at[ga], scratch.group_at[gb], far):
+            continue
         lower, _ = pair_apart(space, p, space.margin[p], scratch)
         if not lower >= space.margin[p]:
             return p
     return -1
 
 
-@njit(**FULL)
-def gap_of(space, q, p, most, scratch):
-    """Return the distance of pair p at `q`, at most `most` [m]."""
-    body_frames(space.tree_i, space.tree_f, q, scratch.frames)
-    lower, _ = pair_apart(space, p, most, scratch)
-    return min(lower, most)
+@njit(**BARE)
+def arm_of(space, g, scratch):
+    """Write how far the far side of a moving group's ball is from each joint's axis."""
+    arms, center = scratch.arms[g], scratch.group_at[g]
+    for j in range(arms.shape[0]):
+        body = space.turn_body[j]
+        if body < 0:
+            arms[j] = math.inf
+            continue
+        f, a = scratch.frames[body], space.tree_f[body]
+        ax = f[0] * a[12] + f[1] * a[13] + f[2] * a[14]
+        ay = f[3] * a[12] + f[4] * a[13] + f[5] * a[14]
+        az = f[6] * a[12] + f[7] * a[13] + f[8] * a[14]
+        x, y, z = center[0] - f[9], center[1] - f[10], center[2] - f[11]
+        u, v, w = y * az - z * ay, z * ax - x * az, x * ay - y * ax
+        arms[j] = math.sqrt(u * u + v * v + w * w) + space.group_ball[g, 3]
 
 
-@njit(**FULL)
+@njit(**BARE)
+def move_of(space, p, dq, half, scratch):
+    """Bound how far a pair moves while the joints move by +- half dq from here [m].
+
+    A joint carries a point by its distance from the joint's axis, which is what it is
+    here and what the joints beyond can move the point in that time; never more than
+    `reach`, which holds everywhere.
+    """
+    ga, gb = space.pairs[p, 0], space.pairs[p, 1]
+    held = space.tree_i[space.group_body[space.thing], 0] >= 0
+    g = gb if gb < space.thing or (gb == space.thing and held) else ga
+    arms, move = scratch.arms[g], 0.0
+    if arms[0] < 0.0:
+        arm_of(space, g, scratch)
+    for k in range(dq.shape[0]):
+        j = dq.shape[0] - 1 - k
+        if space.reach[p, j] > 0.0 and dq[j] != 0.0:
+            turn = half * abs(dq[j])
+            move += turn * min(space.reach[p, j], arms[j] + move)
+    return move
+
+
+@njit(**BARE)
 def motion_clear(space, q, dq, tolerance, scratch):
     """Prove that all pairs keep their margins along q + t dq, t in [0, 1].
 
@@ -132,27 +219,17 @@ def motion_clear(space, q, dq, tolerance, scratch):
     at = stack[stack.shape[0] - 1]
     stack[0, 0], stack[0, 1] = 0.5, 0.5
     stack[0, 2], stack[0, 3] = space.pairs.shape[0], 0.0
-    depth = 0
+    depth = np.int64(0)  # no literal: it would be another kernel
     while depth >= 0:
         state = stack[depth, 3]
         if state == 0.0:
             t, half = stack[depth, 0], stack[depth, 1]
             for j in range(dq.shape[0]):
                 at[j] = q[j] + t * dq[j]
-            body_frames(space.tree_i, space.tree_f, at, scratch.frames)
-            left = 0
-            for k in range(int(stack[depth, 2])):
-                p = lists[depth, k]
-                move = moves[p] * half
-                need = space.margin[p] + move
-                lower, upper = pair_apart(space, p, need, scratch)
-                if lower >= need:
-                    continue
-                last = move < tolerance or depth + 2 >= lists.shape[0]
-                if upper < space.margin[p] or last:
-                    return p, t
-                lists[depth + 1, left] = p
-                left += 1
+            place(space, at, scratch)
+            bad, left = sift(space, dq, half, depth, tolerance, scratch)
+            if bad >= 0:
+                return bad, t
             if left == 0:
                 depth -= 1
                 continue
@@ -169,74 +246,80 @@ def motion_clear(space, q, dq, tolerance, scratch):
     return -1, 1.0
 
 
-class Pruning(NamedTuple):
-    """What executing grasps needs beside the space."""
-
-    seven: tuple  # the arm in closed form, base frame of the arm
-    chain: tuple  # the same arm, for its dexterity
-    free: np.ndarray  # (k,) values of the free angle
-    room: tuple
-    found: np.ndarray  # (8 k, 7) solutions
-    value: np.ndarray  # (8 k,) their dexterity
-    frames: np.ndarray  # (8, 12) of the chain
-    jac: np.ndarray  # (6, 7)
-    weighted: np.ndarray  # (7, 7)
-    gram: np.ndarray  # (6, 6)
-
-
-@njit(**FULL)
-def execute(space, prune, target, shut, wide, q, scratch):
-    """Find the most dexterous free joints that bring the palm to a pose.
-
-    target: (12,) palm in the frame of the arm's base. shut, wide: (k,) fingers of the
-    closed and of the open hand, both must be free. q: (dof,) gets the answer, hand
-    closed.
+@njit(**BARE)
+def sift(space, dq, half, depth, tolerance, scratch):
+    """List the pairs of an interval that are not clear in it for the next depth.
 
     Returns:
-        (verdict, dexterity).
+        (pair, count): a pair that is given up, -1 for none, and how many are listed.
     """
-    n = solve_all(prune.seven, target, prune.free, prune.room, prune.found)
-    return best_of(space, prune, n, shut, wide, q, scratch)
+    moves, lists, left = scratch.moves, scratch.lists, 0
+    for k in range(int(scratch.stack[depth, 2])):
+        p = np.int64(lists[depth, k])
+        ga, gb, move = space.pairs[p, 0], space.pairs[p, 1], moves[p] * half
+        far = space.margin[p] + space.group_ball[ga, 3] + space.group_ball[gb, 3]
+        if beyond(scratch.group_at[ga], scratch.group_at[gb], far + move):
+            continue
+        move = move_of(space, p, dq, half, scratch)
+        need = space.margin[p] + move
+        lower, upper = pair_apart(space, p, need, scratch)
+        if lower >= need:
+            continue
+        last = move < tolerance or depth + 2 >= lists.shape[0]
+        if upper < space.margin[p] or last:
+            return p, left
+        lists[depth + 1, left] = p
+        left += 1
+    return -1, left
 
 
-@njit(**FULL)
-def best_of(space, prune, n, shut, wide, q, scratch):
-    """Return the verdict on the first n solutions found, as `execute`."""
-    if n == 0:
-        return OUT_OF_REACH, 0.0
-    for opened in range(2):
-        fill(q, prune.found[0], wide if opened == 1 else shut)
-        if stands_clear(space, q, 0, space.first, scratch) >= 0:
-            return HAND_TOUCHES, 0.0
-    for i in range(n):
-        forward(prune.chain, prune.found[i], prune.frames)
-        jacobian(prune.chain, prune.frames, prune.jac)
-        prune.value[i] = dexterity(
-            prune.chain, prune.found[i], prune.jac, prune.weighted, prune.gram
-        )
-    for _ in range(n):
-        best = -1
-        for i in range(n):
-            if prune.value[i] > 0.0 and (
-                best < 0 or prune.value[i] > prune.value[best]
-            ):
-                best = i
-        if best < 0:
-            break
-        value, prune.value[best] = prune.value[best], -1.0
-        free = True
-        for opened in range(2):
-            fill(q, prune.found[best], wide if opened == 0 else shut)
-            end = space.pairs.shape[0]
-            if stands_clear(space, q, space.first, end, scratch) >= 0:
-                free = False
-                break
-        if free:
-            return FREE, value
-    return ARM_TOUCHES, 0.0
+@njit(**BARE)
+def path_clear(space, path, tolerance, scratch):
+    """Prove the legs of a path (n, dof); return the first (pair, leg) that is not."""
+    dq = scratch.leg
+    for i in range(path.shape[0] - 1):
+        for j in range(path.shape[1]):
+            dq[j] = path[i + 1, j] - path[i, j]
+        pair, _ = motion_clear(space, path[i], dq, tolerance, scratch)
+        if pair >= 0:
+            return pair, i
+    return -1, -1
 
 
-@njit(**FULL)
+@njit(**BARE)
+def follow(chain, target, step, steps, goal, work, trial, out):
+    """Follow a straight line of the palm as far as the arm can; return the last corner.
+
+    target: (12,) pose of the palm at corner 0, written. step: (3,) to the next one.
+    goal: (5,) length and angle that count as 1; error to reach and most steps of a
+    descent; most that a joint turns in a step. out: (steps + 1, dof) corners, all as
+    the first one; the arm's joints, which come first, are written.
+    """
+    n = work.q.shape[0]
+    for k in range(1, steps + 1):
+        for i in range(3):
+            target[9 + i] += step[i]
+        for j in range(n):
+            work.q[j] = out[k - 1, j]
+        if not descend(chain, target, goal[:2], goal[2:4], work, trial):
+            return k - 1
+        for j in range(n):
+            if abs(work.q[j] - out[k - 1, j]) > goal[4]:
+                return k - 1
+            out[k, j] = work.q[j]
+    return steps
+
+
+class Solver(NamedTuple):
+    """An arm in closed form."""
+
+    seven: tuple  # the arm, frame of its mount
+    room: tuple  # for that
+    free: np.ndarray  # (k,) values of the free angle
+    found: np.ndarray  # (8 k, 7) solutions
+
+
+@njit(**BARE)
 def fill(q, arm, fingers):
     """Write joints of arm and hand to q."""
     n = arm.shape[0]
@@ -246,16 +329,21 @@ def fill(q, arm, fingers):
         q[n + j] = fingers[j]
 
 
-@njit(**FULL)
-def execute_all(space, prune, targets, hands, use, answers, scratch):
-    """Execute grasps `use` (k,) of a set; see `execute`.
+@njit(**BARE)
+def postures(space, arm, target, shut, wide, out, scratch):
+    """Write free joints that bring the palm to a pose to out (n, dof), return how many.
 
-    targets: (n, 12). hands: fingers shut and wide, (n, k) each. answers: joints (n,
-    dof), dexterity (n,) and verdict (n,), written.
+    target: (12,) in the frame of the arm's mount. shut, wide: (k,) fingers of the
+    closed and of the open hand, both must be free; the closed ones are written.
     """
-    for i in range(use.shape[0]):
-        k = use[i]
-        verdict, value = execute(
-            space, prune, targets[k], hands[0][k], hands[1][k], answers[0][k], scratch
-        )
-        answers[1][k], answers[2][k] = value, verdict
+    n = solve_all(arm.seven, target, arm.free, arm.room, arm.found)
+    count, begin, end = 0, np.int64(0), space.pairs.shape[0]
+    for i in range(n):
+        q = out[count]
+        fill(q, arm.found[i], wide)
+        if stands_clear(space, q, begin, end, scratch) >= 0:
+            continue
+        fill(q, arm.found[i], shut)
+        if stands_clear(space, q, begin, end, scratch) < 0:
+            count += 1
+    return count

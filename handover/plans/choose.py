@@ -7,7 +7,8 @@ reduced set holds none, it is widened step by step; each tuple says which step i
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import count
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
-from handover.plans.prune import Executed, prune_grasps
+from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings
-from handover.scenes.scene import Scene
+from handover.scenes.scene import PlacedAgent, Scene
 
 _SAMPLES = 100_000  # configurations behind an arm's reachability
 _CELL = 0.05  # [m]
@@ -59,25 +60,37 @@ class Report:
 
     Attributes:
         arm: Why the giver's arm was chosen.
-        grasps: Where -> (of how many, how many are left, why the others are not).
+        looked: Where -> the grasps looked at there, tested as far as was needed.
         poses: Hand-over poses looked at, and those that the receiver can take.
         tuples: Tuples of H that were found.
         step: Which step of the search found the plan's tuple.
         failed: Motions that were not found, one line for each tuple tried.
+        refused: These tuples.
+        unpickable: Grasps of the giver that it cannot come to, or lift, at the start,
+            whatever follows: no more tuples are made of them.
+        unplaceable: The same of the receiver at the goal.
         seconds: Stage -> time spent [s]; no part of a plan's bytes.
     """
 
     arm: str = ""
-    grasps: dict = field(default_factory=dict)
+    looked: dict[str, Looked] = field(default_factory=dict)
     poses: list = field(default_factory=lambda: [0, 0])
     tuples: int = 0
     step: str = ""
     failed: list = field(default_factory=list)
+    refused: list[Tuple] = field(default_factory=list)
+    unpickable: set[int] = field(default_factory=set)
+    unplaceable: set[int] = field(default_factory=set)
     seconds: dict = field(default_factory=dict)
 
-    def pruned(self, where: str, total: int, left: Executed) -> None:
-        """Note what Algorithm 1 left."""
-        self.grasps[where] = (total, len(left), left.refused)
+    @property
+    def grasps(self) -> dict[str, tuple[int, int, dict[str, int]]]:
+        """Where -> (of how many, how many are left, why the others are not).
+
+        Planning tests no more grasps than it needs; the others are tested here.
+        """
+        left = {where: (len(some), some.all()) for where, some in self.looked.items()}
+        return {where: (n, len(e), e.refused) for where, (n, e) in left.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,40 +153,93 @@ def arms_in_order(
 def tuples(
     scene: Scene, pair: Pair, settings: PlanSettings, report: Report
 ) -> Iterator[Tuple]:
-    """Yield the tuples of H, the receiver's most dexterous first, then wider ones."""
+    """Yield the tuples of H, the receiver's most dexterous first, then wider ones.
+
+    Within a step all tuples of one grasp of the receiver come before those of the next,
+    less dexterous one, whatever their poses; those of a pose by the giver's dexterity.
+    Nothing is tested before its turn.
+    """
     giver, receiver = pair.giver, pair.receiver
     sides = giver.limb.side, receiver.limb.side
-    receiver.put_object(scene.T_world_goal)
-    receiver.let_touch()
-    goals = prune_grasps(receiver, pair.of_receiver, scene.T_world_goal)
-    report.pruned(f"receiver {sides[1]}, goal", len(pair.of_receiver), goals)
-    if not len(goals):
+    giving, taking = Grasper(giver, pair.of_giver), Grasper(receiver, pair.of_receiver)
+    waits = {
+        "giver": _joints(scene.giver, giver.limb),
+        "receiver": _joints(scene.receiver, receiver.limb),
+    }
+    stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
+    every = np.arange(len(pair.of_receiver))
+    goals = _Once(taking.look(scene.T_world_goal, every, stand))
+    report.looked[f"receiver {sides[1]}, goal"] = goals.looked
+    if goals.at(0) is None:
         return
-    giver.put_object(scene.T_world_start)
-    giver.let_touch()
-    starts = prune_grasps(giver, pair.of_giver, scene.T_world_start)
-    report.pruned(f"giver {sides[0]}, start", len(pair.of_giver), starts)
-    if not len(starts):
-        return
-    q_start = dict(zip(starts.grasp.tolist(), starts.q, strict=True))
-    for step, places, turns in _steps(pair, settings):
-        for place in places:
-            for turn in turns:
-                for k, grasp in enumerate(goals.grasp.tolist()):
-                    T = _handover_pose(scene, pair, grasp, place, turn)
-                    report.poses[0] += 1
-                    q_receiver = _taken(pair, grasp, T)
-                    if q_receiver is None:
-                        continue
-                    report.poses[1] += 1
-                    for g, q, value in _given(pair, starts, T, q_receiver):
-                        yield Tuple(
-                            *sides, g, grasp, T, q_start[g], q, q_receiver,
-                            goals.q[k], float(goals.dexterity[k]), value, step,
-                        )  # fmt: skip
+    stand = partial(_stand, giver, waits["receiver"], scene.T_world_start)
+    every = np.arange(len(pair.of_giver))
+    starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
+    report.looked[f"giver {sides[0]}, start"] = starts
+    clashes: dict[int, set[int]] = {}
+    for step, places, turns in steps_of(pair, settings):
+        for found in goals:
+            clash = clashes.setdefault(found[0], set())
+            for T in handover_poses(scene, pair, found[0], places, turns):
+                if found[0] in report.unplaceable:
+                    break
+                if not set(starts.possible().tolist()) - report.unpickable:
+                    return
+                report.poses[0] += 1
+                q_receiver = _taken(taking, found[0], T, waits["giver"])
+                if q_receiver is None:
+                    continue
+                report.poses[1] += 1
+                for g, q_start, q, value in _given(
+                    giving, starts, T, q_receiver, clash, report.unpickable
+                ):
+                    yield Tuple(
+                        *sides, g, found[0], T, q_start, q, q_receiver, found[1],
+                        found[2], value, step,
+                    )  # fmt: skip
 
 
-def _steps(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
+class _Once:
+    """The free grasps of a `Looked`, in order, each made once and kept."""
+
+    def __init__(self, looked: Looked) -> None:
+        self.looked, self._rest, self._found = looked, iter(looked), []
+
+    def at(self, k: int) -> tuple[int, np.ndarray, float] | None:
+        """Return (grasp, joints, dexterity) of the k-th one, None: there is none."""
+        while len(self._found) <= k:
+            more = next(self._rest, None)
+            if more is None:
+                return None
+            self._found.append(more)
+        return self._found[k]
+
+    def __iter__(self) -> Iterator[tuple[int, np.ndarray, float]]:
+        for k in count():
+            one = self.at(k)
+            if one is None:
+                return
+            yield one
+
+
+def _joints(placed: PlacedAgent, limb: Limb) -> np.ndarray:
+    return np.array([placed.joints[name] for name in limb.joints])
+
+
+def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:
+    """Put the other arm and the object where they are; hands may touch the object."""
+    mover.put_other(other)
+    mover.put_object(T_world_object)
+    mover.let_touch()
+
+
+def _carry(mover: Mover, other: np.ndarray, T_palm_object: np.ndarray) -> None:
+    """Put the other arm where it is; the mover's hand holds the object."""
+    mover.put_other(other)
+    mover.hold(T_palm_object)
+
+
+def steps_of(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
     """Yield (name, places, turns) of each step: the paper's first, then wider."""
     places = common_voxels(pair, settings.near)
     if len(places):
@@ -203,7 +269,7 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
         reach = reach_of(mover.limb)
         T = np.linalg.inv(mover.T_mount)
         local = points @ T[:3, :3].T + T[:3, 3]
-        entry = np.array([reach.at(p) for p in local])
+        entry = reach.entries(local)
         value *= entry > 0.0
         total += entry / reach.average.max()
     able = np.flatnonzero(value > 0.0)
@@ -218,19 +284,22 @@ def shoulder(mover: Mover) -> np.ndarray:
     return mover.T_mount[:3, :3] @ local + mover.T_mount[:3, 3]
 
 
-def _handover_pose(
-    scene: Scene, pair: Pair, grasp: int, place: np.ndarray, turn: float
-) -> np.ndarray:
-    """Return T_world_handover of Algorithm 3, lines 8 to 13."""
+def handover_poses(
+    scene: Scene, pair: Pair, grasp: int, places: np.ndarray, turns: list[float]
+) -> Iterator[np.ndarray]:
+    """Yield T_world_handover of Algorithm 3, lines 8 to 13, at places (n, 3)."""
     T_object_palm = pair.of_receiver.T_object_palm[grasp]
     R_palm = scene.T_world_goal[:3, :3] @ T_object_palm[:3, :3]
     z = shoulder(pair.giver) - shoulder(pair.receiver)
     z /= np.linalg.norm(z)
-    R = _about(z, turn) @ min_rotation(R_palm[:, 2], z) @ R_palm
-    T = np.eye(4)
-    T[:3, :3] = R @ T_object_palm[:3, :3].T
-    T[:3, 3] = place - T[:3, :3] @ pair.of_receiver.thing.center
-    return T
+    least = min_rotation(R_palm[:, 2], z) @ R_palm @ T_object_palm[:3, :3].T
+    turned = [_about(z, turn) @ least for turn in turns]
+    for place in places:
+        for R in turned:
+            T = np.eye(4)
+            T[:3, :3] = R
+            T[:3, 3] = place - R @ pair.of_receiver.thing.center
+            yield T
 
 
 def min_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -251,19 +320,36 @@ def _about(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
 
 
-def _taken(pair: Pair, grasp: int, T: np.ndarray) -> np.ndarray | None:
+def _taken(
+    taking: Grasper, grasp: int, T: np.ndarray, other: np.ndarray
+) -> np.ndarray | None:
     """Return the receiver's joints that hold the object at a pose, None: none do."""
-    receiver = pair.receiver
-    receiver.hold(np.linalg.inv(pair.of_receiver.T_object_palm[grasp]))
-    found = prune_grasps(receiver, pair.of_receiver, T, np.array([grasp]))
-    return found.q[0] if len(found) else None
+    T_palm_object = np.linalg.inv(taking.grasps.T_object_palm[grasp])
+    stand = partial(_carry, taking.mover, other, T_palm_object)
+    found = next(iter(taking.look(T, np.array([grasp]), stand)), None)
+    return None if found is None else found[1]
 
 
-def _given(pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray):
-    """Yield (grasp, q, dexterity) of the giver; the receiver holds the object, too."""
-    giver = pair.giver
-    giver.put_other(q_receiver)
-    giver.put_object(T)
-    giver.let_touch()
-    found = prune_grasps(giver, pair.of_giver, T, starts.grasp)
-    yield from zip(found.grasp.tolist(), found.q, found.dexterity.tolist(), strict=True)
+def _given(
+    giving: Grasper,
+    starts: Looked,
+    T: np.ndarray,
+    q_receiver: np.ndarray,
+    clash: set[int],
+    without: set[int],
+) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
+    """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
+
+    The receiver holds the object, too. `clash` gets grasps at which both hands meet:
+    wherever the object is, they will. `without` may grow meanwhile.
+    """
+    stand = partial(_stand, giving.mover, q_receiver, T)
+    use = np.array(
+        [g for g in starts.possible().tolist() if g not in clash | without], np.int64
+    )
+    found = giving.look(T, use, stand, hands=True)
+    clash.update(found.clashing().tolist())
+    for g, q, value in found:
+        q_start = None if g in without else starts.joints(g)
+        if q_start is not None:
+            yield g, q_start, q, value

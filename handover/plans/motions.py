@@ -1,35 +1,22 @@
-"""From a tuple of H to motions: who moves how, proved over their whole length."""
+"""From a tuple of H to motions: who moves how, proved over their whole length.
 
-from dataclasses import dataclass
+What is cheap comes first: straight lines, fingers that close or open, lifts. Only where
+all of those are free are paths searched between them. What does not depend on the whole
+tuple is worked out once for all of them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans import _connect as kernels
-from handover.plans.choose import Pair, Tuple
-from handover.plans.grasps import line_clear
+from handover.plans.choose import Pair, Report, Tuple
 from handover.plans.limb import Limb
-from handover.plans.mover import TOLERANCE, Mover
+from handover.plans.paths import SAME, Blocked, Clock, Paths
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import PlacedAgent, Scene
-from roadmap.errors import PlanningError
-from roadmap.kinematics._inverse import descend
-from roadmap.kinematics.tool_chain import descent_of
 from roadmap.motion.motion import Motion, time_path
-
-_BRANCHES, _CORNERS = 4000, 400
-_SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
-_ERROR = 1e-6  # of that: 0.1 um
-_SHORTER = (
-    1.0,
-    0.6,
-    0.35,
-)  # of the straight line to a grasp, where the whole is blocked
-_SAME = 1e-9  # [rad or m]
-
-
-class Blocked(PlanningError):
-    """A motion was not found; says which and what is in the way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +48,66 @@ class PlannedMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
+class Piece:
+    """A path of one arm, not timed yet."""
+
     name: str
     who: str
     path: np.ndarray
     holds: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """How the giver grasps and lifts the object, the way there left out."""
+
+    key: tuple[int, int]  # grasp, number of its posture
+    q: np.ndarray
+    pre: np.ndarray
+    pick: np.ndarray
+    up: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """How the object changes hands, the ways there and home left out."""
+
+    q_giver: np.ndarray
+    q_receiver: np.ndarray
+    take_pre: np.ndarray
+    take: np.ndarray
+    release: np.ndarray
+    leave_pre: np.ndarray
+    leave: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    """How the receiver puts the object down and lets go, the ways left out."""
+
+    down: np.ndarray | None  # None: it stays in the hand
+    opening: np.ndarray | None = None
+    pre: np.ndarray | None = None
+    line: np.ndarray | None = None
+
+
+_NO_MORE = Blocked("no other posture")
+
+
+class _Several:
+    """What an iterator yields, as many as are asked for; the first is made at once."""
+
+    def __init__(self, every: Iterator) -> None:
+        self._every, self._found = every, [next(every)]
+
+    def first(self, n: int) -> list:
+        """Return n of them, or all that there are."""
+        try:
+            while len(self._found) < n:
+                self._found.append(next(self._every))
+        except (Blocked, StopIteration):
+            pass
+        return self._found
 
 
 class MotionPlanner:
@@ -75,245 +117,348 @@ class MotionPlanner:
         scene: The scene.
         pair: Both arms.
         settings: See PlanSettings.
+        clock: Its `over` ends the search.
     """
 
-    def __init__(self, scene: Scene, pair: Pair, settings: PlanSettings) -> None:
+    def __init__(
+        self, scene: Scene, pair: Pair, settings: PlanSettings, clock: Clock
+    ) -> None:
         """Lay out memory of the searches."""
         self.scene, self.pair, self.settings = scene, pair, settings
-        self.home = {
-            "giver": home_of(scene.giver, pair.giver.limb),
-            "receiver": home_of(scene.receiver, pair.receiver.limb),
-        }
-        self._trees = {
-            who: _trees(mover.limb.dof)
-            for who, mover in (("giver", pair.giver), ("receiver", pair.receiver))
-        }
-        self.tested = 0
+        self.giver = Paths(
+            pair.giver, home_of(scene.giver, pair.giver.limb), settings, clock
+        )
+        self.receiver = Paths(
+            pair.receiver, home_of(scene.receiver, pair.receiver.limb), settings, clock
+        )
+        self._known: dict = {}  # what does not depend on the whole tuple
+        self._meetings: dict[int, tuple] = {}  # by tuple: (it, hard, what was found)
 
-    def of(self, chosen: Tuple) -> list[_Piece]:
-        """Return the pieces of a tuple's motions, in order.
+    def of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
+        """Return the pieces of a tuple's motions, in order, and the tuple.
+
+        The tuple's arms may have got other postures, the palms where they were.
+
+        Args:
+            chosen: The tuple.
+            budget: Motions that each search tests.
 
         Raises:
             Blocked: One of them was not found.
         """
-        pieces = self._pick(chosen)
-        pieces += self._take(chosen)
-        pieces += self._leave(chosen)
-        return pieces + self._place(chosen)
+        try:
+            return self._of(chosen, budget)
+        finally:  # H is chosen from with the other arm where it waits
+            self.pair.receiver.put_other(self.giver.home)
 
-    # --- the four parts -----------------------------------------------------------
+    def tell_hopeless(self, chosen: Tuple, report: Report) -> None:
+        """Note a tuple's grasps that fail at the start, or goal, whatever follows."""
+        if isinstance(self._known.get(("start", chosen.grasp_giver)), Blocked):
+            report.unpickable.add(chosen.grasp_giver)
+        if isinstance(self._known.get(("goal", chosen.grasp_receiver)), Blocked):
+            report.unplaceable.add(chosen.grasp_receiver)
 
-    def _pick(self, chosen: Tuple) -> list[_Piece]:
-        """Giver: reach, pick, carry, offer."""
-        giver, scene, home = self.pair.giver, self.scene, self.home["giver"]
-        grasps, g = self.pair.of_giver, chosen.grasp_giver
-        giver.put_other(self.home["receiver"])
-        giver.put_object(scene.T_world_start)
-        q_open = _with_hand(giver.limb, chosen.q_start, grasps.preshape[g])
-        pre, line = self._line_to(giver, q_open, "the pick", (grasps, g))
-        giver.put_object(scene.T_world_start)
-        reach = self._reach("giver", giver, home, pre, "reach")
-        close = _closing(giver.limb, q_open, chosen.q_start)
-        giver.put_object(scene.T_world_start)
-        giver.let_touch()
-        self._prove(giver, close, "closing the giver's hand")
-        T_palm_object = np.linalg.inv(grasps.T_object_palm[g])
-        giver.hold(T_palm_object)
-        up = self._lift(giver, chosen.q_start)
-        self._prove(giver, up, "lifting the object")
-        carry = self._between("giver", giver, up[-1], chosen.q_giver, "carry")
-        cut = max(1, len(carry) - 2)
-        if len(carry) == 2:
-            carry = np.array([carry[0], 0.5 * (carry[0] + carry[1]), carry[1]])
-        self._prove(giver, carry, "carry")
-        return [
-            _Piece("reach", "giver", reach, False),
-            _Piece("pick", "giver", np.vstack([line, close[1:]]), False),
-            _Piece("lift", "giver", up, True),
-            _Piece("carry", "giver", carry[: cut + 1], True),
-            _Piece("offer", "giver", carry[cut:], True),
-        ]
-
-    def _take(self, chosen: Tuple) -> list[_Piece]:
-        """Receiver: reach for the object that the giver holds, and grasp it."""
-        receiver, grasps = self.pair.receiver, self.pair.of_receiver
-        receiver.put_other(chosen.q_giver)
-        receiver.put_object(chosen.T_world_handover)
-        shut = chosen.q_receiver
-        q_open = _with_hand(receiver.limb, shut, grasps.preshape[chosen.grasp_receiver])
-        held = grasps, chosen.grasp_receiver
-        pre, line = self._line_to(receiver, q_open, "the take", held)
-        home = self.home["receiver"]
-        receiver.put_object(chosen.T_world_handover)
-        reach = self._reach("receiver", receiver, home, pre, "reach for the object")
-        receiver.put_object(chosen.T_world_handover)
-        receiver.let_touch()
-        close = _closing(receiver.limb, q_open, shut)
-        self._prove(receiver, close, "closing the receiver's hand")
-        return [
-            _Piece("approach", "receiver", reach, False),
-            _Piece("take", "receiver", np.vstack([line, close[1:]]), False),
-        ]
-
-    def _leave(self, chosen: Tuple) -> list[_Piece]:
-        """Giver: open the hand, back, home."""
-        giver, grasps = self.pair.giver, self.pair.of_giver
-        giver.put_other(chosen.q_receiver)
-        giver.put_object(chosen.T_world_handover)
-        q_open = _with_hand(
-            giver.limb, chosen.q_giver, grasps.preshape[chosen.grasp_giver]
+    def _of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
+        g, r = chosen.grasp_giver, chosen.grasp_receiver
+        hard = budget > self.settings.first_budget
+        trouble = self._known.get(("start", g))
+        if isinstance(trouble, Blocked):
+            raise trouble
+        goal = self._once(("goal", r), lambda: self._goal(chosen))
+        meetings = self._meetings_of(chosen, hard)
+        starts = self._once(("start", g), lambda: _Several(self._starts(chosen)))
+        met, home = self._way_home(chosen, meetings, budget)
+        start, carry = self._carried(starts, met, budget)
+        approach = self._approach(chosen, met, budget)
+        place = self._place(chosen, met, goal, budget)
+        reach = self._searched(
+            ("reach", *start.key), budget, lambda: self._reach(start, budget)
         )
-        held = grasps, chosen.grasp_giver
-        return self._let_go("giver", held, chosen.q_giver, q_open, "release")
-
-    def _place(self, chosen: Tuple) -> list[_Piece]:
-        """Receiver: bring the object to the goal; let go where that carries it."""
-        receiver, grasps = self.pair.receiver, self.pair.of_receiver
-        g, scene = chosen.grasp_receiver, self.scene
-        receiver.put_other(self.home["giver"])
-        receiver.hold(np.linalg.inv(grasps.T_object_palm[g]))
-        if scene.goal_held:
-            path = self._between(
-                "receiver", receiver, chosen.q_receiver, chosen.q_goal, "place"
-            )
-            return [_Piece("place", "receiver", path, True)]
-        down = self._lift(receiver, chosen.q_goal)[::-1]
-        self._prove(receiver, down, "putting the object down")
-        path = self._between("receiver", receiver, chosen.q_receiver, down[0], "place")
-        receiver.put_object(scene.T_world_goal)
-        q_open = _with_hand(receiver.limb, chosen.q_goal, grasps.preshape[g])
-        held = grasps, g
-        last = self._let_go("receiver", held, chosen.q_goal, q_open, "let go")
-        return [_Piece("place", "receiver", np.vstack([path, down[1:]]), True), *last]
-
-    def _let_go(
-        self,
-        who: str,
-        held: tuple[GraspSet, int],
-        shut: np.ndarray,
-        q_open: np.ndarray,
-        name: str,
-    ) -> list[_Piece]:
-        mover = self.pair.giver if who == "giver" else self.pair.receiver
-        T = mover.T_world_object
-        mover.let_touch()
-        opening = _closing(mover.limb, q_open, shut)[::-1]
-        self._prove(mover, opening, f"opening the {who}'s hand")
-        pre, line = self._line_to(mover, q_open, f"the {who}'s retreat", held)
-        mover.put_object(T)
-        back = self._reach(who, mover, self.home[who], pre, f"the {who}'s way home")
-        return [
-            _Piece(name, who, opening, False),
-            _Piece("retreat", who, np.vstack([line[::-1], back[::-1][1:]]), False),
+        cut = max(1, len(carry) - 2)
+        pieces = [
+            Piece("reach", "giver", reach, False),
+            Piece("pick", "giver", start.pick, False),
+            Piece("lift", "giver", start.up, True),
+            Piece("carry", "giver", carry[: cut + 1], True),
+            Piece("offer", "giver", carry[cut:], True),
+            Piece("approach", "receiver", approach, False),
+            Piece("take", "receiver", met.take, False),
+            Piece("release", "giver", met.release, False),
+            Piece(
+                "retreat", "giver", np.vstack([met.leave[::-1], home[::-1][1:]]), False
+            ),
+            *place,
         ]
+        used = replace(
+            chosen, q_start=start.q, q_giver=met.q_giver, q_receiver=met.q_receiver
+        )
+        return pieces, used
 
-    # --- pieces -------------------------------------------------------------------
+    # --- what is cheap --------------------------------------------------------------
 
-    def _line_to(
-        self, mover: Mover, q_open: np.ndarray, what: str, held: tuple[GraspSet, int]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return where a straight line of the palm to q begins, and its corners.
+    def _starts(self, chosen: Tuple) -> Iterator[_Start]:
+        """Yield ways to grasp and lift: line, fingers, lift.
 
-        On the line hand and object are tested against each other by exact distances of
-        the object's own mesh, where it begins and elsewhere by those of its hull.
+        Raises:
+            Blocked: There is none.
         """
-        T, trouble = mover.T_world_object, ""
-        if not line_clear(*held, self.settings.back):
-            raise Blocked(f"no straight line for {what}: the hand would cut the object")
-        away = -mover.palm(q_open)[:3, 2]
-        for share in _SHORTER:
-            line = self._line(mover, q_open, away, share * self.settings.back)
-            if line is None:
-                trouble = "the arm cannot follow it"
+        paths, grasps, g = self.giver, self.pair.of_giver, chosen.grasp_giver
+        giver, trouble = self.pair.giver, None
+        wide = grasps.preshape[g]
+        every = paths.postures(chosen.q_start, wide, paths.home)
+        for k in range(self.settings.postures + 1):
+            self._put_giver_at_start()
+            giver.let_touch()
+            q = next(every, None)
+            if q is None:
+                break
+            try:
+                q_open = _with_hand(giver.limb, q, wide)
+                pre, line = paths.line_to(q_open, "the pick", (grasps, g))
+                self._put_giver_at_start()
+                giver.let_touch()
+                close = _closing(giver.limb, q_open, q)
+                paths.prove(close, "closing the giver's hand")
+                giver.hold(np.linalg.inv(grasps.T_object_palm[g]))
+                up = paths.lift(q)
+            except Blocked as blocked:
+                trouble = trouble or blocked
+                if blocked.by_hand:
+                    break
                 continue
-            mover.put_object(T)
-            trouble = mover.why(line[-1])
-            if trouble is None:
-                mover.let_touch()
-                trouble = self._blocked(mover, line)
-                if trouble is None:
-                    return line[-1], line[::-1]
-        raise Blocked(f"no straight line for {what}: {trouble}")
+            trouble = trouble or _NO_MORE
+            yield _Start((g, k), q, pre, np.vstack([line, close[1:]]), up)
+        raise trouble
 
-    def _line(
-        self, mover: Mover, q: np.ndarray, direction: np.ndarray, distance: float
-    ) -> np.ndarray | None:
-        """Follow a straight line of the palm from q; None: the arm cannot."""
-        limb, n = mover.limb, mover.limb.n_arm
-        arrays, work = limb.chain.arrays, descent_of(limb.chain.arrays)
-        trial, T = np.zeros(n), mover.palm(q)
-        steps = max(1, int(np.ceil(distance / self.settings.line)))
-        corners = [np.array(q, float)]
-        for k in range(1, steps + 1):
-            at = T.copy()
-            at[:3, 3] += direction * distance * k / steps
-            work.q[:] = corners[-1][:n]
-            goal = _ERROR, 30.0
-            if not descend(arrays, mover.target(at), _SCALE, goal, work, trial):
-                return None
-            if np.abs(work.q - corners[-1][:n]).max() > 0.35:
-                return None
-            corners.append(np.concatenate([work.q, q[n:]]))
-        return np.array(corners)
+    def _goal(self, chosen: Tuple) -> _Goal:
+        """Return how the receiver lets go at the goal: lift, fingers, line."""
+        scene, grasps, g = self.scene, self.pair.of_receiver, chosen.grasp_receiver
+        if scene.goal_held:
+            return _Goal(None)
+        receiver, paths = self.pair.receiver, self.receiver
+        receiver.put_other(self.giver.home)
+        receiver.hold(np.linalg.inv(grasps.T_object_palm[g]))
+        down = paths.lift(chosen.q_goal)[::-1]
+        receiver.put_object(scene.T_world_goal)
+        receiver.let_touch()
+        q_open = _with_hand(receiver.limb, chosen.q_goal, grasps.preshape[g])
+        opening = _closing(receiver.limb, q_open, chosen.q_goal)[::-1]
+        paths.prove(opening, "opening the receiver's hand")
+        pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g))
+        return _Goal(down, opening, pre, line)
 
-    def _lift(self, mover: Mover, q: np.ndarray) -> np.ndarray:
-        """Return the corners of a lift straight up from q."""
-        up = np.array([0.0, 0.0, 1.0])
-        for share in _SHORTER:
-            line = self._line(mover, q, up, share * self.settings.lift)
-            if line is not None and self._blocked(mover, line) is None:
-                return line
-        raise Blocked("the object cannot be lifted from, or put on, what carries it")
+    def _meetings_of(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+        """Return how the object may change hands; more postures are tried if `hard`."""
+        _, tried, met = self._meetings.get(id(chosen), (None, None, None))
+        known = isinstance(met, Blocked) and (tried or not hard or met.by_hand)
+        if met is None or (tried < hard and not known):
+            try:
+                met = self._meet(chosen, hard)
+            except Blocked as blocked:
+                met = blocked
+            self._meetings[id(chosen)] = chosen, hard, met
+        if isinstance(met, Blocked):
+            raise met
+        return met
 
-    def _reach(
-        self, who: str, mover: Mover, home: np.ndarray, pre: np.ndarray, what: str
-    ) -> np.ndarray:
-        """Return a path from where an arm waits: first the hand, then the arm."""
-        ready = _with_hand(mover.limb, home, pre[mover.limb.n_arm :])
-        path = self._between(who, mover, ready, pre, what)
-        if np.abs(ready - home).max() > _SAME:
-            self._prove(mover, np.array([home, ready]), what)
-            path = np.vstack([home, path])
-        return path
+    def _meet(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+        """Return fingers and lines of both where the object changes hands.
 
-    def _between(
-        self, who: str, mover: Mover, q_from: np.ndarray, q_to: np.ndarray, what: str
-    ) -> np.ndarray:
-        """Return a proved path between two postures."""
-        limb, trees, settings = mover.limb, self._trees[who], self.settings
-        for q in (q_from, q_to):
-            trouble = mover.why(q)
-            if trouble:
-                raise Blocked(f"{what}: an end of it is blocked, {trouble}")
-        limits = np.stack([limb.lower, limb.upper], axis=1)
-        found = kernels.connect(
-            mover.space, trees, q_from, q_to, limits, limb.n_arm, settings.budget,
-            TOLERANCE, mover.scratch,
-        )  # fmt: skip
-        self.tested += int(trees.tests[0])
-        if not found:
-            raise Blocked(f"{what}: no path within {settings.budget} motions")
-        kernels.shorten(mover.space, trees, settings.shorten, TOLERANCE, mover.scratch)
-        path = trees.route[: trees.corners[0]].copy()
-        keep = np.r_[True, np.abs(np.diff(path, axis=0)).max(axis=1) > _SAME]
-        path = path[keep]
-        if len(path) == 1:
-            path = np.vstack([path, path])
-        self._prove(mover, path, what)
-        return path
+        All with one posture of the receiver, and some of the giver.
+        """
+        pair, trouble = self.pair, None
+        tries = self.settings.meetings if hard else 1
+        wide = pair.of_receiver.preshape[chosen.grasp_receiver]
+        every = self.receiver.postures(chosen.q_receiver, wide, self.receiver.home)
+        for _ in range(tries):
+            self._put_receiver_to_take(chosen, chosen.q_giver)
+            pair.receiver.let_touch()
+            q_receiver = next(every, None)
+            if q_receiver is None:
+                break
+            try:
+                if not hard:  # what fails most often comes first
+                    self._release(chosen, chosen.q_giver, q_receiver)
+                taken = self._take(chosen, chosen.q_giver, q_receiver)
+                return self._leave(chosen, q_receiver, taken, tries)
+            except Blocked as blocked:
+                trouble = trouble or blocked
+                if blocked.by_hand:
+                    break
+        trouble.more = not trouble.by_hand and not hard
+        raise trouble
 
-    def _blocked(self, mover: Mover, path: np.ndarray) -> str | None:
-        for a, b in zip(path[:-1], path[1:], strict=True):
-            self.tested += 1
-            trouble = mover.motion_blocked(a, b)
-            if trouble:
-                return trouble
-        return None
+    def _leave(
+        self, chosen: Tuple, q_receiver: np.ndarray, taken: tuple, tries: int
+    ) -> list[_Meeting]:
+        """Return how the giver leaves the object to the receiver."""
+        pair, trouble, met = self.pair, None, []
+        wide = pair.of_giver.preshape[chosen.grasp_giver]
+        every = self.giver.postures(chosen.q_giver, wide, self.giver.home)
+        for _ in range(tries):
+            self._put_giver_to_leave(chosen, q_receiver)
+            pair.giver.let_touch()
+            q_giver = next(every, None)
+            if q_giver is None or len(met) == self.settings.starts:
+                break
+            try:
+                left = self._release(chosen, q_giver, q_receiver)
+                if q_giver is not chosen.q_giver:
+                    self._offered(chosen, q_giver)
+                    taken = self._take(chosen, q_giver, q_receiver)
+            except Blocked as blocked:
+                trouble = trouble or blocked
+                if blocked.by_hand:
+                    break
+                continue
+            met.append(_Meeting(q_giver, q_receiver, *taken, *left))
+        if not met:
+            raise trouble
+        return met
 
-    def _prove(self, mover: Mover, path: np.ndarray, what: str) -> None:
-        trouble = self._blocked(mover, path)
+    def _take(self, chosen: Tuple, q_giver: np.ndarray, q: np.ndarray) -> tuple:
+        """Return (where the line begins, line and closing hand) of the receiver."""
+        receiver, grasps = self.pair.receiver, self.pair.of_receiver
+        g, paths = chosen.grasp_receiver, self.receiver
+        self._put_receiver_to_take(chosen, q_giver)
+        q_open = _with_hand(receiver.limb, q, grasps.preshape[g])
+        pre, line = paths.line_to(q_open, "the take", (grasps, g))
+        self._put_receiver_to_take(chosen, q_giver)
+        receiver.let_touch()
+        close = _closing(receiver.limb, q_open, q)
+        paths.prove(close, "closing the receiver's hand")
+        return pre, np.vstack([line, close[1:]])
+
+    def _release(self, chosen: Tuple, q: np.ndarray, q_receiver: np.ndarray) -> tuple:
+        """Return (opening hand, where the line begins, line) of the giver."""
+        giver, grasps, paths = self.pair.giver, self.pair.of_giver, self.giver
+        g = chosen.grasp_giver
+        self._put_giver_to_leave(chosen, q_receiver)
+        giver.let_touch()
+        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
+        opening = _closing(giver.limb, q_open, q)[::-1]
+        paths.prove(opening, "opening the giver's hand")
+        pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
+        return opening, pre, line
+
+    def _offered(self, chosen: Tuple, q_giver: np.ndarray) -> None:
+        """Look whether the giver can hold the object where it is handed over."""
+        self._put_giver_to_carry(chosen)
+        _, trouble = self.pair.giver.why(q_giver)
         if trouble:
-            raise Blocked(f"{what}: {trouble}")
+            raise Blocked(f"offer: {trouble}")
+
+    # --- what is searched -------------------------------------------------------------
+
+    def _carried(
+        self, starts: "_Several", met: _Meeting, budget: int
+    ) -> tuple[_Start, np.ndarray]:
+        """Return the path of the object, and where it begins."""
+        giver, every = self.pair.giver, starts.first(self.settings.starts)
+        giver.put_other(self.receiver.home)
+        giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[every[0].key[0]]))
+        begin = np.array([start.up[-1] for start in every])
+        path, first, _ = self.giver.between(begin, met.q_giver[None], "carry", budget)
+        if len(path) == 2:
+            path = np.array([path[0], 0.5 * (path[0] + path[1]), path[1]])
+            self.giver.prove(path, "carry")
+        return every[first], path
+
+    def _reach(self, start: _Start, budget: int) -> np.ndarray:
+        self._put_giver_at_start()
+        return self.giver.reach(start.pre[None], "reach", budget)[0]
+
+    def _approach(self, chosen: Tuple, met: _Meeting, budget: int) -> np.ndarray:
+        self._put_receiver_to_take(chosen, met.q_giver)
+        pre = met.take_pre[None]
+        return self.receiver.reach(pre, "reach for the object", budget)[0]
+
+    def _way_home(
+        self, chosen: Tuple, meetings: list[_Meeting], budget: int
+    ) -> tuple[_Meeting, np.ndarray]:
+        """Return the giver's way home, and where it begins."""
+        self._put_giver_to_leave(chosen, meetings[0].q_receiver)
+        begin = np.array([met.leave_pre for met in meetings])
+        path, k = self.giver.reach(begin, "the giver's way home", budget)
+        return meetings[k], path
+
+    def _place(
+        self, chosen: Tuple, met: _Meeting, goal: _Goal, budget: int
+    ) -> list[Piece]:
+        """Receiver: bring the object to the goal; let go where that carries it."""
+        receiver, g = self.pair.receiver, chosen.grasp_receiver
+        receiver.put_other(self.giver.home)
+        receiver.hold(np.linalg.inv(self.pair.of_receiver.T_object_palm[g]))
+        end = chosen.q_goal if goal.down is None else goal.down[0]
+        path, _, _ = self.receiver.between(
+            met.q_receiver[None], end[None], "place", budget
+        )
+        if goal.down is None:
+            return [Piece("place", "receiver", path, True)]
+        back = self._searched(
+            ("home", g), budget, lambda: self._home_from_goal(goal, budget)
+        )
+        return [
+            Piece("place", "receiver", np.vstack([path, goal.down[1:]]), True),
+            Piece("let go", "receiver", goal.opening, False),
+            Piece(
+                "retreat", "receiver", np.vstack([goal.line[::-1], back[::-1][1:]]),
+                False,
+            ),
+        ]  # fmt: skip
+
+    def _home_from_goal(self, goal: _Goal, budget: int) -> np.ndarray:
+        self.pair.receiver.put_other(self.giver.home)
+        self.pair.receiver.put_object(self.scene.T_world_goal)
+        return self.receiver.reach(goal.pre[None], "the receiver's way home", budget)[0]
+
+    # --- who stands where -------------------------------------------------------------
+
+    def _put_giver_at_start(self) -> None:
+        self.pair.giver.put_other(self.receiver.home)
+        self.pair.giver.put_object(self.scene.T_world_start)
+
+    def _put_giver_to_carry(self, chosen: Tuple) -> None:
+        self.pair.giver.put_other(self.receiver.home)
+        T = self.pair.of_giver.T_object_palm[chosen.grasp_giver]
+        self.pair.giver.hold(np.linalg.inv(T))
+
+    def _put_receiver_to_take(self, chosen: Tuple, q_giver: np.ndarray) -> None:
+        self.pair.receiver.put_other(q_giver)
+        self.pair.receiver.put_object(chosen.T_world_handover)
+
+    def _put_giver_to_leave(self, chosen: Tuple, q_receiver: np.ndarray) -> None:
+        self.pair.giver.put_other(q_receiver)
+        self.pair.giver.put_object(chosen.T_world_handover)
+
+    # --- what is known ----------------------------------------------------------------
+
+    def _once(self, key: tuple, work: Callable) -> object:
+        """Return what `work` returns or raises; it is done once."""
+        if key not in self._known:
+            try:
+                self._known[key] = work()
+            except Blocked as blocked:
+                self._known[key] = blocked
+        known = self._known[key]
+        if isinstance(known, Blocked):
+            raise known
+        return known
+
+    def _searched(self, key: tuple, budget: int, work: Callable) -> np.ndarray:
+        """Return a path that was found once; a search is repeated with more budget."""
+        path, spent, trouble = self._known.get(key, (None, 0, None))
+        if path is not None:
+            return path
+        if trouble is not None and (budget <= spent or not trouble.searched):
+            raise trouble
+        try:
+            path = work()
+        except Blocked as blocked:
+            self._known[key] = None, budget, blocked
+            raise
+        self._known[key] = path, budget, None
+        return path
 
 
 def _closing(limb: Limb, q_open: np.ndarray, q_shut: np.ndarray) -> np.ndarray:
@@ -331,7 +476,7 @@ def _closing(limb: Limb, q_open: np.ndarray, q_shut: np.ndarray) -> np.ndarray:
         corners.append(q)
     corners.append(q_shut)
     path = np.array(corners)
-    moves = np.abs(np.diff(path, axis=0)).max(axis=1) > _SAME
+    moves = np.abs(np.diff(path, axis=0)).max(axis=1) > SAME
     return path[np.r_[True, moves]] if moves.any() else path[[0, -1]]
 
 
@@ -343,18 +488,6 @@ def home_of(placed: PlacedAgent, limb: Limb) -> np.ndarray:
 
 def _with_hand(limb: Limb, q: np.ndarray, fingers: np.ndarray) -> np.ndarray:
     return np.concatenate([q[: limb.n_arm], fingers])
-
-
-def _trees(dof: int) -> kernels.Trees:
-    return kernels.Trees(
-        q=np.zeros((2, _BRANCHES, dof)),
-        parent=np.zeros((2, _BRANCHES), np.int64),
-        count=np.zeros(2, np.int64),
-        route=np.zeros((_CORNERS, dof)),
-        corners=np.zeros(1, np.int64),
-        tests=np.zeros(1, np.int64),
-        sample=np.zeros((3, dof)),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,7 +506,7 @@ class _Limits:
 
 
 def timed(
-    pieces: list[_Piece], pair: Pair, chosen: Tuple, begin: float = 0.0
+    pieces: list[Piece], pair: Pair, chosen: Tuple, begin: float = 0.0
 ) -> tuple[PlannedMotion, ...]:
     """Time pieces one after the other, within all limits of their joints.
 

@@ -17,6 +17,7 @@ from handover.plans.limb import Limb, ball_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
@@ -25,7 +26,7 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-STEPS = 12  # values of the free angle of an arm
+_STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -56,27 +57,7 @@ class Mover:
         self.T_mount = mount_pose(placed, limb)
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
-        self._scratch = kernels.Scratch(
-            frames=np.zeros((len(self.space.tree_i), 12)),
-            moves=np.zeros(len(self.space.pairs)),
-            lists=np.zeros((_DEPTH, len(self.space.pairs)), np.int32),
-            stack=np.zeros((_DEPTH + 1, max(4, limb.dof))),
-            v=np.zeros(3),
-            simplex=np.zeros((16, 3)),
-        )
-        steps = STEPS
-        self.prune = None if limb.seven is None else kernels.Pruning(
-            seven=limb.seven,
-            chain=limb.chain.arrays,
-            free=free_angles(limb.seven, steps),
-            room=room(),
-            found=np.zeros((8 * steps, 7)),
-            value=np.zeros(8 * steps),
-            frames=np.zeros((8, 12)),
-            jac=np.zeros((6, 7)),
-            weighted=np.zeros((7, 7)),
-            gram=np.zeros((6, 6)),
-        )  # fmt: skip
+        self._scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -134,6 +115,9 @@ class Mover:
             reach=reach,
             margin=margin.copy(),
             first=first,
+            thing=self.object_group,
+            axis_row=_axis_rows(pairs, np.diff(spans)),
+            turn_body=_turn_bodies(limb),
         )
         self._margin = margin
         self._rows = _object_rows(pairs, self.object_group, limb, other)
@@ -189,6 +173,7 @@ class Mover:
         n = len(self.other.tree_i)
         rows = slice(self._first_other, self._first_other + n)
         self.space.tree_f[rows, :12] = frames
+        self._scratch.stale[0] = True
 
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
@@ -199,6 +184,7 @@ class Mover:
         space.margin[:] = self._margin
         space.margin[rows.still] = _OFF  # neither moves
         space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
+        self._scratch.stale[0] = True
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
@@ -214,6 +200,7 @@ class Mover:
         space.reach[rows.still] = reach
         space.reach[rows.limb] = reach * rows.beyond
         space.margin[rows.hand] = _OFF
+        self._scratch.stale[0] = True
 
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
@@ -232,26 +219,34 @@ class Mover:
         """Return T_world_palm, (4, 4) [m]."""
         return self.T_mount @ self.limb.palm_pose(q)
 
-    def why(self, q: np.ndarray) -> str | None:
-        """Say what is too near at joints (dof,), None: nothing."""
+    def why(self, q: np.ndarray) -> tuple[int, str | None]:
+        """Return (pair, what is too near at joints (dof,)); (-1, None): nothing."""
         q = np.ascontiguousarray(q, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        out = (q < low) | (q > high)
-        if out.any():
-            return f"{self.limb.joints[int(out.argmax())]} is outside its limits"
+        out = self._outside(q)
+        if out:
+            return -1, out
         p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
-        return None if p < 0 else self._told(p)
+        return p, None if p < 0 else self._told(p)
 
-    def motion_blocked(self, q: np.ndarray, q_to: np.ndarray) -> str | None:
-        """Say what a straight motion is not proved clear of, None: it is proved."""
-        q, q_to = np.ascontiguousarray(q, float), np.ascontiguousarray(q_to, float)
-        low, high = self.limb.lower - 1e-6, self.limb.upper + 1e-6
-        for end in (q, q_to):
-            out = (end < low) | (end > high)
-            if out.any():
-                return f"{self.limb.joints[int(out.argmax())]} leaves its limits"
-        p, _ = kernels.motion_clear(self.space, q, q_to - q, TOLERANCE, self._scratch)
-        return None if p < 0 else self._told(p)
+    def path_blocked(self, path: np.ndarray) -> tuple[int, str | None, int]:
+        """Return (pair, what a path (n, dof) is not proved clear of, first such leg).
+
+        Nothing: (-1, None, number of legs).
+        """
+        path = np.ascontiguousarray(path, float)
+        out = self._outside(path)
+        if out:
+            return -1, out, 0
+        p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
+        return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
+
+    def _outside(self, q: np.ndarray) -> str:
+        """Name a joint of q (..., dof) that is outside its limits, "" for none."""
+        out = (q < self.limb.lower - 1e-6) | (q > self.limb.upper + 1e-6)
+        if not out.any():
+            return ""
+        joint = out.reshape(-1, len(self.limb.joints)).any(axis=0).argmax()
+        return f"{self.limb.joints[int(joint)]} is outside its limits"
 
     def _told(self, p: int) -> str:
         a, b = self.space.pairs[p]
@@ -261,6 +256,49 @@ class Mover:
     def scratch(self) -> kernels.Scratch:
         """Working memory of one thread."""
         return self._scratch
+
+
+def _scratch(space: kernels.Space, dof: int) -> kernels.Scratch:
+    n_pairs = len(space.pairs)
+    sizes = np.diff(space.group_span, axis=1)[:, 0]
+    rows = int((sizes[space.pairs[:, 0]] * sizes[space.pairs[:, 1]]).sum())
+    return kernels.Scratch(
+        frames=np.zeros((len(space.tree_i), 12)),
+        moves=np.zeros(n_pairs),
+        lists=np.zeros((_DEPTH, n_pairs), np.int32),
+        stack=np.zeros((_DEPTH + 1, max(4, dof))),
+        simplex=np.zeros((16, 3)),
+        group_at=np.zeros((len(space.group_ball), 3)),
+        part_at=np.zeros((len(space.part_ball), 3)),
+        axes=np.zeros((rows, 3)),
+        arms=np.zeros((space.thing + 1, dof)),
+        leg=np.zeros(dof),
+        stale=np.ones(1, bool),
+    )
+
+
+def _axis_rows(pairs: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return where the axes of each pair's parts begin."""
+    counts = sizes[pairs[:, 0]] * sizes[pairs[:, 1]]
+    return np.cumsum(counts) - counts
+
+
+def _turn_bodies(limb: Limb) -> np.ndarray:
+    """Return the body that each joint of the arm turns by its own angle, else -1."""
+    found = np.full(limb.dof, -1)
+    for j in range(limb.n_arm):
+        bodies = np.flatnonzero(limb.tree_i[:, 1] == j)
+        if len(bodies) == 1 and limb.tree_i[bodies[0], 2] == 1:
+            if abs(limb.tree_f[bodies[0], 15]) == 1.0:
+                found[j] = bodies[0]
+    return found
+
+
+def solver_of(limb: Limb) -> kernels.Solver:
+    """Return an arm's closed form with working memory for one thread."""
+    free = free_angles(limb.seven, _STEPS)
+    found = np.zeros((MOST * len(free), 7))
+    return kernels.Solver(seven=limb.seven, room=room(), free=free, found=found)
 
 
 class _Rows(NamedTuple):

@@ -1,7 +1,7 @@
 """plan_handover: from a scene to arm, grasps, pose and proved, timed motions."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -12,14 +12,9 @@ from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import Pair, Report, Tuple, arms_in_order, tuples
 from handover.plans.grasps import grasps_for
 from handover.plans.limb import limb_of
-from handover.plans.motions import (
-    Blocked,
-    MotionPlanner,
-    PlannedMotion,
-    home_of,
-    timed,
-)
+from handover.plans.motions import MotionPlanner, PlannedMotion, home_of, timed
 from handover.plans.mover import Mover, mount_pose
+from handover.plans.paths import Blocked, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
 from roadmap.ranges import check_number
@@ -42,8 +37,8 @@ class HandoverPlan:
         q_giver, q_receiver: (dof,) arms and hands then.
         chosen: The tuple of H.
         motions: In order of time; each begins where the last one of its agent ended.
-        alternatives: Other tuples of H, best first.
         report: What was pruned where and why, and which step found the tuple.
+        others: Looks for the `alternatives`.
     """
 
     scene: Scene
@@ -53,8 +48,13 @@ class HandoverPlan:
     grasps_giver: GraspSet | None = None
     grasps_receiver: GraspSet | None = None
     motions: tuple[PlannedMotion, ...] = ()
-    alternatives: tuple[Tuple, ...] = ()
     report: Report = field(default_factory=Report)
+    others: Callable[[], tuple[Tuple, ...]] = tuple
+
+    @property
+    def alternatives(self) -> tuple[Tuple, ...]:
+        """Other tuples of H, best first; they are looked for when first asked for."""
+        return self.others()
 
     @property
     def arm(self) -> str | None:
@@ -166,6 +166,92 @@ def plan_handover(
     return _Search(scene, settings, report, limbs, sets, time_limit_s).run(motions)
 
 
+class _Tried:
+    """The tuples whose motions were looked for, and those that are put off."""
+
+    def __init__(self, planner: MotionPlanner, report: Report) -> None:
+        self.planner, self.report = planner, report
+        self.seen: list[Tuple] = []
+        self._put_off: list[tuple[int, Tuple]] = []
+        self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
+        self._grasp = -1
+        self.seconds = 0.0
+
+    def once(self, chosen: Tuple, clock: _Clock) -> tuple | None:
+        """Look for a tuple's motions with a small budget.
+
+        Tuples with another grasp of the receiver are less dexterous: before the first
+        of them, what was put off gets more.
+        """
+        begun, found, settings = clock.spent, None, self.planner.settings
+        try:
+            if chosen.grasp_receiver != self._grasp:
+                self._grasp = chosen.grasp_receiver
+                middle = int((settings.first_budget * settings.budget) ** 0.5)
+                found = self._first(self._fresh[:1], middle)
+                self._fresh = []
+            return found or self._first(
+                [(len(self.seen), chosen)], settings.first_budget
+            )
+        finally:
+            self.seconds += clock.spent - begun
+
+    def again(self, budget: int) -> tuple | None:
+        """Look for the motions of all that were put off."""
+        return self._first(self._put_off, budget)
+
+    def _first(self, those: list, budget: int) -> tuple | None:
+        for number, chosen in list(those):
+            try:
+                found = self.planner.of(chosen, budget)
+                self.report.refused[:] = [
+                    t for t in self.report.refused if t is not chosen
+                ]
+                return found
+            except Blocked as blocked:
+                self.report.failed.append(f"tuple {number}: {blocked}")
+                self.planner.tell_hopeless(chosen, self.report)
+                if all(chosen is not other for other in self.report.refused):
+                    self.report.refused.append(chosen)
+                if not (blocked.searched or blocked.more):
+                    continue
+                if (number, chosen) not in self._put_off:
+                    self._put_off.append((number, chosen))
+                    self._fresh += [(number, chosen)] * blocked.searched
+        return None
+
+
+class _Others:
+    """The other tuples of H, made when they are asked for."""
+
+    def __init__(self, stream, tried: _Tried, used: Tuple, most: int, report) -> None:
+        self._stream, self._most, self._report = stream, most, report
+        self._step, self._found = used.step, None
+        index = [k for k, t in enumerate(tried.seen) if _same(t, used)]
+        self._seen = [t for k, t in enumerate(tried.seen) if k not in index]
+
+    def __call__(self) -> tuple[Tuple, ...]:
+        """Return them, best first."""
+        if self._found is None:
+            begun, others = time.perf_counter(), list(self._seen)
+            for found in self._stream:
+                if found.step != self._step or len(others) + 1 >= self._most:
+                    break
+                others.append(found)
+            self._found = tuple(others)
+            self._report.tuples = len(others) + 1
+            self._report.seconds["alternatives"] = time.perf_counter() - begun
+        return self._found
+
+
+def _same(one: Tuple, other: Tuple) -> bool:
+    return (
+        one.grasp_giver == other.grasp_giver
+        and one.grasp_receiver == other.grasp_receiver
+        and one.T_world_handover is other.T_world_handover
+    )
+
+
 class _Search:
     """One search for a plan."""
 
@@ -173,7 +259,7 @@ class _Search:
         self.scene, self.settings, self.report = scene, settings, report
         self.limbs, self.sets = limbs, sets
         self.clock = _Clock(limit_s)
-        self.reason = ""
+        self.reason, self.late = "", ""
         self.best_failure = -1
 
     def run(self, motions: bool) -> HandoverPlan:
@@ -194,9 +280,10 @@ class _Search:
                     return plan
                 if self.clock.over:
                     return self._failed(
-                        f"the time limit of {self.clock.limit_s:g} s ended the plan "
-                        f"after {report.poses[0]} poses and {report.tuples} tuples; "
-                        "give more time, or bring the agents nearer"
+                        f"the time limit of {self.clock.limit_s:g} s ended the plan in "
+                        f"{self.late or 'the choice of arms'}, after "
+                        f"{report.poses[0]} poses and {report.tuples} tuples; give "
+                        "more time, or bring the agents nearer"
                     )
         return self._failed(self.reason)
 
@@ -254,7 +341,7 @@ class _Search:
             (pair.giver, self.scene.giver),
             (pair.receiver, self.scene.receiver),
         ):
-            trouble = mover.why(home_of(placed, mover.limb))
+            _, trouble = mover.why(home_of(placed, mover.limb))
             if trouble:
                 return (
                     f"the start ended the plan: {placed.agent.name} is in collision "
@@ -267,50 +354,43 @@ class _Search:
     def _with(self, pair: Pair, motions: bool) -> HandoverPlan | None:
         """Return a plan with these arms; None: there is none, `reason` says why."""
         report, settings, begun = self.report, self.settings, self.clock.spent
-        planner = MotionPlanner(self.scene, pair, settings) if motions else None
-        stream, seen = tuples(self.scene, pair, settings, report), []
-        moving = 0.0
-        for chosen in stream:
-            seen.append(chosen)
-            report.tuples += 1
-            if len(seen) > settings.tries:
-                break
-            if self.clock.over:
-                return None
-            begun_motions = self.clock.spent
-            try:
-                pieces = planner.of(chosen) if planner else []
-            except Blocked as blocked:
-                moving += self.clock.spent - begun_motions
-                report.failed.append(f"tuple {len(seen)}: {blocked}")
-                continue
-            done = timed(pieces, pair, chosen)
-            moving += self.clock.spent - begun_motions
-            report.step = chosen.step
-            report.seconds |= {
-                "choosing": self.clock.spent - begun - moving,
-                "motions": moving,
-            }
-            more = max(0, settings.tuples - len(seen))
-            others = [t for t in seen if t is not chosen]
-            if more:
-                others += islice(self._same_step(stream, chosen.step), more)
-            report.tuples = len(others) + 1
-            report.seconds["alternatives"] = (
-                self.clock.spent - begun - sum(report.seconds.values())
-            )
-            return HandoverPlan(
-                self.scene, True, "", chosen, pair.of_giver, pair.of_receiver, done,
-                tuple(others), report,
-            )  # fmt: skip
-        self._explain(pair, len(seen))
-        return None
+        stream = tuples(self.scene, pair, settings, report)
+        tried = _Tried(MotionPlanner(self.scene, pair, settings, self.clock), report)
+        found, chosen = None, None
+        try:
+            for chosen in self._counted(stream, tried.seen):
+                found = tried.once(chosen, self.clock) if motions else ([], chosen)
+                if found:
+                    break
+            else:
+                found = tried.again(settings.budget) if motions else None
+        except OutOfTime as late:
+            self.late = str(late)
+            return None
+        if found is None:
+            self._explain(pair, len(tried.seen))
+            return None
+        moving = self.clock.spent
+        pieces, used = found
+        done = timed(pieces, pair, used)
+        tried.seconds += self.clock.spent - moving
+        report.step = used.step
+        report.seconds |= {
+            "choosing": self.clock.spent - begun - tried.seconds,
+            "motions": tried.seconds,
+        }
+        return HandoverPlan(
+            self.scene, True, "", used, pair.of_giver, pair.of_receiver, done, report,
+            _Others(stream, tried, used, settings.tuples, report),
+        )  # fmt: skip
 
-    def _same_step(self, stream, step: str):
-        for found in stream:
-            if found.step != step or self.clock.over:
-                return
-            yield found
+    def _counted(self, stream: Iterator[Tuple], seen: list) -> Iterator[Tuple]:
+        for chosen in islice(stream, self.settings.tries):
+            seen.append(chosen)
+            self.report.tuples += 1
+            if self.clock.over:
+                raise OutOfTime("the choice of grasps and pose")
+            yield chosen
 
     def _explain(self, pair: Pair, n: int) -> None:
         """Keep the reason of the attempt that came farthest."""

@@ -1,14 +1,20 @@
-"""Algorithm 1 of [Huaman2014]: which grasps an arm can execute, and how."""
+"""Algorithm 1 of [Huaman2014]: which grasps an arm can execute, and how.
 
+A grasp is tested when its turn comes, the most dexterous first: who takes the best one
+pays for few tests, and who asks for all gets what testing all at once would have given.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans import _space as kernels
-from handover.plans.mover import Mover
+from handover.plans import _prune as kernels
+from handover.plans.mover import Mover, solver_of
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.tool_chain import descent_of
+from roadmap.transforms import flat_pose
 
 _WHY = {
     kernels.OUT_OF_REACH: "out of reach",
@@ -40,6 +46,182 @@ class Executed:
         return len(self.grasp)
 
 
+class Grasper:
+    """An arm that grasps an object by the grasps of a set, wherever it is.
+
+    Args:
+        mover: The arm.
+        grasps: The set.
+    """
+
+    def __init__(self, mover: Mover, grasps: GraspSet) -> None:
+        """Lay out working memory and sort the pairs of the mover's space."""
+        self.mover, self.grasps = mover, grasps
+        limb, space = mover.limb, mover.space
+        rows = np.arange(len(space.pairs))
+        hand = rows < space.first
+        both = ~hand & (space.pairs == mover.hand_group).any(axis=1)
+        # links behind the last joint of the arm go where the palm goes
+        bodies = [limb.parts[begin].body for _, begin, _ in limb.groups]
+        fixed = [k for k, body in enumerate(bodies) if body == limb.palm]
+        still = space.pairs[:, 1] >= mover.object_group
+        hand |= np.isin(space.pairs[:, 0], fixed) & still
+        n = limb.n_arm
+        self.arm = kernels.Arm(
+            solver=() if limb.seven is None else solver_of(limb),
+            chain=limb.chain.arrays,
+            frames=np.zeros((len(limb.chain.kind) + 1, 12)),
+            jac=np.zeros((6, n)),
+            weighted=np.zeros((n, 7)),
+            gram=np.zeros((6, 6)),
+            palm=limb.palm,
+            base_palm=flat_pose(np.linalg.inv(limb.T_body_palm)),
+            hand=rows[hand],
+            alone=rows[~hand & ~both],
+            both=rows[both],
+            q=np.zeros(limb.dof),
+            pose=np.zeros((3, 12)),
+        )
+        first_other = mover.object_group + 1
+        self.hands = mover.hand_group, first_other + len(mover.other.groups) - 1
+        self.most = len(self.arm.solver.found) if limb.seven else _RESTARTS + 1
+        self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
+
+    def look(
+        self,
+        T_world_object: np.ndarray,
+        use: np.ndarray,
+        stand: Callable[[], None],
+        hands: bool = False,
+        rated: bool = True,
+    ) -> "Looked":
+        """Look at grasps of the object at a pose.
+
+        Args:
+            T_world_object: (4, 4) [m].
+            use: (k,) which grasps.
+            stand: Puts all things where they are then, for the mover.
+            hands: Test all hands at once: where most touch, it saves what follows.
+            rated: Work out all dexterity at once, as the order needs; else in turn.
+        """
+        return Looked(self, T_world_object, use, stand, (hands, rated))
+
+
+class Looked:
+    """Grasps of an object at a pose, tested as they are asked for; see `Grasper.look`.
+
+    Attributes:
+        use: (k,) which grasps.
+    """
+
+    def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
+        """List the joints that reach each grasp."""
+        mover, grasps, n = grasper.mover, grasper.grasps, len(use)
+        self.use, self._grasper, self._stand = np.asarray(use, np.int64), grasper, stand
+        rows, arm = n * grasper.most, grasper.arm
+        self._listed = kernels.Listed(
+            first=np.zeros(n + 1, np.int64),
+            q=np.empty((rows, mover.limb.n_arm)),
+            value=np.empty(rows),
+            target=np.empty((n, 12)),
+            rank=np.empty(n),
+            verdict=np.empty(n, np.int64),
+            handed=np.zeros(n, bool),
+            blamed=np.empty(n, np.int64),
+            shut=grasps.values[self.use],
+            wide=grasps.preshape[self.use],
+            answer=np.empty((n, mover.limb.dof)),
+        )
+        self._told = np.zeros(n, bool)
+        targets = mover.target(T_world_object @ grasper.T_object_palm[self.use])
+        stand()
+        if arm.solver:
+            kernels.solve(mover.space, arm, targets, self._listed, *now, mover.scratch)
+        else:
+            self._numerically(targets, now)
+
+    def __len__(self) -> int:
+        """Return how many grasps are looked at."""
+        return len(self.use)
+
+    @property
+    def verdicts(self) -> np.ndarray:
+        """What is known of each grasp, (n,) codes of `_prune.py`."""
+        return self._listed.verdict.copy()
+
+    def __iter__(self) -> Iterator[tuple[int, np.ndarray, float]]:
+        """Yield (grasp, joints (dof,), dexterity) of those that are free, best first.
+
+        One iteration at a time: it goes on where the last one ended.
+        """
+        mover, listed = self._grasper.mover, self._listed
+        while True:
+            self._stand()
+            i = kernels.next_free(
+                mover.space, self._grasper.arm, listed, self._told, mover.scratch
+            )
+            if i < 0:
+                return
+            yield int(self.use[i]), listed.answer[i].copy(), float(listed.rank[i])
+
+    def possible(self) -> np.ndarray:
+        """Return the grasps that are not known to fail, (m,)."""
+        return self.use[self._listed.verdict <= kernels.FREE]
+
+    def clashing(self) -> np.ndarray:
+        """Return the grasps at which the hand is known to meet the other hand, (m,)."""
+        pairs = self._grasper.mover.space.pairs[self._listed.blamed]
+        met = (self._listed.blamed >= 0) & (pairs == self._grasper.hands).all(axis=1)
+        return self.use[met]
+
+    def joints(self, grasp: int) -> np.ndarray | None:
+        """Return the most dexterous free joints (dof,) of a grasp, None: none are."""
+        listed, mover = self._listed, self._grasper.mover
+        i = int(np.searchsorted(self.use, grasp))
+        if listed.verdict[i] == kernels.UNKNOWN:
+            self._stand()
+            kernels.settle(mover.space, self._grasper.arm, listed, i, mover.scratch)
+        return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
+
+    def all(self) -> Executed:
+        """Test what is left, and return all that are free, the most dexterous first."""
+        listed, mover = self._listed, self._grasper.mover
+        if (listed.verdict == kernels.UNKNOWN).any():
+            self._stand()
+            kernels.settle_all(mover.space, self._grasper.arm, listed, mover.scratch)
+        verdict, rank = listed.verdict, listed.rank
+        free = np.flatnonzero(verdict == kernels.FREE)
+        order = free[np.argsort(-rank[free], kind="stable")]
+        refused = {
+            text: int((verdict == code).sum())
+            for code, text in _WHY.items()
+            if (verdict == code).any()
+        }
+        answer = listed.answer[order].copy()
+        return Executed(self.use[order], answer, rank[order].copy(), refused)
+
+    def _numerically(self, targets: np.ndarray, now: tuple[bool, bool]) -> None:
+        """List joints where the arm has no closed form: descents from fixed starts."""
+        mover, listed, arm = self._grasper.mover, self._listed, self._grasper.arm
+        limb, n = mover.limb, mover.limb.n_arm
+        rng = np.random.default_rng(0)
+        low, high = limb.lower[:n], limb.upper[:n]
+        starts = np.vstack([0.5 * (low + high), rng.uniform(low, high, (_RESTARTS, n))])
+        work, trial = descent_of(arm.chain), np.zeros(n)
+        goal = _ERROR, float(_MOST_STEPS)
+        for i, target in enumerate(targets):
+            kernels.begin(listed, i, target)
+            if now[0]:
+                kernels.test_hand(mover.space, arm, listed, i, mover.scratch)
+            count, first = 0, listed.first[i]
+            for start in starts if listed.verdict[i] == kernels.UNKNOWN else ():
+                work.q[:] = start
+                if descend(arm.chain, target, _SCALE, goal, work, trial):
+                    listed.q[first + count] = work.q
+                    count += 1
+            kernels.end(arm, listed, i, count, now[1])
+
+
 def prune_grasps(
     mover: Mover,
     grasps: GraspSet,
@@ -58,52 +240,5 @@ def prune_grasps(
         Those that are within limits and free with open and closed hand; of the joints
         that reach a grasp, the most dexterous free ones over a grid of the free angle.
     """
-    use = np.arange(len(grasps)) if use is None else np.asarray(use, np.int64)
-    n, limb = len(grasps), mover.limb
-    targets = np.zeros((n, 12))
-    targets[use] = mover.target(T_world_object @ grasps.T_object_palm[use])
-    answers = np.zeros((n, limb.dof)), np.zeros(n), np.full(n, -1)
-    if mover.prune is None:
-        _numerically(mover, grasps, targets, use, answers)
-    else:
-        hands = grasps.values, grasps.preshape
-        kernels.execute_all(
-            mover.space, mover.prune, targets, hands, use, answers, mover.scratch
-        )
-    q, dexterity, verdict = answers
-    free = use[verdict[use] == kernels.FREE]
-    order = free[np.argsort(-dexterity[free], kind="stable")]
-    refused = {
-        text: int((verdict[use] == code).sum())
-        for code, text in _WHY.items()
-        if (verdict[use] == code).any()
-    }
-    return Executed(order, q[order].copy(), dexterity[order].copy(), refused)
-
-
-def _numerically(mover: Mover, grasps: GraspSet, targets, use, answers) -> None:
-    """Execute grasps where the arm has no closed form: descents from fixed starts."""
-    limb, n = mover.limb, mover.limb.n_arm
-    rng = np.random.default_rng(0)
-    low, high = limb.lower[:n], limb.upper[:n]
-    starts = np.vstack([0.5 * (low + high), rng.uniform(low, high, (_RESTARTS, n))])
-    prune = kernels.Pruning(
-        seven=(), chain=limb.chain.arrays, free=np.zeros(1), room=(),
-        found=np.zeros((len(starts), n)), value=np.zeros(len(starts)),
-        frames=np.zeros((n + 1, 12)), jac=np.zeros((6, n)),
-        weighted=np.zeros((n, 7)), gram=np.zeros((6, 6)),
-    )  # fmt: skip
-    work, trial = descent_of(limb.chain.arrays), np.zeros(n)
-    for k in use:
-        count = 0
-        for start in starts:
-            work.q[:] = start
-            goal = _ERROR, float(_MOST_STEPS)
-            arrays = limb.chain.arrays
-            if descend(arrays, targets[k], _SCALE, goal, work, trial):
-                prune.found[count] = work.q
-                count += 1
-        answers[2][k], answers[1][k] = kernels.best_of(
-            mover.space, prune, count, grasps.values[k], grasps.preshape[k],
-            answers[0][k], mover.scratch,
-        )  # fmt: skip
+    use = np.arange(len(grasps)) if use is None else use
+    return Grasper(mover, grasps).look(T_world_object, use, lambda: None).all()

@@ -14,7 +14,11 @@ _RANGES = {
     "line": (0.002, 0.05, "m"),
     "budget": (10, 1_000_000, ""),
     "shorten": (0, 10_000, ""),
-    "tries": (1, 1000, ""),
+    "tries": (1, 10_000, ""),
+    "first_budget": (10, 1_000_000, ""),
+    "postures": (0, 100, ""),
+    "starts": (1, 20, ""),
+    "meetings": (1, 100, ""),
 }
 
 
@@ -34,6 +38,14 @@ class PlanSettings:
         budget: Motions that a search between two configurations tests.
         shorten: Motions tested to shorten a path that was found.
         tries: Tuples whose motions are looked for before the planner gives up.
+        first_budget: Motions that a search tests at first. A tuple that it is not
+            enough for is put off until others were tried, then gets `budget`.
+        postures: Other postures of an arm, the palm where it was, that are tried where
+            no straight line to or from a grasp is free.
+        starts: Postures of the giver at the start, and as many where it hands over,
+            that a carry is looked for between.
+        meetings: Postures of each that are tried where the object changes hands, if
+            the first ones, with `first_budget`, were not enough.
     """
 
     voxels: int = 24
@@ -44,8 +56,12 @@ class PlanSettings:
     lift: float = 0.05
     line: float = 0.01
     budget: int = 4000
-    shorten: int = 60
-    tries: int = 12
+    shorten: int = 16
+    tries: int = 400
+    first_budget: int = 300
+    postures: int = 12
+    starts: int = 3
+    meetings: int = 8
 
     def __post_init__(self) -> None:
         """Check every number.
@@ -53,5 +69,6 @@ class PlanSettings:
         Raises:
             BadInput: One out of range; names it, its value and its limits.
         """
-        counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries")
+        counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries",
+                  "first_budget", "postures", "starts", "meetings")  # fmt: skip
         check_settings(self, _RANGES, counts)

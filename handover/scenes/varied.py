@@ -19,6 +19,7 @@ _AHEAD, _BELOW = 0.38, 0.15  # [m] the goal, from between the receiver's shoulde
 _BOARDS = {"crichton": (0.30, 0.70), "panda": (-0.15, 0.55)}  # [m] x of both rims
 _SHOULDERS = {"drchubo": "left_shoulder_pitch", "person": "left_arm_1"}
 _RECEIVERS = (("drchubo", "standing"), ("person", "sitting"), ("person", "standing"))
+_FEET = {"drchubo": GAP, "person": 0.0}  # [m] a person's postures have it already
 _TRIES = 50
 
 
@@ -52,7 +53,7 @@ def _draw(rng: np.random.Generator, seed: int) -> Scene:
     rest = TABLE_TOP - corners[:, 2].min() + GAP
     start = upright(far - 0.2, _ALONG * at, rest, np.pi * spin)
     yaw = np.pi + _TURNED * turn
-    T_floor = upright(far + _BEHIND, _ALONG * along, 0.0, yaw)
+    T_floor = upright(far + _BEHIND, _ALONG * along, _FEET[name], yaw)
     receiver = _waiting(name, T_floor, posture)
     shoulder = receiver.body.frames(receiver.joints)[_SHOULDERS[name]][2, 3]
     goal = receiver.T_world_base @ upright(

@@ -31,7 +31,7 @@ class Seven(NamedTuple):
 class Room(NamedTuple):
     """Working memory of one thread."""
 
-    R: np.ndarray  # (8, 3, 3) rotations, see `solve_at`
+    R: np.ndarray  # (8, 3, 3) rotations, see `aim` and `straighten`
     v: np.ndarray  # (8, 3) vectors
     three: np.ndarray  # (2, 2, 3) angles of shoulder and wrist
     q: np.ndarray  # (8, 7) solutions
@@ -178,40 +178,128 @@ def within(arm, room, k):
 
 
 @njit(**BARE)
-def solve_at(arm, target, free, room):
-    """Write all joints that bring the tool to a pose, the free angle given, to room.q.
+def elbows(arm, far2):
+    """Return (n, first, second): the elbow's angles at a distance from S to W.
 
-    target: (12,) rotation and origin. free: [rad] where the elbow goes round the line
-    from shoulder to wrist, or the angle of the last joint where the wrist is not round.
-
-    Returns:
-        How many; all within the limits.
+    far2: its square [m^2].
     """
-    g, M, N, R0 = room.R[0], room.R[1], room.R[2], room.R[3]
-    p, y, u, w = room.v[0], room.v[1], room.v[2], room.v[3]
-    # g = T tool^-1, its rotation; p: where it puts W
+    ux, uy, uz = (
+        arm.wrist[0] - arm.place[3, 0],
+        arm.wrist[1] - arm.place[3, 1],
+        arm.wrist[2] - arm.place[3, 2],
+    )
+    cx, cy, cz = (
+        arm.place[3, 0] - arm.shoulder[0],
+        arm.place[3, 1] - arm.shoulder[1],
+        arm.place[3, 2] - arm.shoulder[2],
+    )
+    # |c + Rot(a4) u|^2 = far2
+    u, c = (ux, uy, uz), (cx, cy, cz)
+    k, p, q = turned_sum(arm.axis[3], u, c)
+    own = ux * ux + uy * uy + uz * uz + cx * cx + cy * cy + cz * cz
+    return two_angles(p, q, 0.5 * (far2 - own) - k)
+
+
+@njit(**BARE)
+def straighten(arm, elbow, far, M, room):
+    """Write the elbow's rotation to M, and to R[3] the least one that aims at W."""
+    u, y = room.v[2], room.v[1]
+    for i in range(3):
+        u[i] = arm.wrist[i] - arm.place[3, i]
+    turn(arm.axis[3], elbow, M)
+    apply(M, u, y)
+    for i in range(3):
+        y[i] = (y[i] + arm.place[3, i] - arm.shoulder[i]) / far
+    shortest_turn(y, room.v[0], room.R[3], room.v[3])
+
+
+@njit(**BARE)
+def aim(arm, target, room):
+    """Write the rotation of T tool^-1 to R[0], the way from S to W to v[0].
+
+    Both as if the last joint were at 0. Returns their distance [m].
+    """
+    g, p, u = room.R[0], room.v[0], room.v[2]
     for i in range(3):
         for j in range(3):
             g[i, j] = 0.0
             for k in range(3):
                 g[i, j] += target[3 * i + k] * arm.tool[3 * j + k]
-    if arm.round_wrist:
-        for i in range(3):
-            u[i] = arm.wrist[i] - arm.tool[9 + i]
-        apply(g, u, p)
-    else:
-        # take the last joint away: g becomes g e7^-1
-        turn(arm.axis[6], -free, M)
-        for i in range(3):
-            u[i] = arm.wrist[i] - arm.place[6, i]
-        apply(M, u, w)
-        for i in range(3):
-            u[i] = w[i] + arm.place[6, i] - arm.tool[9 + i]
-        apply(g, u, p)
-        times(g, M, N)
-        for i in range(3):
-            for j in range(3):
-                g[i, j] = N[i, j]
+        u[i] = arm.wrist[i] - arm.tool[9 + i]
+    apply(g, u, p)
+    far2 = 0.0
+    for i in range(3):
+        p[i] += target[9 + i] - arm.shoulder[i]
+        far2 += p[i] * p[i]
+    return math.sqrt(far2)
+
+
+@njit(**BARE)
+def within_reach(arm, target, room):
+    """Say whether a pose is not too far off, or too near, for the elbow to reach W."""
+    if not arm.round_wrist:
+        return True
+    far = aim(arm, target, room)
+    n, first, second = elbows(arm, far * far)
+    if n == 0 or far < 1e-9:
+        return False
+    return joint_of(arm, 3, first)[0] or joint_of(arm, 3, second)[0]
+
+
+@njit(**BARE)
+def solve_round(arm, target, free, room, found):
+    """Write the solutions for all swivels of the elbow, the last axis through W.
+
+    Where W is does not depend on the swivel: elbow first, and out of reach is told at
+    once.
+    """
+    far = aim(arm, target, room)
+    if far < 1e-9:
+        return 0
+    n, first, second = elbows(arm, far * far)
+    for i in range(3):
+        room.v[0][i] /= far
+    total, M = 0, room.R[1]
+    for e in range(n):
+        fits, elbow = joint_of(arm, 3, first if e == 0 else second)
+        if not fits:
+            continue
+        straighten(arm, elbow * arm.scale[3, 0] + arm.scale[3, 1], far, M, room)
+        for k in range(free.shape[0]):
+            for i in range(with_swivel(arm, elbow, free[k], M, room, 0)):
+                if total == found.shape[0]:
+                    return total
+                for j in range(7):
+                    found[total, j] = room.q[i, j]
+                total += 1
+    return total
+
+
+@njit(**BARE)
+def solve_at(arm, target, free, room):
+    """Write all joints that bring the tool to a pose, the last angle given, to room.q.
+
+    target: (12,) rotation and origin. free: [rad] of the last joint, which does not go
+    through W.
+
+    Returns:
+        How many; all within the limits.
+    """
+    g, M, N, R0 = room.R[0], room.R[1], room.R[2], room.R[3]
+    p, u, w = room.v[0], room.v[2], room.v[3]
+    aim(arm, target, room)
+    # take the last joint away: g becomes g e7^-1
+    turn(arm.axis[6], -free, M)
+    for i in range(3):
+        u[i] = arm.wrist[i] - arm.place[6, i]
+    apply(M, u, w)
+    for i in range(3):
+        u[i] = w[i] + arm.place[6, i] - arm.tool[9 + i]
+    apply(g, u, p)
+    times(g, M, N)
+    for i in range(3):
+        for j in range(3):
+            g[i, j] = N[i, j]
     far2 = 0.0
     for i in range(3):
         p[i] += target[9 + i] - arm.shoulder[i]
@@ -219,29 +307,16 @@ def solve_at(arm, target, free, room):
     far = math.sqrt(far2)
     if far < 1e-9:
         return 0
-    # the elbow: |c + Rot(a4) u - S| = far
-    c = room.v[4]
-    cc = uu = 0.0
-    for i in range(3):
-        u[i] = arm.wrist[i] - arm.place[3, i]
-        c[i] = arm.place[3, i] - arm.shoulder[i]
-        cc += c[i] * c[i]
-        uu += u[i] * u[i]
-    k, a, b = turned_sum(arm.axis[3], u, c)
-    n, first, second = two_angles(a, b, 0.5 * (far2 - cc - uu) - k)
+    n, first, second = elbows(arm, far2)
     for i in range(3):
         p[i] /= far
     count = 0
     for e in range(n):
         elbow = first if e == 0 else second
-        turn(arm.axis[3], elbow, M)
-        apply(M, u, y)
-        for i in range(3):
-            y[i] = (y[i] + arm.place[3, i] - arm.shoulder[i]) / far
-        shortest_turn(y, p, R0, w)
-        if arm.round_wrist:
-            count = with_swivel(arm, elbow, free, M, room, count)
+        fits, _ = joint_of(arm, 3, elbow)
+        if not fits:
             continue
+        straighten(arm, elbow, far, M, room)
         # Rot(p, x) R0 R4 a5 must stand to g a6 as a5 does to a6
         apply(M, arm.axis[4], w)
         s = room.R[4, 0]
@@ -290,24 +365,55 @@ def shortest_turn(x, y, out, w):
 
 
 @njit(**BARE)
+def joint_of(arm, j, angle):
+    """Return (fits, value): the joint's value for an angle, and if it has that."""
+    low, high = arm.limits[j, 0], arm.limits[j, 1]
+    factor = arm.scale[j, 0]
+    value = (angle - arm.scale[j, 1]) / factor
+    period = 2.0 * math.pi / abs(factor)
+    value -= period * round((value - 0.5 * (low + high)) / period)
+    return low - 1e-9 <= value <= high + 1e-9, min(max(value, low), high)
+
+
+@njit(**BARE)
+def kept(arm, j, angles, n):
+    """Turn rows (n, 3) of angles to joints j, j + 1, j + 2; return how many fit.
+
+    Those that are within their limits are moved to the front.
+    """
+    count = 0
+    for s in range(n):
+        a, x = joint_of(arm, j, angles[s, 0])
+        b, y = joint_of(arm, j + 1, angles[s, 1])
+        c, z = joint_of(arm, j + 2, angles[s, 2])
+        if a and b and c:
+            angles[count, 0], angles[count, 1], angles[count, 2] = x, y, z
+            count += 1
+    return count
+
+
+@njit(**BARE)
 def with_swivel(arm, elbow, swivel, M, room, count):
     """Add the solutions for an elbow and its swivel; M is the elbow's rotation."""
     g, N, R0, K = room.R[0], room.R[2], room.R[3], room.R[4]
     turn(room.v[0], swivel, N)
     times(N, R0, K)  # shoulder
-    ax = arm.axis
-    shoulders = three_angles(ax[0], ax[1], ax[2], K, room, room.three[0])
+    ax, three = arm.axis, room.three
+    shoulders = three_angles(ax[0], ax[1], ax[2], K, room, three[0])
+    shoulders = kept(arm, 0, three[0], shoulders)
+    if shoulders == 0:
+        return count
     times_back(K, g, N)
     times_back(M, N, K)  # wrist
-    wrists = three_angles(ax[4], ax[5], ax[6], K, room, room.three[1])
+    wrists = three_angles(ax[4], ax[5], ax[6], K, room, three[1])
+    wrists = kept(arm, 4, three[1], wrists)
     for s in range(shoulders):
         for t in range(wrists):
             for j in range(3):
-                room.q[count, j] = room.three[0, s, j]
-                room.q[count, 4 + j] = room.three[1, t, j]
+                room.q[count, j] = three[0, s, j]
+                room.q[count, 4 + j] = three[1, t, j]
             room.q[count, 3] = elbow
-            if within(arm, room, count):
-                count += 1
+            count += 1
     return count
 
 
@@ -343,6 +449,8 @@ def with_last(arm, elbow, swivel, last, M, room, count):
 @njit(**BARE)
 def solve_all(arm, target, free, room, found):
     """Write the solutions for all values of `free` (k,) to `found`; return how many."""
+    if arm.round_wrist:
+        return solve_round(arm, target, free, room, found)
     n = 0
     for k in range(free.shape[0]):
         for i in range(solve_at(arm, target, free[k], room)):

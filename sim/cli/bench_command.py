@@ -9,6 +9,7 @@ import typer
 
 from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Writes
 from sim.terminal.flags import Json, argument, flag, flags_of, from_request
+from sim.terminal.interrupt import GRACE, patience
 from sim.terminal.output import show_json, write_text
 from sim.terminal.progress import Bars
 
@@ -124,27 +125,30 @@ def run_bench(
     if name not in modules:
         known = ", ".join(sorted(modules))
         raise BadInput(f"there is no bench {name!r}; choose one of {known}")
-    run = importlib.import_module(modules[name]).run
+    module = importlib.import_module(modules[name])
+    run = module.run
     given = {k: v for k, v in options.items() if v is not None}
     _check_options(name, run, given)
     from sim.tables import table
 
     if markdown not in (None, "-"):
         fill_section(Path(markdown), name, None)
-    with Bars() as tell:
-        if "tell" in inspect.signature(run).parameters:
-            given["tell"] = lambda part: tell(part, 0, 1)
-        result = run(**given)
-    if why := too_short(given):
-        result = without_verdicts(result, why)
-    if json is not None:
-        show_json(result, json)
-    if markdown == "-":
-        print(table.markdown(result))
-    elif markdown is not None:
-        fill_section(Path(markdown), name, table.markdown(result))
-    elif json != "-":
-        table.print_bench(result)
+    # a bench that tells what it has after Ctrl-C says how long that may take
+    with patience(getattr(module, "PATIENCE_S", GRACE)):
+        with Bars() as tell:
+            if "tell" in inspect.signature(run).parameters:
+                given["tell"] = lambda part: tell(part, 0, 1)
+            result = run(**given)
+        if why := too_short(given):
+            result = without_verdicts(result, why)
+        if json is not None:
+            show_json(result, json)
+        if markdown == "-":
+            print(table.markdown(result))
+        elif markdown is not None:
+            fill_section(Path(markdown), name, table.markdown(result))
+        elif json != "-":
+            table.print_bench(result)
     return result.get("exit_code", 0)
 
 

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -434,7 +435,27 @@ def _meet(reach: "ReachMap") -> None:
     meet.build()
 
 
-_ALONE = {"watch": _watch, "person": _person, "person's reach": _reach_of_person}
+def _hand_over() -> None:
+    """Plan a whole hand-over, with a handful of grasps."""
+    from handover import build_grasps, load_scene, plan_handover
+    from handover.grasps.build import GraspSettings
+
+    scene, few = load_scene("kneeling", 0), GraspSettings(samples=5, rolls=2)
+    giver = replace(scene.giver, arms=("left",))
+    scene = replace(
+        scene, giver=giver, receiver=replace(scene.receiver, arms=("left",))
+    )
+    hands = ("sdh_left", "hubo_left")
+    grasps = {hand: build_grasps(scene.obj, hand, few) for hand in hands}
+    plan_handover(scene, 600.0, grasps=grasps)
+
+
+_ALONE = {
+    "watch": _watch,
+    "person": _person,
+    "person's reach": _reach_of_person,
+    "hand-over": _hand_over,
+}
 _WITH_MAP = {
     "load": _load,
     "exercise": exercise,

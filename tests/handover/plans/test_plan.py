@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import handover
-from handover.grasps.build import GraspSettings
-from handover.plans.choose import Report, tuples
 from handover.plans.limb import limb_of
 from handover.plans.motions import home_of
-from handover.plans.mover import Mover
 from handover.plans.planner import plan_handover
 from handover.plans.record import record_of
 from handover.plans.settings import PlanSettings
@@ -18,22 +15,7 @@ from handover.scenes.plan_file import object_at
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
-FEW = GraspSettings(samples=16, rolls=6)
 QUICK = PlanSettings(tuples=1, shorten=20)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    scene = handover.load_scene("kneeling", 0)
-    # one arm each: half the time
-    giver = replace(scene.giver, arms=("left",))
-    return replace(scene, giver=giver, receiver=replace(scene.receiver, arms=("left",)))
-
-
-@pytest.fixture(scope="module")
-def grasps(scene):
-    hands = ("sdh_left", "hubo_left")
-    return {hand: handover.build_grasps(scene.obj, hand, FEW) for hand in hands}
 
 
 @pytest.fixture(scope="module")
@@ -79,28 +61,6 @@ def test_the_record_brings_the_object_from_start_to_goal(plan):
 def test_the_same_scene_gives_the_same_bytes(plan, scene, grasps):
     again = plan_handover(scene, 600.0, grasps=grasps, settings=QUICK)
     assert record_of(again) == record_of(plan)
-
-
-def test_the_chosen_tuple_is_the_most_dexterous_of_all(scene, grasps, plan):
-    giver, receiver = (
-        limb_of(getattr(scene, who).agent, "left") for who in ("giver", "receiver")
-    )
-    from handover.plans.choose import Pair
-
-    pair = Pair(
-        Mover(scene, scene.giver, giver, scene.receiver, receiver),
-        Mover(scene, scene.receiver, receiver, scene.giver, giver),
-        grasps["sdh_left"],
-        grasps["hubo_left"],
-    )
-    first = plan.report.step
-    H = []
-    for one in tuples(scene, pair, PlanSettings(), Report()):
-        if one.step != first:
-            break
-        H.append(one)
-    assert len(H) > 1
-    assert H[0].dexterity == max(one.dexterity for one in H)
 
 
 def test_motions_are_free_by_other_means(plan):

@@ -201,3 +201,10 @@ def test_meshes_that_are_no_objects(tmp_path, make, scale, told):
     text = TEA.replace('name = "cup"', f'file = "thing.stl"\nscale = {scale}')
     with pytest.raises(PlanningError, match=told):
         handover.load_scene(written(tmp_path, text))
+
+
+def test_scenes_of_our_own_have_every_pair_of_agents():
+    scenes = [handover.load_scene("varied", seed) for seed in (0, 1, 3, 4)]
+    pairs = {(s.giver.agent.name, s.receiver.agent.name) for s in scenes}
+    givers, receivers = ("crichton", "panda"), ("drchubo", "person")
+    assert pairs == {(g, r) for g in givers for r in receivers}

@@ -1,60 +1,88 @@
-"""Closed-form inverse kinematics of seven joints: every solution, and all of them."""
+"""Seven joints in closed form: all answers are right, and none is missing."""
 
 import numpy as np
 import pytest
 
-import handover
-from handover.plans.limb import limb_of
-from roadmap.kinematics import seven
+from roadmap.kinematics._chain import ChainArrays, forward
+from roadmap.kinematics.joint_tree import REVOLUTE
+from roadmap.kinematics.seven import seven_of, solutions
+from roadmap.kinematics.tool_chain import tool_chain
+from roadmap.transforms import flat_pose, pose_of
 
-ARMS = [("crichton", "left"), ("drchubo", "left"), ("panda", "right")]
-
-
-@pytest.fixture(scope="module", params=ARMS, ids=lambda arm: arm[0])
-def limb(request):
-    name, side = request.param
-    return limb_of(handover.load_agent(name), side)
+QUARTER = 0.5 * np.pi
 
 
-def drawn(limb, n, seed=0):
-    rng = np.random.default_rng(seed)
-    return rng.uniform(*limb.chain.limits.T, (n, 7))
+def round_arm(off=0.0):
+    """An arm with shoulder, elbow and wrist; its elbow is `off` [m] aside."""
+    steps = [
+        pose_of((0.0, 0.0, 0.2)),
+        pose_of((0.0, 0.0, 0.0), (QUARTER, 0.0, 0.0)),
+        pose_of((0.0, 0.0, 0.0), (-QUARTER, 0.0, 0.0)),
+        pose_of((off, 0.0, 0.3), (QUARTER, 0.0, 0.0)),
+        pose_of((-off, 0.3, 0.0), (-QUARTER, 0.0, 0.0)),
+        pose_of((0.0, 0.0, 0.0), (QUARTER, 0.0, 0.0)),
+        pose_of((0.0, 0.0, 0.0), (-QUARTER, 0.0, 0.0)),
+        pose_of((0.0, 0.0, 0.15), (0.0, 0.0, 0.3)),
+    ]
+    scale = np.array([[1.0, 0.0]] * 6 + [[-1.0, 0.2]])
+    return ChainArrays(
+        fixed=np.array([flat_pose(T) for T in steps]),
+        kind=np.array([[REVOLUTE, j] for j in range(7)], np.int32),
+        scale=scale,
+        limits=np.tile([-2.8, 2.6], (7, 1)),
+        endless=np.zeros(7),
+        length=np.array([1.0]),
+    )
 
 
-def test_every_solution_is_within_limits_and_reaches_the_pose(limb):
-    low, high = limb.chain.limits.T
-    for q in drawn(limb, 20):
-        T = limb.chain.tool_pose(q)
-        found = seven.solutions(limb.seven, T, 12)
-        assert (found >= low).all() and (found <= high).all()
-        for one in found:
-            assert np.abs(limb.chain.tool_pose(one) - T).max() < 1e-9
+@pytest.fixture(params=["round", "round, elbow aside", "panda"])
+def arm(request):
+    if request.param == "panda":
+        chain, _ = tool_chain(request.getfixturevalue("panda"))
+    else:
+        chain = round_arm(0.04 if "aside" in request.param else 0.0)
+    seven = seven_of(chain)
+    assert seven is not None and seven.round_wrist == request.param.startswith("round")
+    return chain, seven
 
 
-def test_the_configuration_behind_a_pose_is_found_again(limb):
-    """The free angle is a grid: with it fine, a solution lies beside any posture."""
-    for q in drawn(limb, 5, seed=3):
-        found = seven.solutions(limb.seven, limb.chain.tool_pose(q), 720)
-        away = np.abs(found - q)
-        assert np.minimum(away, 2.0 * np.pi - away).max(axis=1).min() < 0.1
+def tool(chain, q):
+    frames, T = np.zeros((8, 12)), np.eye(4)
+    forward(chain, np.ascontiguousarray(q), frames)
+    T[:3, :3], T[:3, 3] = frames[-1, :9].reshape(3, 3), frames[-1, 9:]
+    return T
 
 
-def test_a_pose_out_of_reach_has_no_solution(limb):
-    T = np.eye(4)
-    T[:3, 3] = 3.0, 0.0, 0.0
-    assert len(seven.solutions(limb.seven, T)) == 0
+def postures(chain, n):
+    low, high = chain.limits.T
+    return np.random.default_rng(5).uniform(low, high, (n, 7))
 
 
-def test_the_last_joint_of_panda_is_its_free_angle():
-    arms = {name: limb_of(handover.load_agent(name), side) for name, side in ARMS}
-    assert not arms["panda"].seven.round_wrist
-    assert arms["crichton"].seven.round_wrist and arms["drchubo"].seven.round_wrist
+def test_every_solution_reaches_and_is_within_limits(arm):
+    chain, seven = arm
+    low, high = chain.limits.T
+    count = 0
+    for q in postures(chain, 20):
+        T = tool(chain, q)
+        for found in solutions(seven, T):
+            assert np.abs(tool(chain, found) - T).max() < 1e-9
+            assert (found >= low).all() and (found <= high).all()
+            count += 1
+    assert count > 100
 
 
-def test_other_chains_have_no_closed_form():
-    arrays = limb_of(handover.load_agent("crichton"), "left").chain.arrays
-    bent = arrays.fixed.copy()
-    bent[5, 9] += 0.01  # axes five and six no longer meet
-    assert seven.seven_of(arrays._replace(fixed=bent)) is None
-    fewer = arrays._replace(kind=arrays.kind[:6])
-    assert seven.seven_of(fewer) is None
+def test_the_joints_that_a_pose_was_made_with_are_found(arm):
+    chain, seven = arm
+    for q in postures(chain, 20):
+        every = solutions(seven, tool(chain, q), steps=1440)
+        assert np.abs(every - q).max(axis=1).min() < 0.2
+
+
+def test_out_of_reach_and_too_near_have_no_solution(arm):
+    _, seven = arm
+    far, near = pose_of((3.0, 0.0, 0.0)), np.eye(4)
+    near[:3, 3] = seven.shoulder + seven.tool[9:] - seven.wrist  # W in S
+    near[:3, :3] = seven.tool[:9].reshape(3, 3)
+    assert len(solutions(seven, far)) == 0
+    if seven.round_wrist:
+        assert len(solutions(seven, near)) == 0
