@@ -66,6 +66,9 @@ class Report:
         step: Which step of the search found the plan's tuple.
         failed: Motions that were not found, one line for each tuple tried.
         refused: These tuples.
+        unpickable: Grasps of the giver that it cannot come to, or lift, at the start,
+            whatever follows: no more tuples are made of them.
+        unplaceable: The same of the receiver at the goal.
         seconds: Stage -> time spent [s]; no part of a plan's bytes.
     """
 
@@ -76,6 +79,8 @@ class Report:
     step: str = ""
     failed: list = field(default_factory=list)
     refused: list[Tuple] = field(default_factory=list)
+    unpickable: set[int] = field(default_factory=set)
+    unplaceable: set[int] = field(default_factory=set)
     seconds: dict = field(default_factory=dict)
 
     @property
@@ -176,7 +181,9 @@ def tuples(
         for found in goals:
             clash = clashes.setdefault(found[0], set())
             for T in handover_poses(scene, pair, found[0], places, turns):
-                if not len(starts.possible()):
+                if found[0] in report.unplaceable:
+                    break
+                if not set(starts.possible().tolist()) - report.unpickable:
                     return
                 report.poses[0] += 1
                 q_receiver = _taken(taking, found[0], T, waits["giver"])
@@ -184,7 +191,7 @@ def tuples(
                     continue
                 report.poses[1] += 1
                 for g, q_start, q, value in _given(
-                    giving, starts, T, q_receiver, clash
+                    giving, starts, T, q_receiver, clash, report.unpickable
                 ):
                     yield Tuple(
                         *sides, g, found[0], T, q_start, q, q_receiver, found[1],
@@ -329,17 +336,20 @@ def _given(
     T: np.ndarray,
     q_receiver: np.ndarray,
     clash: set[int],
+    without: set[int],
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
     """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
 
     The receiver holds the object, too. `clash` gets grasps at which both hands meet:
-    wherever the object is, they will.
+    wherever the object is, they will. `without` may grow meanwhile.
     """
     stand = partial(_stand, giving.mover, q_receiver, T)
-    use = np.array([g for g in starts.possible().tolist() if g not in clash], np.int64)
+    use = np.array(
+        [g for g in starts.possible().tolist() if g not in clash | without], np.int64
+    )
     found = giving.look(T, use, stand, hands=True)
     clash.update(found.clashing().tolist())
     for g, q, value in found:
-        q_start = starts.joints(g)
+        q_start = None if g in without else starts.joints(g)
         if q_start is not None:
             yield g, q_start, q, value

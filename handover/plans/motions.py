@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans.choose import Pair, Tuple
+from handover.plans.choose import Pair, Report, Tuple
 from handover.plans.limb import Limb
 from handover.plans.paths import SAME, Blocked, Clock, Paths
 from handover.plans.settings import PlanSettings
@@ -150,6 +150,13 @@ class MotionPlanner:
             return self._of(chosen, budget)
         finally:  # H is chosen from with the other arm where it waits
             self.pair.receiver.put_other(self.giver.home)
+
+    def tell_hopeless(self, chosen: Tuple, report: Report) -> None:
+        """Note a tuple's grasps that fail at the start, or goal, whatever follows."""
+        if isinstance(self._known.get(("start", chosen.grasp_giver)), Blocked):
+            report.unpickable.add(chosen.grasp_giver)
+        if isinstance(self._known.get(("goal", chosen.grasp_receiver)), Blocked):
+            report.unplaceable.add(chosen.grasp_receiver)
 
     def _of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
         g, r = chosen.grasp_giver, chosen.grasp_receiver

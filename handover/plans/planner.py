@@ -210,6 +210,7 @@ class _Tried:
                 return found
             except Blocked as blocked:
                 self.report.failed.append(f"tuple {number}: {blocked}")
+                self.planner.tell_hopeless(chosen, self.report)
                 if all(chosen is not other for other in self.report.refused):
                     self.report.refused.append(chosen)
                 if not (blocked.searched or blocked.more):

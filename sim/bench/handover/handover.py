@@ -147,6 +147,13 @@ def one_run(name: str, seed: int) -> dict:
         key_of(t.grasp_receiver, t.grasp_giver, t.T_world_handover)
         for t in plan.report.refused
     }
+    hopeless = plan.report.unplaceable, plan.report.unpickable
+    tried |= {
+        key
+        for some in wholes
+        for key in some.tuples
+        if key[0] in hopeless[0] or key[1] in hopeless[1]
+    }
     checked = check_plan(json.loads(json.dumps(record_of(plan))))
     return row | {
         "choosing_s": choosing,
