@@ -57,7 +57,7 @@ class PlanSettings:
     line: float = 0.01
     budget: int = 4000
     shorten: int = 16
-    tries: int = 400
+    tries: int = 4000
     first_budget: int = 300
     postures: int = 12
     starts: int = 3
