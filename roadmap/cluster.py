@@ -74,12 +74,7 @@ class Cluster:
             self.store = ChunkStore(shared)
         self._own: Any = None
         if scheduler is None:
-            self._own = self.dask.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                dashboard_address=":0",
-                silence_logs=40,
-            )
+            self._own = _local(self.dask, workers)
         self.address = scheduler or self._own.scheduler_address
         self.client: Any = None
         self._connect(time.monotonic() + min(patience, _FIRST_S))
@@ -377,6 +372,19 @@ def _distributed() -> Any:  # noqa: ANN401 (a module)
             "pip install 'odm-planner[cluster]', or build with --threads instead"
         ) from error
     return distributed
+
+
+def _local(distributed: Any, workers: int) -> Any:  # noqa: ANN401
+    """Make a cluster of processes here, which do not watch themselves at work."""
+    import dask.config as config
+
+    with config.set({"distributed.worker.profile.enabled": False}):
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs=40,
+        )
 
 
 def _has_dashboard() -> bool:

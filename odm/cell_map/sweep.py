@@ -16,7 +16,7 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
 
-CHUNK = 256  # items of one unit of work; the bytes do not depend on it
+CHUNK = 1024  # items of one unit of work; the bytes do not depend on it
 Progress = Callable[[str, int, int], None]
 
 

@@ -184,15 +184,14 @@ def build_to(
 
     begun = time.perf_counter()
     parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
-    with Bars() as tell:
+    with crew(target, threads, place) as workers, Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:
             _tell_size(robot, recipe)
-        with crew(target, threads, place) as workers:
-            cell_map = build_map(recipe, threads, tell, robot, workers)
-            tell("saving", 0, 1)
-            cell_map.save(target)
-            tell("saving", 1, 1)
+        cell_map = build_map(recipe, threads, tell, robot, workers)
+        tell("saving", 0, 1)
+        cell_map.save(target)
+        tell("saving", 1, 1)
     return load_map(target), time.perf_counter() - begun
 
 

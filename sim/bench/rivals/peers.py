@@ -163,6 +163,7 @@ class Asked:
     def __init__(self, name: str, kind: str, world: str) -> None:
         """Begin with nothing."""
         self.name, self.kind, self.world = name, kind, world
+        self.asked: list[tuple[int, int]] = []  # which case, which frame
         self.wall: list[float] = []
         self.cpu: list[float] = []
         self.solved: list[bool] = []
@@ -173,7 +174,7 @@ class Asked:
 
 def _asked(peer: Peer, cases: list[Case], judge: "Judge", world: str) -> list[Asked]:
     kinds: dict[str, Asked] = {}
-    for case in cases:
+    for number, case in enumerate(cases):
         one = kinds.setdefault(case.kind, Asked(peer.name, case.kind, world))
         peer.begin(case)
         last: tuple[int, np.ndarray] | None = None
@@ -185,6 +186,7 @@ def _asked(peer: Peer, cases: list[Case], judge: "Judge", world: str) -> list[As
             wall, cpu = time.perf_counter() - begun, time.thread_time() - busy
             peer.after()
             if k in case.picked:
+                one.asked.append((number, k))
                 one.wall.append(1e6 * wall)
                 one.cpu.append(1e6 * cpu)
                 one.solved.append(path is not None)
@@ -239,7 +241,7 @@ def _joined(found: list[Asked], name: str, world: str) -> Asked:
     whole = Asked(name, "all", world)
     for one in found:
         if one.name == name and one.world == world:
-            for part in ("wall", "cpu", "solved", "lengths", "changed"):
+            for part in ("asked", "wall", "cpu", "solved", "lengths", "changed"):
                 getattr(whole, part).extend(getattr(one, part))
             whole.touching += one.touching
             whole.nearest = min(whole.nearest, one.nearest)
@@ -291,12 +293,20 @@ def _rows(found: list[Asked], judge: Judge) -> list[dict]:
     for world in ("shapes", CLOUD):
         mine, other = (_joined(found, name, world) for name in (first, theirs))
         if mine.cpu and other.cpu:
-            note = "CPU time of odm, replanned, and of OMPL"
-            ratio = float(np.median(other.cpu) / np.median(mine.cpu))
+            note = (
+                "CPU time of odm, replanned, and of OMPL, on the frames both were asked"
+            )
+            both = set(mine.asked) & set(other.asked)
+            ratio = _median_in(other, both) / _median_in(mine, both)
             name = f"times faster than OMPL RRT-Connect with python-fcl, p50, {world}"
             least = {"least": FASTER} if world == "shapes" else {}
             rows.append(value_row(name, ratio, "", note, **least))
     return rows
+
+
+def _median_in(one: Asked, frames: set[tuple[int, int]]) -> float:
+    times = [t for at, t in zip(one.asked, one.cpu, strict=True) if at in frames]
+    return float(np.median(times))
 
 
 def _setup(seed, pairs, frames, scenes, cell_map, peers, missing) -> dict:  # noqa: ANN001
