@@ -11,7 +11,7 @@ a failure. Ctrl-C ends the runs; what was done is told.
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
 from sim.bench.handover.check import check_plan
 from sim.bench.handover.whole_choice import (
+    Whole,
     best_of,
     key_of,
     pair_of,
@@ -143,17 +144,7 @@ def one_run(name: str, seed: int) -> dict:
     pair = pair_of(scene, arms, sets)
     wholes = whole_choice(scene, pair, PlanSettings(), plan.report.step)
     whole = next(w for w in wholes if w.tuples)  # what the paper's tables count
-    tried = {
-        key_of(t.grasp_receiver, t.grasp_giver, t.T_world_handover)
-        for t in plan.report.refused
-    }
-    hopeless = plan.report.unplaceable, plan.report.unpickable
-    tried |= {
-        key
-        for some in wholes
-        for key in some.tuples
-        if key[0] in hopeless[0] or key[1] in hopeless[1]
-    }
+    tried = _tried(plan, wholes)
     checked = check_plan(json.loads(json.dumps(record_of(plan))))
     return row | {
         "choosing_s": choosing,
@@ -170,6 +161,21 @@ def one_run(name: str, seed: int) -> dict:
         "collisions": checked["collisions"],
         "faults": checked["faults"],
         "distances": checked["distances"],
+    }
+
+
+def _tried(plan: HandoverPlan, wholes: Sequence[Whole]) -> set:
+    """Return the keys of the tuples of H whose motions were shown not to exist."""
+    hopeless = plan.report.unplaceable, plan.report.unpickable
+    tried = {
+        key_of(t.grasp_receiver, t.grasp_giver, t.T_world_handover)
+        for t in plan.report.refused
+    }
+    return tried | {
+        key
+        for some in wholes
+        for key in some.tuples
+        if key[0] in hopeless[0] or key[1] in hopeless[1]
     }
 
 
