@@ -12,8 +12,8 @@ import sim
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import Executor
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
+from sim.story.grasping import straight_back
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -26,7 +26,7 @@ def maps(meet_maps):
     return cell_map, handover.load_reach_map(meet_maps[1]), index
 
 
-def story_of(maps, direction="give", pads=("flange",), **settings):
+def story_of(maps, direction="give", pads=("flange",), node=None, **settings):
     """Return a story, its person and what it is about, before the first frame."""
     cell_map, reach, index = maps
     planner = odm.ReactivePlanner(
@@ -43,6 +43,8 @@ def story_of(maps, direction="give", pads=("flange",), **settings):
     targets = handover.LiveTargets(planner, meet, None, index)
     tools = index.T_base_tool[:, :3, 3]
     q = np.array(index.nodes[np.abs(tools - [0.2, 0.0, 0.6]).sum(axis=1).argmin()])
+    if node is not None:  # right before the place that its tool has there
+        q = straight_back(planner, index.T_base_tool[node], index.nodes[node], 0.1)
     executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, 0.01)
     settings = sim.StorySettings(direction=direction, **settings)
     return sim.Handover(planner, targets, executor, settings), human
@@ -137,10 +139,11 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
 
 def receive(maps, held_at, seconds=9.0, **settings):
     """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
-    story, human = story_of(maps, "receive", **settings)
-    ahead = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))  # right before its hand
-    T_tool = tool_pose(story.planner.robot, story.executor.set_point.q)
-    T_object = T_tool @ ahead @ story.targets.meet.obj.T_tool_object
+    index = maps[2]
+    off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
+    node = int(off.argmin())
+    story, human = story_of(maps, "receive", node=node, **settings)
+    T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
 
     def look(story, now, opened, closed):
         holds = closed and held_at(story)
