@@ -79,18 +79,22 @@ def run(
     for one in _all(jobs, min(processes, len(jobs))):
         played.append(one)
         tell(f"{len(played)} of {len(jobs)} runs done")
+    setup = {
+        "runs of each direction": runs,
+        "first seed": seed,
+        "limit": f"{LIMIT_S:g} s until it has changed hands",
+        "reach map": found.hash[:12],
+        "runs at a time": min(processes, len(jobs)),
+        "contact": "exact distance of robot and person, the object apart, at 0",
+    }
+    told = {"bench": "story", "header": header(cell_map), "setup": setup}
+    return told | _tables(played, short)
+
+
+def _tables(played: list[dict], short: bool) -> dict:
+    """Return the rows and tables of all runs."""
     drawn = [one for one in played if not one["name"]]
     return {
-        "bench": "story",
-        "header": header(cell_map),
-        "setup": {
-            "runs of each direction": runs,
-            "first seed": seed,
-            "limit": f"{LIMIT_S:g} s until it has changed hands",
-            "reach map": found.hash[:12],
-            "runs at a time": min(processes, len(jobs)),
-            "contact": "exact distance of robot and person, the object apart, at 0",
-        },
         "rows": [row for d in DIRECTIONS for row in _rows(drawn, d)] + _frames(drawn),
         "tables": [_failed(played), *([] if short else [_ways_back(played)])],
         "runs": played,
