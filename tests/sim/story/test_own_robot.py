@@ -16,7 +16,7 @@ from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
-PERIOD = 0.02  # [s] of a frame: half the work
+PERIOD = 0.01  # [s] of a frame
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -162,17 +162,11 @@ def test_what_is_held_out_is_taken_and_kept_where_there_is_no_place(maps):
     assert story.planner.attached is not None
 
 
-def test_a_giver_who_lets_go_too_early_is_told(maps):
-    story, states = receive(maps, lambda story: False)
-    assert states == ["wait", "close", "retreat", "done"]
-    assert story.outcome == "the hand let go too early" and not story.holding
-
-
 def test_a_giver_who_holds_on_gets_it_back(maps):
     def held_at(story):
         return story.fingers == "closed"
 
-    story, states = receive(maps, held_at, wait_s=6.0, tug=12.0)
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
     assert states == ["wait", "close", "retreat", "done"]
     assert story.outcome == "the person holds on: it lets go" and not story.holding
 
