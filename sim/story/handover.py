@@ -47,6 +47,7 @@ OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
 _RANKED = 3  # targets are ranked in every third frame, at 33 Hz
+_GRAVITY = 9.81  # [m/s2]
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
@@ -341,7 +342,10 @@ class Handover:
         s, frame = self.settings, seen.frame
         moving = np.abs(self.executor.set_point.dq).max() > _MOVES
         if frame.wrench is not None:
-            self._pull.feel(frame.wrench, seen.dt, bool(moving))
+            # what was taken has a weight; its giver may pull from the first moment on
+            taken = self.holding and self.state == table.CLOSE
+            more = _GRAVITY * self._obj.mass_kg if taken else 0.0
+            self._pull.feel(frame.wrench, seen.dt, bool(moving), more)
         passed = frame.now - self.machine.since
         away = seen.hand_gap > s.gone
         fetching = self.state in (table.FETCH, table.PUT_DOWN)
@@ -599,7 +603,8 @@ class Handover:
             self._T_tool_object = self._taken.T_tool_object
         self.planner.attach(self._carried, self._T_tool_object)
         self.holding = True
-        self._pull.forget()
+        if self.state != table.CLOSE:
+            self._pull.forget()
         self.view.phase = "give" if self.state == table.CLOSE else None
 
     def _step_planner(self, seen: _Seen, q: np.ndarray) -> object:

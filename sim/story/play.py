@@ -25,6 +25,7 @@ from sim.story.wrist import PlainWrist, Wrist, person_force
 
 SPEED = 0.7  # share of the joints' speed limits that the robot uses
 RATE = 100.0  # frames per second
+STANDS = 1e-3  # [m/s] slower than this it stands
 CLOSING_S = 0.25  # [s] of the fingers, from open to closed
 _LOOSE = 0.4  # share of that at which they do not hold any more
 _BETWEEN = 0.025  # [m] an object so near to where it is grasped is between the fingers
@@ -79,7 +80,9 @@ class StoryResult:
         events: All that happened.
         handed_s: When the object changed hands [s]; None: it did not.
         ended_s: When it was over [s]; None: the time was up.
-        contacts: Frames in which robot and person touched, the object apart.
+        contacts: Frames in which a robot that moved touched the person, the object
+            apart.
+        standing_contacts: The same of a robot that stood: the person came to it.
         object_contacts: Frames in which the object in the robot's hand touched
             something else than the arm that takes part.
         closest: Smallest separation [m].
@@ -97,6 +100,7 @@ class StoryResult:
     handed_s: float | None = None
     ended_s: float | None = None
     contacts: int = 0
+    standing_contacts: int = 0
     object_contacts: int = 0
     closest: float = np.inf
     stops: int = 0
@@ -294,12 +298,14 @@ class StoryPlay:
         result, story = self.result, self.story
         result.cpu_s.append(moment.cpu_s)
         result.closest = min(result.closest, moment.separation)
-        result.contacts += moment.separation <= 0.0
         if moment.holding and moment.T_object is not None:
             result.object_contacts += self._object_touches(moment)
         centers = sphere_centers(self.planner.robot, moment.q)
         speed = np.linalg.norm(centers - self._centers, axis=1).max() * RATE
         self._centers = centers
+        if moment.separation <= 0.0:
+            result.contacts += speed > STANDS
+            result.standing_contacts += speed <= STANDS
         if moment.separation < 0.3:
             result.fastest_near = max(result.fastest_near, float(speed))
         stands = moment.pace == "braked"

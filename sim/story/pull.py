@@ -88,7 +88,9 @@ class PullDetector:
         """Ask for a new pull, as long as the first; the force at rest stays."""
         self.lasted = 0.0
 
-    def feel(self, wrench: np.ndarray, dt: float, moving: bool = False) -> None:
+    def feel(
+        self, wrench: np.ndarray, dt: float, moving: bool = False, more: float = 0.0
+    ) -> None:
         """Take one measurement.
 
         Args:
@@ -98,6 +100,8 @@ class PullDetector:
             dt: Time since the one before [s].
             moving: Whether the robot moves: what its own motion adds is no pull
                 unless it is three times as strong.
+            more: So much more counts as no pull [N]: the weight of what has just come
+                into the hand.
         """
         wrench = np.asarray(wrench, float)
         if wrench.shape != (6,) or not np.isfinite(wrench).all():
@@ -113,7 +117,7 @@ class PullDetector:
             self._rest = mean
         off = mean - self._rest
         self.force = float(np.linalg.norm(off))
-        if self.force >= s.force * (3.0 if moving else 1.0):
+        if self.force >= more + s.force * (3.0 if moving else 1.0):
             self.lasted += dt
             return
         self.lasted = 0.0

@@ -111,7 +111,8 @@ def summary_of(result: StoryResult) -> str:
     when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
     return (
         f"{result.outcome or result.state}{when}; {result.contacts} contacts, "
-        f"separation at least {100 * result.closest:.1f} cm\n"
+        f"{result.standing_contacts} while it stood, separation at least "
+        f"{100 * result.closest:.1f} cm\n"
         f"stops {result.stops}, new paths {result.path_changes}, "
         f"within 30 cm of the person at most {result.fastest_near:.2f} m/s\n"
         f"a frame, CPU ms: " + ", ".join(f"{k} {v}" for k, v in cpu.items())
@@ -137,6 +138,7 @@ def figures_of(result: StoryResult) -> dict:
         "reason": result.reason,
         "events": [asdict(event) for event in result.events],
         "contacts": int(result.contacts),
+        "standing_contacts": int(result.standing_contacts),
         "object_contacts": int(result.object_contacts),
         "closest_m": float(result.closest),
         "stops": int(result.stops),

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from odm import load_map
+from handover import ReachMap
+from odm import CellMap, load_map
 from roadmap.errors import BadInput
 from sim.run.meet import reach_map_of
 from sim.story.cases import StoryCase, setup_of, with_traits
@@ -71,39 +72,43 @@ def run(
         raise BadInput(f"{runs} runs are none; give 1 or more")
     cell_map = load_map(map_dir, verify=False)
     tell("reach map")
-    found = reach_map_of(
-        cell_map.robot, None if reach is None else Path(reach), lambda *progress: None
-    )
-    cases = [
-        ("", StoryCase.drawn(d, seed + k)) for k in range(runs) for d in DIRECTIONS
-    ]
-    if not short:
-        cases += [
-            (name, with_traits(StoryCase(direction), **traits))
-            for name, (direction, traits) in FAILURES.items()
-        ]
-    jobs = [(str(map_dir), reach, name, case, seconds) for name, case in cases]
+    found = _reach_of(cell_map, reach)
+    jobs = [(str(map_dir), reach, *c, seconds) for c in _cases(runs, seed, short)]
     played = []
     tell(f"{len(jobs)} runs")
     for one in _all(jobs, min(processes, len(jobs))):
         played.append(one)
         tell(f"{len(played)} of {len(jobs)} runs done")
+    setup = {
+        "runs of each direction": runs,
+        "first seed": seed,
+        "limit": f"{LIMIT_S:g} s until it has changed hands",
+        "reach map": found.hash[:12],
+        "runs at a time": min(processes, len(jobs)),
+        "contact": "exact distance of robot and person, the object apart, at 0",
+    }
+    told = {"bench": "story", "header": header(cell_map), "setup": setup}
+    return told | _tables(played, short)
+
+
+def _tables(played: list[dict], short: bool) -> dict:
+    """Return the rows and tables of all runs."""
     drawn = [one for one in played if not one["name"]]
     return {
-        "bench": "story",
-        "header": header(cell_map),
-        "setup": {
-            "runs of each direction": runs,
-            "first seed": seed,
-            "limit": f"{LIMIT_S:g} s until it has changed hands",
-            "reach map": found.hash[:12],
-            "runs at a time": min(processes, len(jobs)),
-            "contact": "exact distance of robot and person, the object apart, at 0",
-        },
         "rows": [row for d in DIRECTIONS for row in _rows(drawn, d)] + _frames(drawn),
         "tables": [_failed(played), *([] if short else [_ways_back(played)])],
         "runs": played,
     }
+
+
+def _cases(runs: int, seed: int, short: bool) -> list[tuple[str, StoryCase]]:
+    """Return the runs, and what goes wrong on purpose, by name."""
+    drawn = range(seed, seed + runs)
+    cases = [("", StoryCase.drawn(d, k)) for k in drawn for d in DIRECTIONS]
+    if not short:
+        for name, (direction, traits) in FAILURES.items():
+            cases.append((name, with_traits(StoryCase(direction), **traits)))
+    return cases
 
 
 _KEPT: dict = {}  # of a process: maps are loaded once
@@ -117,13 +122,16 @@ def _all(jobs: list, processes: int) -> object:
         yield from pool.imap(_played, jobs, chunksize=1)
 
 
+def _reach_of(cell_map: CellMap, reach: str | Path | None) -> ReachMap:
+    folder = None if reach is None else Path(reach)
+    return reach_map_of(cell_map.robot, folder, lambda *progress: None)
+
+
 def _played(job: tuple) -> dict:
     map_dir, reach, name, case, seconds = job
     if "setup" not in _KEPT:
         cell_map = load_map(map_dir, verify=False)
-        folder = None if reach is None else Path(reach)
-        found = reach_map_of(cell_map.robot, folder, lambda *progress: None)
-        _KEPT["setup"] = setup_of(cell_map, found)
+        _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach))
         play(StoryPlay(_KEPT["setup"], StoryCase("give")), 1.0)  # compiled from here on
         play(StoryPlay(_KEPT["setup"], StoryCase("receive")), 1.0)
     run = StoryPlay(_KEPT["setup"], case)
@@ -141,6 +149,7 @@ def _rows(runs: list[dict], direction: str) -> list[dict]:
     times = np.array([r["handed_s"] for r in done] or [np.nan])
     share = 100.0 * len(done) / len(near) if near else np.nan
     contacts = float(sum(r["contacts"] for r in these))
+    stood = float(sum(r["standing_contacts"] for r in these))
     others = float(sum(r["object_contacts"] for r in these))
     told = [r for r in these if r not in done]
     explained = sum(bool(r["reason"] or r["outcome"]) for r in told)
@@ -151,7 +160,8 @@ def _rows(runs: list[dict], direction: str) -> list[dict]:
     changes = float(np.mean([r["path_changes"] for r in these]))
     return [
         value_row(f"{direction}: handed over", share, "%", note, least=SUCCESS),
-        value_row(f"{direction}: frames with a contact", contacts, "", "", most=0.0),
+        value_row(f"{direction}: contact, it moved", contacts, "frames", most=0.0),
+        value_row(f"{direction}: contact, it stood", stood, "frames", most=0.0),
         value_row(f"{direction}: the object at others than the hand", others, ""),
         value_row(f"{direction}: time, p50", float(np.percentile(times, 50)), "s"),
         value_row(f"{direction}: time, p99", float(np.percentile(times, 99)), "s"),

@@ -12,10 +12,11 @@ import sim
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import Executor
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
+from sim.story.grasping import straight_back
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
+PERIOD = 0.01  # [s] of a frame
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -26,7 +27,7 @@ def maps(meet_maps):
     return cell_map, handover.load_reach_map(meet_maps[1]), index
 
 
-def story_of(maps, direction="give", pads=("flange",), **settings):
+def story_of(maps, direction="give", pads=("flange",), node=None, **settings):
     """Return a story, its person and what it is about, before the first frame."""
     cell_map, reach, index = maps
     planner = odm.ReactivePlanner(
@@ -43,7 +44,9 @@ def story_of(maps, direction="give", pads=("flange",), **settings):
     targets = handover.LiveTargets(planner, meet, None, index)
     tools = index.T_base_tool[:, :3, 3]
     q = np.array(index.nodes[np.abs(tools - [0.2, 0.0, 0.6]).sum(axis=1).argmin()])
-    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, 0.01)
+    if node is not None:  # right before the place that its tool has there
+        q = straight_back(planner, index.T_base_tool[node], index.nodes[node], 0.1)
+    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, PERIOD)
     settings = sim.StorySettings(direction=direction, **settings)
     return sim.Handover(planner, targets, executor, settings), human
 
@@ -51,8 +54,8 @@ def story_of(maps, direction="give", pads=("flange",), **settings):
 def tell(story, seconds, look):
     """Run a story; `look(story, now, opened, closed)` returns the frame."""
     since, fingers = 0.0, story.fingers
-    for k in range(int(100 * seconds)):
-        now = 0.01 * k
+    for k in range(int(seconds / PERIOD)):
+        now = PERIOD * k
         if story.fingers != fingers:
             since, fingers = now, story.fingers
         done = now - since >= 0.15 or not k
@@ -135,17 +138,19 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
     assert story.outcome == "handed over"
 
 
-def receive(maps, held_at, seconds=9.0, **settings):
+def receive(maps, held_at, seconds=14.0, tug=0.0, **settings):
     """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
-    story, human = story_of(maps, "receive", **settings)
-    ahead = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))  # right before its hand
-    T_tool = tool_pose(story.planner.robot, story.executor.set_point.q)
-    T_object = T_tool @ ahead @ story.targets.meet.obj.T_tool_object
+    index = maps[2]
+    off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
+    node = int(off.argmin())
+    story, human = story_of(maps, "receive", node=node, **settings)
+    T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
 
     def look(story, now, opened, closed):
         holds = closed and held_at(story)
         T = None if holds else T_object
-        return sim.StoryFrame(now, human, pulled(0.0), opened, holds, T)
+        force = tug if holds else 0.0  # from the moment of the grasp on
+        return sim.StoryFrame(now, human, pulled(force), opened, holds, T)
 
     return story, tell(story, seconds, look)
 
@@ -157,10 +162,13 @@ def test_what_is_held_out_is_taken_and_kept_where_there_is_no_place(maps):
     assert story.planner.attached is not None
 
 
-def test_a_giver_who_lets_go_too_early_is_told(maps):
-    story, states = receive(maps, lambda story: False)
+def test_a_giver_who_holds_on_gets_it_back(maps):
+    def held_at(story):
+        return story.fingers == "closed"
+
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
     assert states == ["wait", "close", "retreat", "done"]
-    assert story.outcome == "the hand let go too early" and not story.holding
+    assert story.outcome == "the person holds on: it lets go" and not story.holding
 
 
 def test_nothing_held_out_in_reach_ends_in_time(maps):

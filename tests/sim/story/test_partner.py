@@ -1,0 +1,97 @@
+"""The scripted person: reaches, keeps off the robot, pulls, draws back."""
+
+import numpy as np
+import pytest
+
+from handover import Human, wrench
+from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
+from sim.story.distance import ball_gaps, capsule_gap
+from sim.story.partner import Partner, PartnerTraits
+from sim.story.request import DemoRequest
+
+OBJ = wrench()
+
+
+def partner(**traits):
+    body = Human().placed(0.8, 0.0, np.pi)
+    return Partner(body, "right", OBJ, PartnerTraits(**traits))
+
+
+def held_out(person):
+    """Return a pose of the object at which the person can take it."""
+    grip = person.body.with_arm("right", np.radians([60, 20, 0, 60, 0, 0, 0]))
+    return grip.T_world_hand("right") @ np.linalg.inv(OBJ.hand_grasps[0])
+
+
+def play(person, T, seconds, offered=True, fingers="closed", held=True):
+    return [
+        person.step(0.01 * k, T, offered, fingers, held).T_world_hand("right")[:3, 3]
+        for k in range(int(100 * seconds))
+    ]
+
+
+def test_the_hand_gets_to_what_is_held_out_no_faster_than_it_may():
+    person = partner(hand_speed=0.7, tremble=0.0)
+    places = np.array(play(person, held_out(person), 6.0))
+    assert person.holds and person.pull > 5.0
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1).max() / 0.01
+    assert 0.3 < speed < 1.05 * 0.7
+    off = person.T_world_object[:3, 3] - held_out(person)[:3, 3]
+    assert np.linalg.norm(off) < 0.01
+
+
+def test_nobody_reaches_for_what_is_not_held_out_and_some_withdraw_once():
+    person = partner(tremble=0.0)
+    places = play(person, held_out(person), 2.0, offered=False)
+    places = np.array(places)
+    assert np.abs(places - places[0]).max() < 1e-9 and not person.holds
+    shy = partner(withdraws_at=0.5, withdrawn_s=0.5)
+    play(shy, held_out(shy), 1.5)
+    assert not shy.holds
+    play(shy, held_out(shy), 8.0)
+    assert shy.traits.withdraws_at == 0.0
+
+
+def test_an_arm_that_would_run_into_the_robot_stays():
+    person = partner(tremble=0.0)
+    T = held_out(person)
+    person.balls = np.array([[*T[:3, 3], 0.5]])  # a robot all around it
+    play(person, T, 2.0)
+    assert not person.holds
+
+
+def test_distances_of_capsules_are_those_of_dense_points():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        one, other = rng.uniform(-1, 1, (2, 7))
+        one[6], other[6] = 0.05, 0.1
+        s = np.linspace(0, 1, 300)[:, None]
+        a = one[:3] + s * (one[3:6] - one[:3])
+        b = other[:3] + s * (other[3:6] - other[:3])
+        dense = np.linalg.norm(a[:, None] - b, axis=2).min() - 0.15
+        assert dense - 0.01 < capsule_gap(one, other) <= dense + 1e-9
+        ball = np.array([[*one[:3], 0.05]])
+        gap = np.linalg.norm(one[:3] - b, axis=1).min() - 0.15
+        assert ball_gaps(ball, other[None])[0, 0] == pytest.approx(gap, abs=0.01)
+
+
+def test_still_capsules_of_no_length_have_a_distance():
+    ball = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))[:3, 3]
+    one = np.array([*ball, *ball, 0.1])
+    other = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.2])
+    assert capsule_gap(one, other) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"story": "dance"}, "choose work or handover"),
+        ({"direction": "give"}, "--direction goes with `odm demo handover`"),
+        ({"story": "handover", "direction": "up"}, "choose give or receive"),
+        ({"story": "handover", "human": "mocap"}, "--file F go together"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(options, told):
+    with pytest.raises(BadInput, match=told):
+        DemoRequest(**options)
