@@ -300,6 +300,19 @@ class Terms(NamedTuple):
     extra: np.ndarray = array("f8")  # clearance beyond the map's
 
 
+class Slacks(NamedTuple):
+    """Motions that were free with distance to spare; see `_slack.py`."""
+
+    begin: np.ndarray = array("f8", "slacks dof", GOAL)
+    end: np.ndarray = array("f8", "slacks dof", GOAL)
+    spare: np.ndarray = array("f8", "slacks", GOAL, -1)  # [m], -1: nothing is known
+    # the shapes then, their kinds and number
+    rows: np.ndarray = array("f8", "slacks slack_shapes 19", GOAL)
+    kind: np.ndarray = array("i8", "slacks slack_shapes", GOAL)
+    count: np.ndarray = array("i8", "slacks", GOAL)
+    next: np.ndarray = array("i8", "1", GOAL)  # that is replaced
+
+
 class Numbers(NamedTuple):
     """Single numbers of the frame and of what is decided in it."""
 
@@ -334,6 +347,7 @@ class RobotState(NamedTuple):
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
     bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
+    grown: np.ndarray = array("f8", "spheres", FRAME)  # these and a slack
     # most that joint j moves any sphere's centre per unit
     motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -385,6 +399,7 @@ class Groups:
     numbers: Numbers
     trees: Trees  # where the roadmap has no path
     found: Found
+    slacks: Slacks
 
 
 KINDS: dict[str, type] = Groups.__annotations__

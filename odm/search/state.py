@@ -45,6 +45,8 @@ _SIZES = {
     "faces": 256,
     "patterns": 2048,
     "samples": 1024,
+    "slacks": 24,
+    "slack_shapes": 24,
 }
 
 
