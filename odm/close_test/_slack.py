@@ -1,8 +1,8 @@
 """How much nearer the shapes may come before a motion that is free may be so no more.
 
-A motion is tested with all spheres grown by a slack. Where a sphere is too near for
-that, the slack becomes half of what that sphere has to spare, and the test goes on:
-what was found free of more is free of less. So the slack that is left is proved for the
+A motion is tested with all spheres grown by a slack. Wherever a sphere has less than
+twice that to spare, the slack becomes half of what it has, and the test goes on: what
+was found free of more is free of less. So the slack that is left is proved for the
 whole motion, and the dichotomy is hardly deeper than that of a test without it.
 
 No point of a shape that was moved, turned or grown is farther than `displaced` from
@@ -15,21 +15,21 @@ import math
 from numba import njit
 
 from odm.close_test._close import (
+    FIRST_SOLID,
     begin_intervals,
-    bodies_at_solids,
     chords_clear,
     is_finite,
     prepare_motion,
     set_point,
     split_interval,
 )
-from odm.obstacles._solids import BOX, CAPSULE, CYLINDER
+from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, solid_distance
 from roadmap.kinematics._forward import body_frames
 
 MOST = 0.08  # [m] the slack that is tried at first
 SHARE = 0.5  # of what a sphere has to spare
-LEAST = 2e-3  # [m] with less the ordinary test decides
-IN_THE_WAY, UNDECIDED = -1.0, -2.0  # instead of a slack
+LEAST = 2e-3  # [m] a smaller slack is none
+IN_THE_WAY = -1.0  # instead of a slack
 
 
 @njit(cache=True, nogil=True)
@@ -48,8 +48,8 @@ def grow(clearance, bare, slack):
 def motion_slack(clearance, bare, q, dq, cloud, solids):
     """Return what all spheres have to spare from all shapes on q + t dq [m], or more.
 
-    IN_THE_WAY: one is nearer than it may be at work.value[0], and work.found has it, as
-    of `motion_clear`. UNDECIDED: less than LEAST is left. There must be no points.
+    0: the motion is free, but with less than LEAST. IN_THE_WAY: it is not, as of
+    `motion_clear`, with work.value and work.found. There must be no points.
 
     Args:
         clearance: Its `bare` (n,) is scratch.
@@ -59,38 +59,35 @@ def motion_slack(clearance, bare, q, dq, cloud, solids):
         cloud: Without points; the chord test takes it.
         solids: The shapes.
     """
-    work, slack = clearance.work, MOST
+    arm, work, slack = clearance.arm, clearance.work, MOST
     work.found[2] += 1
-    grow(clearance, bare, slack)
+    grow(clearance, bare, 0.0)
     if not (is_finite(q, dq) and prepare_motion(clearance, dq)):
-        return UNDECIDED
+        return IN_THE_WAY
     top = 0
-    begin_intervals(clearance.arm, work)
+    begin_intervals(arm, work)
     while top >= 0:
         level, index = work.stack[top, 0], work.stack[top, 1]
         dt, mask = 1.0 / (1 << level), work.masks[top]
         t = (index + 0.5) * dt
         set_point(q, dq, t, work.point)
-        place(clearance)
-        while not bodies_at_solids(clearance, mask, 0.5 * dt, solids, False):
-            spare = work.value[1] - bare[work.found[0]]
-            if spare < 0.0:
+        body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
+        work.found[3] += 1
+        slack = bodies_spare(arm, bare, work, mask, 0.5 * dt, solids, slack)
+        if slack < 0.0:
+            work.value[0] = t
+            return IN_THE_WAY
+        open_, chords = open_bodies(work, mask, level)
+        while chords:
+            grow(clearance, bare, slack)
+            verdict = chords_clear(clearance, q, dq, top, cloud, solids, False)
+            if verdict < 2:
+                open_ = open_ or verdict == 1
+                break
+            if slack == 0.0:  # its finest level
                 work.value[0] = t
                 return IN_THE_WAY
-            slack = SHARE * spare
-            if slack < LEAST:
-                return UNDECIDED
-            grow(clearance, bare, slack)
-        open_, chords = open_bodies(work, mask, level)
-        if chords:
-            verdict = chords_clear(clearance, q, dq, top, cloud, solids, False)
-            if verdict == 2:  # its finest level: the same interval with less
-                slack *= SHARE
-                if slack < LEAST:
-                    return UNDECIDED
-                grow(clearance, bare, slack)
-                continue
-            open_ = open_ or verdict == 1
+            slack = less(slack)
         if open_:
             split_interval(work, top)
             top += 1
@@ -100,16 +97,56 @@ def motion_slack(clearance, bare, q, dq, cloud, solids):
 
 
 @njit(cache=True, nogil=True)
-def place(clearance):
-    """Place the bodies at work.point."""
-    arm, work = clearance.arm, clearance.work
-    body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
-    work.found[3] += 1
+def less(spare):
+    """Return the slack that is tried where a sphere has so much to spare."""
+    return SHARE * spare if SHARE * spare >= LEAST else 0.0
+
+
+@njit(cache=True, nogil=True)
+def bodies_spare(arm, bare, work, mask, half, solids, slack):
+    """Test the bodies of `mask` at one configuration; return the slack that is left.
+
+    work.state says of each whether it has that to spare in the whole interval, 0, or is
+    open, 1. Below 0: one is in the way.
+    """
+    for b in range(1, mask.shape[0]):
+        work.state[b] = 0
+        if not mask[b]:
+            continue
+        f, ball = work.frames[0, b], arm.bound[b]
+        reach = ball[3] + work.body_bare[b] + work.body_speed[b] * half
+        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
+        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
+        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        least = math.inf  # to spare in the whole interval
+        for k in range(solids.count[0]):
+            far = reach + slack
+            if solid_distance(solids, k, wx, wy, wz, far) >= far:
+                continue
+            for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+                s = arm.spheres[i]
+                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                travel = work.speed[i] * half
+                far = bare[i] + max(slack + travel, slack / SHARE)
+                d = solid_distance(solids, k, cx, cy, cz, far)
+                if d >= far:
+                    continue
+                if d < bare[i]:
+                    work.found[0] = i
+                    work.found[1] = FIRST_SOLID - k
+                    work.value[1] = d
+                    return IN_THE_WAY
+                slack = min(slack, less(d - bare[i]))
+                least = min(least, d - bare[i] - travel)
+        work.state[b] = 1 if least < slack else 0
+    return slack
 
 
 @njit(cache=True, nogil=True)
 def open_bodies(work, mask, level):
-    """Leave in `mask` what is open; return whether a body waits, and whether for chords."""
+    """Leave in `mask` what is open; return whether for halves, whether for chords."""
     open_ = chords = False
     for b in range(1, mask.shape[0]):
         mask[b] = mask[b] and work.state[b] == 1

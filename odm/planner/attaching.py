@@ -200,7 +200,7 @@ class Attacher:
             pass
 
     def _more_of_goal(self, g: int, most: int) -> int:
-        """Join goal g by up to `most` more motions; return how many nodes were tried."""
+        """Join goal g by up to `most` more motions; return how many were tried."""
         m = self.frame.memory
         goals, q = m.goals, m.goals.q[g]
         k = int(goals.number[g])
@@ -215,13 +215,15 @@ class Attacher:
         goals.length[g, k:n] = self.near[ids]
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        cost_to_go.exact_cost(
-            m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
-        )
+        # hardly ever does a motion more shorten a path
+        if not k or (goals.length[g, k:n] < goals.h[g, ids]).any():
+            cost_to_go.exact_cost(
+                m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
+            )
         return tried
 
     def _more_of_start(self, most: int) -> int:
-        """Join the start by up to `most` more motions, with their cells; as of goals."""
+        """Join the start by up to `most` more motions, as a goal."""
         m = self.frame.memory
         starts, vertex = m.start_connections, m.goals.count[1]
         k, q = int(starts.count[0]), self.q_attached
@@ -257,7 +259,7 @@ class Attacher:
         """Give the start all its motions, and the cells of those that lack them."""
         self.tidy()
         while self.start_waits:
-            self._more_at_start(MAX_ATTACHMENTS)
+            self._more_at_start(self._for_starts)
 
     def _more_at_start(self, most: int) -> int:
         """Sweep straight motions, then join the start by more, `most` in all."""
@@ -417,7 +419,7 @@ class Attacher:
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
-        """Certify the straight motions from the attached start to the goals, without cells.
+        """Certify the straight motions from the attached start to the goals, no cells.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.

@@ -165,7 +165,7 @@ class Connector:
         self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, _SHORTEN)
+        kernels.shorten(problem, min(budget, _SHORTEN))
         self._asked = -1
         return self._remember()
 

@@ -54,8 +54,7 @@ def near_free_again(state, cloud, q, dq):
     slack = motion_slack(clearance, robot.bare, q, dq, cloud, solids)
     if slack > 0.0:
         keep_slack(state, k, q, dq, slack)
-        return True
-    return slack != IN_THE_WAY and near_free(state, cloud, q, dq)
+    return slack != IN_THE_WAY
 
 
 @njit(cache=True, nogil=True)

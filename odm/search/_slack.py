@@ -49,7 +49,7 @@ def find_slack(state, q, dq):
 
 @njit(cache=True, nogil=True)
 def slack_holds(state, k):
-    """Return True if motion k is free of the frame's shapes, by what it had to spare."""
+    """Return True if what motion k had to spare keeps it free of the shapes now."""
     slacks, solids = view(state, "slacks"), view(state, "solids")
     moved = displaced(slacks.rows[k], slacks.kind[k], slacks.count[k], solids)
     return moved + SAME + RESERVE <= slacks.spare[k]

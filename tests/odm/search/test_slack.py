@@ -1,8 +1,9 @@
-"""Motions that are not tested anew while no shape has come nearer by what they spared."""
+"""Motions that are not tested anew while no shape has come as near."""
 
 import numpy as np
 import pytest
 from carrying import BALLS, HIGH
+from scipy.spatial.transform import Rotation
 from shapes_drawn import (
     draw_pose,
     draw_shape,
@@ -11,7 +12,6 @@ from shapes_drawn import (
     solids_of,
 )
 from small import AWAY, HOME, draw_valid
-from scipy.spatial.transform import Rotation
 
 import odm
 from odm.close_test._slack import displaced
