@@ -6,7 +6,6 @@ from numba import njit
 from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
-from odm.close_test._slack import IN_THE_WAY, motion_slack
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
@@ -19,7 +18,13 @@ from odm.search._items import (
     item_free,
     pool_free,
 )
-from odm.search._slack import find_slack, has_slack, keep_slack, slack_holds
+from odm.search._slack import (
+    find_slack,
+    has_slack,
+    keep_motion,
+    rest_clear,
+    slack_now,
+)
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 
 
@@ -43,18 +48,12 @@ def near_free_again(state, cloud, q, dq):
     if not has_slack(state):
         return near_free(state, cloud, q, dq)
     k = find_slack(state, q, dq)
-    if k >= 0 and slack_holds(state, k):
-        return True
-    robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
-    view(state, "stats").close[0] += 1
-    clearance = Clearance(
-        view(state, "arm"), robot.radii, robot.grown, tolerance, view(state, "work")
-    )
-    solids = view(state, "solids")
-    slack = motion_slack(clearance, robot.bare, q, dq, cloud, solids)
-    if slack > 0.0:
-        keep_slack(state, k, q, dq, slack)
-    return slack != IN_THE_WAY
+    if k >= 0:
+        return rest_clear(state, cloud, k, q, dq)
+    slack = slack_now(state, cloud, q, dq)
+    if slack >= 0.0:
+        keep_motion(state, q, dq, slack)
+    return slack >= 0.0
 
 
 @njit(cache=True, nogil=True)

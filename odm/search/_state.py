@@ -305,12 +305,23 @@ class Slacks(NamedTuple):
 
     begin: np.ndarray = array("f8", "slacks dof", GOAL)
     end: np.ndarray = array("f8", "slacks dof", GOAL)
-    spare: np.ndarray = array("f8", "slacks", GOAL, -1)  # [m], -1: nothing is known
-    # the shapes then, their kinds and number
-    rows: np.ndarray = array("f8", "slacks slack_shapes 19", GOAL)
-    kind: np.ndarray = array("i8", "slacks slack_shapes", GOAL)
-    count: np.ndarray = array("i8", "slacks", GOAL)
-    next: np.ndarray = array("i8", "1", GOAL)  # that is replaced
+    # equal pieces of a motion, 0: no motion; share of it from which they are known
+    pieces: np.ndarray = array("i8", "slacks", GOAL)
+    known_from: np.ndarray = array("f8", "slacks", GOAL)
+    # of a piece: what it had to spare [m], in which frame, and the place of its shapes
+    spare: np.ndarray = array("f8", "slacks pieces", GOAL)
+    since: np.ndarray = array("i8", "slacks pieces", GOAL)
+    at: np.ndarray = array("i8", "slacks pieces", GOAL)
+    # shapes of a few frames: the frame, rows, kinds and number
+    frame: np.ndarray = array("i8", "snapshots", GOAL, LOST)
+    rows: np.ndarray = array("f8", "snapshots slack_shapes 19", GOAL)
+    kind: np.ndarray = array("i8", "snapshots slack_shapes", GOAL)
+    count: np.ndarray = array("i8", "snapshots", GOAL)
+    # how far the shapes are from those now [m], and the frame of "now"
+    moved: np.ndarray = array("f8", "snapshots", FRAME)
+    moved_in: np.ndarray = array("i8", "snapshots", FRAME, LOST)
+    next: np.ndarray = array("i8", "2", GOAL)  # motion, snapshot that is replaced
+    piece: np.ndarray = array("f8", "2 dof", FRAME)  # begin and displacement
 
 
 class Numbers(NamedTuple):

@@ -46,6 +46,8 @@ _SIZES = {
     "patterns": 2048,
     "samples": 1024,
     "slacks": 24,
+    "pieces": 8,
+    "snapshots": 24,
     "slack_shapes": 24,
 }
 
