@@ -41,7 +41,7 @@ JOIN = {
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
 }
 
-_MORE = 6  # nodes that start and goals are joined with in a frame without a path
+_MORE = 12  # nodes that start and goals are joined with in a frame without a path
 _SETTLES = 2  # frames at the same place: its motions get what they lack
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
@@ -119,12 +119,14 @@ class Decision:
         """Join q to what it needs, and answer again."""
         if code == step.OFF_PATH:
             said, code = self._beside(points, q, now)
-        if code == step.NOT_ATTACHED and self._join(NOT_JOINED, q):
+        joined = code == step.NOT_ATTACHED and self._join(NOT_JOINED, q)
+        if joined:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
-            if self._join(NO_PATH, q) or self.attacher.waits:
-                if self.attacher.waits:
-                    self.attacher.attach_more(_MORE)
+            if self._join(NO_PATH, q):
+                said, code = self._again(points, q, now)
+            elif self.attacher.waits and not joined:  # one such job a frame
+                self.attacher.attach_more(_MORE)
                 said, code = self._again(points, q, now)
         if code == step.BETTER:
             ago = self.frame.number - self._looked
