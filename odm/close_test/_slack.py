@@ -26,7 +26,7 @@ from odm.close_test._close import (
 from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, solid_distance
 from roadmap.kinematics._forward import body_frames
 
-MOST = 0.08  # [m] the slack that is tried at first
+MOST = 0.05  # [m] the slack that is tried at first
 SHARE = 0.5  # of what a sphere has to spare
 LEAST = 2e-3  # [m] a smaller slack is none
 IN_THE_WAY = -1.0  # instead of a slack
@@ -45,7 +45,7 @@ def grow(clearance, bare, slack):
 
 
 @njit(cache=True, nogil=True)
-def motion_slack(clearance, bare, q, dq, cloud, solids):
+def motion_slack(clearance, bare, q, dq, cloud, solids, most):
     """Return what all spheres have to spare from all shapes on q + t dq [m], or more.
 
     0: the motion is free, but with less than LEAST. IN_THE_WAY: it is not, as of
@@ -58,8 +58,9 @@ def motion_slack(clearance, bare, q, dq, cloud, solids):
         dq: (dof,) its displacement.
         cloud: Without points; the chord test takes it.
         solids: The shapes.
+        most: The slack that is tried at first [m].
     """
-    arm, work, slack = clearance.arm, clearance.work, MOST
+    arm, work, slack = clearance.arm, clearance.work, most
     work.found[2] += 1
     grow(clearance, bare, 0.0)
     if not (is_finite(q, dq) and prepare_motion(clearance, dq)):
@@ -118,7 +119,7 @@ def bodies_spare(arm, bare, work, mask, half, solids, slack):
         wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
         wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
         wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
-        least = math.inf  # to spare in the whole interval
+        open_ = False
         for k in range(solids.count[0]):
             far = reach + slack
             if solid_distance(solids, k, wx, wy, wz, far) >= far:
@@ -128,7 +129,8 @@ def bodies_spare(arm, bare, work, mask, half, solids, slack):
                 cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
                 cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
                 cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-                travel = work.speed[i] * half
+                # of a body that is open, only what lessens the slack is news
+                travel = 0.0 if open_ else work.speed[i] * half
                 far = bare[i] + max(slack + travel, slack / SHARE)
                 d = solid_distance(solids, k, cx, cy, cz, far)
                 if d >= far:
@@ -139,8 +141,9 @@ def bodies_spare(arm, bare, work, mask, half, solids, slack):
                     work.value[1] = d
                     return IN_THE_WAY
                 slack = min(slack, less(d - bare[i]))
-                least = min(least, d - bare[i] - travel)
-        work.state[b] = 1 if least < slack else 0
+                # it stays open, though the slack may be less later
+                open_ = open_ or d - bare[i] - travel < slack
+        work.state[b] = 1 if open_ else 0
     return slack
 
 

@@ -6,6 +6,7 @@ from numba import njit
 from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
+from odm.close_test._slack import MOST
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
@@ -50,7 +51,7 @@ def near_free_again(state, cloud, q, dq):
     k = find_slack(state, q, dq)
     if k >= 0:
         return rest_clear(state, cloud, k, q, dq)
-    slack = slack_now(state, cloud, q, dq)
+    slack = slack_now(state, cloud, q, dq, MOST)
     if slack >= 0.0:
         keep_motion(state, q, dq, slack)
     return slack >= 0.0

@@ -12,7 +12,7 @@ forgets all (`Frame.set_sampling`, `Frame.hand_changed`).
 from numba import njit
 
 from odm.close_test._arm import Clearance
-from odm.close_test._slack import displaced, motion_slack
+from odm.close_test._slack import LEAST, MOST, displaced, motion_slack
 from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation
 from odm.search._state import view
@@ -57,14 +57,18 @@ def find_slack(state, q, dq):
 
 
 @njit(cache=True, nogil=True)
-def slack_now(state, cloud, q, dq):
-    """Test a motion; return what it has to spare [m], below 0: it is not free."""
+def slack_now(state, cloud, q, dq, most):
+    """Test a motion; return what it has to spare [m], below 0: it is not free.
+
+    No more than `most` is looked for [m].
+    """
     robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
     view(state, "stats").close[0] += 1
     clearance = Clearance(
         view(state, "arm"), robot.radii, robot.grown, tolerance, view(state, "work")
     )
-    return motion_slack(clearance, robot.bare, q, dq, cloud, view(state, "solids"))
+    solids = view(state, "solids")
+    return motion_slack(clearance, robot.bare, q, dq, cloud, solids, most)
 
 
 @njit(cache=True, nogil=True)
@@ -146,7 +150,8 @@ def rest_clear(state, cloud, k, q, dq):
         for j in range(q.shape[0]):
             begin[j] = q[j] + low * dq[j]
             part[j] = (high - low) * dq[j]
-        slack = slack_now(state, cloud, begin, part)
+        most = min(MOST, 2.0 * slacks.spare[k, p] + 4.0 * LEAST)  # it is near a shape
+        slack = slack_now(state, cloud, begin, part, most)
         if slack < 0.0:
             work.value[0] = low + work.value[0] * (high - low)
             return False
