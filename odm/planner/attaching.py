@@ -19,7 +19,7 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 # motions that a goal, or a start, has at once; the others follow by `attach_more`
-_GOAL_AT_ONCE, _START_AT_ONCE = 5, 2
+_GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
 _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,

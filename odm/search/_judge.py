@@ -6,7 +6,6 @@ from numba import njit
 from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
-from odm.close_test._slack import MOST
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
@@ -24,7 +23,6 @@ from odm.search._slack import (
     has_slack,
     keep_motion,
     rest_clear,
-    slack_now,
 )
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 
@@ -51,10 +49,10 @@ def near_free_again(state, cloud, q, dq):
     k = find_slack(state, q, dq)
     if k >= 0:
         return rest_clear(state, cloud, k, q, dq)
-    slack = slack_now(state, cloud, q, dq, MOST)
-    if slack >= 0.0:
-        keep_motion(state, q, dq, slack)
-    return slack >= 0.0
+    free = near_free(state, cloud, q, dq)
+    if free:
+        keep_motion(state, q, dq)
+    return free
 
 
 @njit(cache=True, nogil=True)

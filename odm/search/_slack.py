@@ -21,6 +21,7 @@ from roadmap.geometry._segments import nearest_share
 SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part of it
 # [m] what is left of a slack at least: the ordinary test would free the motion, too
 RESERVE = 1e-3
+UNKNOWN = -1.0  # instead of what a piece has to spare
 PIECE = 0.12  # [m] no point of the robot moves much farther in a piece
 
 
@@ -72,8 +73,11 @@ def slack_now(state, cloud, q, dq, most):
 
 
 @njit(cache=True, nogil=True)
-def keep_motion(state, q, dq, slack):
-    """Remember that a motion is free now, with so much to spare [m]."""
+def keep_motion(state, q, dq):
+    """Remember a motion that is free now: if it is asked for again, its slack is found.
+
+    Many motions are asked for once, and a slack takes longer than the plain test.
+    """
     slacks, bound = view(state, "slacks"), view(state, "certificates").motion_bound
     k = slacks.next[0]
     slacks.next[0] = (k + 1) % slacks.pieces.shape[0]
@@ -84,7 +88,7 @@ def keep_motion(state, q, dq, slack):
     n = min(slacks.spare.shape[1], 1 + int(far / PIECE))
     slacks.pieces[k], slacks.known_from[k] = n, 0.0
     for p in range(n):
-        keep_piece(state, k, p, slack)
+        slacks.spare[k, p] = UNKNOWN
 
 
 @njit(cache=True, nogil=True)
@@ -150,7 +154,9 @@ def rest_clear(state, cloud, k, q, dq):
         for j in range(q.shape[0]):
             begin[j] = q[j] + low * dq[j]
             part[j] = (high - low) * dq[j]
-        most = min(MOST, 2.0 * slacks.spare[k, p] + 4.0 * LEAST)  # it is near a shape
+        most = MOST
+        if slacks.spare[k, p] != UNKNOWN:  # it is near a shape
+            most = min(MOST, 2.0 * slacks.spare[k, p] + 4.0 * LEAST)
         slack = slack_now(state, cloud, begin, part, most)
         if slack < 0.0:
             work.value[0] = low + work.value[0] * (high - low)
