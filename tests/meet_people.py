@@ -6,6 +6,7 @@ from handover import Human
 from handover.meet.held_object import wrench
 from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
+from sim.run.meet import QUALITY
 
 FLOOR_M = -0.75  # of the person, in the frame of the robot's base
 
@@ -20,6 +21,7 @@ def person(distance, aside=0.0):
 
 
 def workspace(reach, human, **settings):
-    """Return a coarse workspace of a robot and a person."""
-    grid = {"cell": 0.15, "rotations": 72, "marked_share": 0.3} | settings
+    """Return a coarse workspace of a robot and a person, judged as `odm run` does."""
+    grid = {"cell": 0.15, "rotations": 72, "marked_share": 0.3, "quality": QUALITY}
+    grid |= settings
     return InteractionWorkspace(reach, human, wrench(), 4, MeetSettings(**grid))

@@ -49,7 +49,8 @@ class QualitySettings:
             to sum to 1. The paper allows both; "torso" keeps people with and without
             a known gaze comparable.
         online_weight: Share of q_online in q_total, the rest is the arm's local
-            dexterity (paper: "a weighted sum"). 1/2: no reason to favour one.
+            dexterity (paper: "a weighted sum"). 5/6: dexterity counts as much as each
+            of the five qualities of q_online (docs/decisions/0027).
     """
 
     joint_weights: tuple[float, ...] = (1.0,) * 7
@@ -62,7 +63,7 @@ class QualitySettings:
     safety_distance: float = 0.2
     forearm_counts: bool = True
     absent_gaze: str = "torso"
-    online_weight: float = 0.5
+    online_weight: float = 5.0 / 6.0
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""

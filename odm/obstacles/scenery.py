@@ -15,6 +15,8 @@ from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import is_between
 from roadmap.transforms import pose_of
 
+# first number of a row; see `solid_distance` in odm/close_test/_static.py
+_BOX, _ROD, _CYLINDER, _HULL = 1.0, 2.0, 3.0, 4.0
 _ROUND = {"type", "name", "radius", "position", "covering_radius"}
 _KEYS = {
     "plane": {"type", "name", "normal", "offset"},
@@ -81,6 +83,27 @@ class Scenery:
             "names": list(self.names),
             "dropped": dropped,
         }
+
+    def shapes(self) -> list[tuple[str, Shape]]:
+        """Return (name, shape) of the exact solids, for a picture; no half-spaces."""
+        found: list[tuple[str, Shape]] = []
+        for name, row in zip(self.names, self.solids, strict=True):
+            kind, middle = row[0], row[1:4]
+            if kind == _BOX:
+                T = np.eye(4)
+                T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), middle
+                found.append((name, Box(2.0 * row[13:16], T)))
+            elif kind == _ROD:
+                found.append((name, Capsule.between(middle, middle + row[4:7], row[7])))
+            elif kind == _CYLINDER:
+                half = row[8] * row[4:7]
+                rod = Cylinder.between(middle - half, middle + half, row[7])
+                found.append((name, rod))
+            elif kind == _HULL:
+                corners = self.faces[int(row[5]) : int(row[6]), 4:13].reshape(-1, 3)
+                triangles = np.arange(len(corners)).reshape(-1, 3)
+                found.append((name, Mesh(corners, triangles)))
+        return found
 
     @classmethod
     def from_store(cls, meta: dict, arrays: dict[str, np.ndarray]) -> "Scenery":
@@ -153,21 +176,21 @@ class _Made:
         row = np.zeros(16)
         T = shape.T_base_shape
         if isinstance(shape, Box):
-            row[0], row[1:4] = 1.0, T[:3, 3]
+            row[0], row[1:4] = _BOX, T[:3, 3]
             row[4:13], row[13:16] = T[:3, :3].ravel(), np.asarray(shape.size) / 2
         elif isinstance(shape, Sphere | Capsule):
             a, b = (T[:3, 3],) * 2 if isinstance(shape, Sphere) else shape.ends()
-            row[0], row[1:4], row[4:7] = 2.0, a, b - a
+            row[0], row[1:4], row[4:7] = _ROD, a, b - a
             row[7], row[8] = shape.radius, (b - a) @ (b - a)
         elif isinstance(shape, Cylinder):
-            row[0], row[1:4], row[4:7] = 3.0, T[:3, 3], T[:3, 2]
+            row[0], row[1:4], row[4:7] = _CYLINDER, T[:3, 3], T[:3, 2]
             row[7], row[8] = shape.radius, 0.5 * shape.length
         elif is_small_hull(shape):
             first = sum(map(len, self.faces))
             vertices = shape.vertices @ T[:3, :3].T + T[:3, 3]
             hull = hull_of(Mesh(vertices, shape.faces))
             self.faces.append(hull.faces)
-            row[0], row[1:5] = 4.0, hull.ball
+            row[0], row[1:5] = _HULL, hull.ball
             row[5:7] = first, first + len(hull.faces)
         else:
             surface = surface_of(shape, spacing)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class _Rod(_Posed):
         self._set("T_base_shape", check_pose(self.T_base_shape))
 
     @classmethod
-    def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> "_Rod":
+    def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> Self:
         """Return the rod whose axis runs from `a` to `b`, (3,) each [m]."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         length = float(np.linalg.norm(b - a))

@@ -78,7 +78,7 @@ def recorded_show(request: ViewRequest) -> "Show":
     from sim.record import read_record
     from sim.view.page import Show
     from sim.view.shapes import robot_parts
-    from sim.view.sources import Recorded
+    from sim.view.sources import Recorded, standing_of_record
 
     record = read_record(request.file)
     source, head = Recorded(record), record.head["map"]
@@ -97,6 +97,7 @@ def recorded_show(request: ViewRequest) -> "Show":
         sentences,
         lambda: robot_parts(source.robot, asked.get("source", ""), asked.get("locked")),
         load,
+        still=standing_of_record(record),
     )
 
 
@@ -130,6 +131,7 @@ def _map_of(
 def _map_alone(folder: Path) -> "Show":
     """Return a map with an arm that can be dragged through it as a show."""
     from odm import load_map
+    from sim.draw.standing import all_triangles
     from sim.people.human_motion import make_motion
     from sim.view.beside import ArmBeside
     from sim.view.page import Show
@@ -148,4 +150,5 @@ def _map_alone(folder: Path) -> "Show":
         lambda: cell_map,
         beside.take,
         ("cells", "blocked"),
+        all_triangles(shape for _, shape in cell_map.scenery.shapes()),
     )

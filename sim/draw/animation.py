@@ -8,6 +8,7 @@ import numpy as np
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, best_stretch, write_gif
+from sim.draw.standing import balls_of
 from sim.draw.style import FAINT, INK, TEAL
 from sim.draw.viewpoint import Camera, clearest
 from sim.loop.run_result import RETREATS, STATUS, RunResult
@@ -24,6 +25,7 @@ def write_animation(
     path: str | Path,
     settings: FilmSettings | None = None,
     tools: Mapping[int, np.ndarray] | None = None,
+    still: np.ndarray | None = None,
 ) -> Path:
     """Write some seconds of a run, the liveliest if not told, as an animated GIF.
 
@@ -39,13 +41,18 @@ def write_animation(
         tools: Where the tool goes for each number of `result.place` [m], in place of
             the work places.
 
+        still: (n, 3, 3) triangles of what stands around [m]; the world draws them,
+            and the camera goes where they hide least.
+
     Returns:
         The path written.
     """
     settings = settings or FilmSettings()
     shown = settings.shown(_liveliness(result), result.rate_hz)
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
-    camera = clearest(settings.camera(), [_bodies(result, robot, i) for i in moments])
+    hiding = None if still is None else balls_of(still)
+    bodies = [_bodies(result, robot, i) for i in moments]
+    camera = clearest(settings.camera(), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     return write_gif([painter.paint(result, i) for i in shown], path, settings)
 

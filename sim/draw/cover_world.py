@@ -4,9 +4,11 @@ import numpy as np
 
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
+from sim.draw.standing import balls_of
 from sim.draw.viewpoint import Camera
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)
+FURNITURE = (0.85, 0.80, 0.74)
 LINKS = (0.90, 0.90, 0.91), (0.78, 0.80, 0.83)
 LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
 BEAD = 0.006  # distance of the balls a capsule is drawn with [m]
@@ -24,7 +26,7 @@ class CoverWorld:
         self._robot = robot
         link = np.asarray(robot.sphere_link) % 2
         self._colours = np.array(LINKS)[link]
-        self._balls = np.zeros((0, 7))
+        self._balls = self._still = np.zeros((0, 7))
 
     def __enter__(self) -> "CoverWorld":
         """Return the world itself."""
@@ -37,7 +39,7 @@ class CoverWorld:
         """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
         centers = sphere_centers(self._robot, q)
         radii = self._robot.spheres[:, 3:4]
-        balls = [np.hstack([centers, radii, self._colours])]
+        balls = [self._still, np.hstack([centers, radii, self._colours])]
         for index, row in enumerate(capsules):
             length = np.linalg.norm(row[3:6] - row[:3])
             s = np.linspace(0.0, 1.0, 2 + int(length / BEAD))[:, None]
@@ -46,6 +48,12 @@ class CoverWorld:
             rest = np.tile(np.r_[row[6], colour], (len(s), 1))
             balls.append(np.hstack([beads, rest]))
         self._balls = np.vstack(balls)
+
+    def stand(self, triangles: np.ndarray) -> None:
+        """Draw triangles (n, 3, 3) of what stands around, too [m]."""
+        balls = balls_of(triangles)
+        colours = np.tile(FURNITURE, (len(balls), 1))
+        self._still = np.vstack([self._still, np.hstack([balls, colours])])
 
     def picture(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Draw the world.

@@ -8,12 +8,11 @@ import numpy as np
 from handover import Scene
 from handover.scenes.plan_file import WHO, change_time, joints_at, object_at
 from handover.scenes.scene import PlacedAgent
-from odm.obstacles import shapes
+from sim.draw.standing import all_triangles
 from sim.draw.style import AMBER, FAINT, INK, TEAL, new_figure, save
 
 _GIVER, _RECEIVER, _FURNITURE = TEAL, "#4a7fb5", "#d8cdbd"
 _START, _GOAL, _HANDOVER = AMBER, "#c43e3e", "#7b4fa3"
-_SECTIONS = 16  # facets of a round solid
 _VIEWS = ((22.0, -62.0), (4.0, -90.0), (89.0, -90.0))  # elevation, azimuth [deg]
 _NAMES = ("", "from the side", "from above")
 _LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
@@ -42,8 +41,11 @@ def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> P
     parts = [
         (agent_triangles(scene.giver, joints[0]), _GIVER),
         (agent_triangles(scene.receiver, joints[1]), _RECEIVER),
-        (_joined(f.shape for f in scene.scenery if f.name != "floor"), _FURNITURE),
-        *((_joined(scene.object_shapes(T)), colour) for T, colour in poses),
+        (
+            all_triangles(f.shape for f in scene.scenery if f.name != "floor"),
+            _FURNITURE,
+        ),
+        *((all_triangles(scene.object_shapes(T)), colour) for T, colour in poses),
     ]
     figure = new_figure(15.0, 6.0, title)
     for k, (view, name) in enumerate(zip(_VIEWS, _NAMES, strict=True), 1):
@@ -55,37 +57,7 @@ def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> P
 
 def agent_triangles(placed: PlacedAgent, joints: dict[str, float]) -> np.ndarray:
     """Return an agent's triangles (n, 3, 3), world frame [m]; see its `shapes`."""
-    return _joined(shape for _, shape in placed.shapes(joints))
-
-
-def triangles_of(shape: shapes.Shape) -> np.ndarray:
-    """Return the triangles (n, 3, 3) of a solid at its pose [m]."""
-    import trimesh
-
-    if isinstance(shape, shapes.Mesh):
-        corners = shape.vertices[shape.faces]
-    else:
-        if isinstance(shape, shapes.Sphere):
-            mesh = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius)
-        elif isinstance(shape, shapes.Box):
-            mesh = trimesh.creation.box(shape.size)
-            mesh = mesh.subdivide_to_size(0.25)  # small facets hide each other better
-        elif isinstance(shape, shapes.Capsule):
-            mesh = trimesh.creation.capsule(shape.length, shape.radius)
-            mesh.apply_translation(-mesh.bounds.mean(axis=0))
-        else:
-            mesh = trimesh.creation.cylinder(
-                shape.radius, shape.length, sections=_SECTIONS
-            )
-        corners = np.asarray(mesh.triangles)
-    T = shape.T_base_shape
-    return corners @ T[:3, :3].T + T[:3, 3]
-
-
-def _joined(found: object) -> np.ndarray:
-    return np.concatenate(
-        [np.empty((0, 3, 3)), *(triangles_of(shape) for shape in found)]
-    )
+    return all_triangles(shape for _, shape in placed.shapes(joints))
 
 
 def _draw(

@@ -71,24 +71,36 @@ TURNS = np.radians([0, -30, 30, -60, 60, -90, 90, -120, 120, -150, 150, 180])
 FAR_TURN = 0.04  # a turn by half a circle must show so much more to be worth it
 
 
-def clearest(camera: Camera, scenes: Sequence[tuple[np.ndarray, np.ndarray]]) -> Camera:
+def clearest(
+    camera: Camera,
+    scenes: Sequence[tuple[np.ndarray, np.ndarray]],
+    still: np.ndarray | None = None,
+) -> Camera:
     """Return the camera, turned about its target to where both bodies are seen.
 
     Args:
         camera: Where it stands by choice; kept where no other place is clearly better.
         scenes: Two bodies as balls (n, 4) each, at some moments [m].
+        still: (n, 4) balls of what stands around and may hide them [m].
 
     Returns:
         The one from which the worse seen of the two is seen best: shares of balls
-        within the picture that no ball of the other body stands before.
+        within the picture that no ball of the other body, and nothing else, stands
+        before.
     """
     scenes = [scene for scene in scenes if all(map(len, scene))]
     if not scenes:
         return camera
-    found = []
+    still, found = np.zeros((0, 4)) if still is None else still, []
     for turn in TURNS:
         turned = _turned(camera, turn)
-        seen = [min(_seen(turned, a, b), _seen(turned, b, a)) for a, b in scenes]
+        seen = [
+            min(
+                _seen(turned, a, np.vstack([b, still])),
+                _seen(turned, b, np.vstack([a, still])),
+            )
+            for a, b in scenes
+        ]
         found.append(np.mean(seen) - FAR_TURN * abs(turn) / np.pi)
     return _turned(camera, TURNS[int(np.argmax(found))])
 

@@ -21,7 +21,8 @@ from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
-LOAD = (0.85, 0.62, 0.16, 1.0)
+LOAD, FURNITURE = (0.85, 0.62, 0.16, 1.0), (0.85, 0.80, 0.74, 1.0)
+_MOST_TRIANGLES = 10_000  # of one body
 # what the library says when it is imported, and of links without masses
 GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
 INERTIA = re.compile(
@@ -125,6 +126,23 @@ class World:
     def carry(self, spheres: np.ndarray) -> None:
         """Draw spheres (n, 4) of the tool frame in the robot's hand, too [m]."""
         self._held = spheres
+
+    def stand(self, triangles: np.ndarray) -> None:
+        """Draw triangles (n, 3, 3) of what stands around, too [m]."""
+        for i in range(0, len(triangles), _MOST_TRIANGLES):
+            some = triangles[i : i + _MOST_TRIANGLES]
+            normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
+            normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+            visual = self._call(
+                "createVisualShape",
+                self._bullet.GEOM_MESH,
+                vertices=some.reshape(-1, 3).tolist(),
+                normals=np.repeat(normals, 3, axis=0).tolist(),
+                indices=list(range(3 * len(some))),
+                rgbaColor=FURNITURE,
+                specularColor=[0.05, 0.05, 0.05],
+            )
+            self._call("createMultiBody", 0, -1, visual)
 
     def separation(self, limit: float = 1.0) -> float:
         """Return the distance of robot and person [m], `limit` if it is larger.

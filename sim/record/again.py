@@ -14,6 +14,7 @@ from sim.loop.loop import Loop, LoopSettings
 from sim.record.check import BadRecord
 from sim.record.recorder import Recorder
 from sim.record.run_record import NOBODY, RunRecord
+from sim.record.standing import set_up
 
 Progress = Callable[[str, int, int], None]
 
@@ -146,6 +147,7 @@ def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
     if "payload" in record.arrays:
         planner.attach(record.arrays["payload"])
         robot = with_payload(robot, planner.attached)
+    set_up(planner, record.scene)
     return Loop(
         planner,
         robot,

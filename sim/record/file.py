@@ -14,7 +14,13 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.check import BadRecord, check_arrays
-from sim.record.run_record import CARRYING, FORMAT, INPUTS, RunRecord
+from sim.record.run_record import (
+    CARRYING,
+    FORMAT,
+    INPUTS,
+    STANDING_AROUND,
+    RunRecord,
+)
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole
 
@@ -131,13 +137,13 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version not in (FORMAT, CARRYING):
+    if version not in (FORMAT, CARRYING, STANDING_AROUND):
         remedy = "record the run again"
-        if isinstance(version, int) and version > CARRYING:
+        if isinstance(version, int) and version > STANDING_AROUND:
             remedy = "update odm-planner"
         raise BadRecord(
             f"{path} has the recording format {version}, but this program reads "
-            f"{FORMAT} and {CARRYING}; {remedy}"
+            f"{FORMAT} to {STANDING_AROUND}; {remedy}"
         )
     if written != _body_hash(head):
         raise BadRecord(

@@ -16,7 +16,15 @@ from roadmap.unfinished import beside
 from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
 from sim.record.file import write_record
-from sim.record.run_record import CARRYING, FORMAT, NOBODY, OUTCOME, RunRecord
+from sim.record.run_record import (
+    CARRYING,
+    FORMAT,
+    NOBODY,
+    OUTCOME,
+    STANDING_AROUND,
+    RunRecord,
+)
+from sim.record.standing import scene_rows
 from sim.tables.versions import version
 from sim.terminal import interrupt
 
@@ -97,6 +105,7 @@ class Recorder:
         self.loop, self.cell_map = loop, cell_map
         self.frames = 0
         self._payload = getattr(loop.planner, "attached", None)
+        self._scene = scene_rows(loop.planner)
         self._columns = {name: Column(kind) for name, kind in OUTCOME.items()}
         self._capsules, self._guess = Column(np.float64), Column(np.float64)
         self._paces = list(PACES)
@@ -154,6 +163,8 @@ class Recorder:
         robot = self.cell_map.robot
         arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
         head = self._head() | {"outcome": self._outcome(arrays)}
+        if self._scene:
+            head["scene"] = self._scene
         found = RunRecord(head, arrays)
         head["outcome"]["trajectory_sha256"] = found.result().fingerprint()
         return found
@@ -163,7 +174,7 @@ class Recorder:
         motion, planner = loop.motion, loop.planner
         return {
             "kind": "odm run",
-            "format": FORMAT if self._payload is None else CARRYING,
+            "format": self._format(),
             "frames": self.frames,
             "motion": {
                 "name": NOBODY if motion is None else motion.name,
@@ -185,6 +196,12 @@ class Recorder:
             "pace_names": list(self._paces),
             "versions": versions(),
         }
+
+    def _format(self) -> int:
+        """Return the oldest format that holds all of it."""
+        if self._scene:
+            return STANDING_AROUND
+        return FORMAT if self._payload is None else CARRYING
 
     def _outcome(self, arrays: dict[str, np.ndarray]) -> dict:
         rate, status = self.loop.settings.rate_hz, arrays["status"]

@@ -8,7 +8,8 @@ import numpy as np
 from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
-FORMAT, CARRYING = 2, 3  # format of a recording, and of one with a payload
+# format of a recording, of one with a payload, and of one with a scene
+FORMAT, CARRYING, STANDING_AROUND = 2, 3, 4
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told
@@ -32,7 +33,8 @@ class RunRecord:
     Attributes:
         head: Plain data: "kind", "format", "frames", "motion", "settings", "planner",
             "map" (name, hash, recipe), "robot", "versions", "outcome" (fingerprint,
-            trips, path changes, holds and slow stretches with their reasons).
+            trips, path changes, holds and slow stretches with their reasons); "scene"
+            where things stood around, see `sim.record.standing`.
         arrays: By name, with F frames. "time_s" (F,) [s]; "places" (n, dof);
             "capsules" (F, k, 7) as the planner saw the person [m], or (sum, 7) with
             offsets "capsules_at" (F + 1,) where k changes; "guess", the same of
@@ -55,6 +57,11 @@ class RunRecord:
     def rate_hz(self) -> float:
         """Frames per second."""
         return self.head["settings"]["rate_hz"]
+
+    @property
+    def scene(self) -> list[dict]:
+        """What stood around, see `sim.record.standing`; empty: nothing."""
+        return self.head.get("scene", [])
 
     @property
     def holds(self) -> list[dict]:

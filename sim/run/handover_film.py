@@ -8,7 +8,8 @@ import numpy as np
 from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
 from roadmap.unfinished import beside
-from sim.draw.scene_picture import agent_triangles, triangles_of
+from sim.draw.scene_picture import agent_triangles
+from sim.draw.standing import all_triangles
 from sim.draw.style import AMBER, INK, TEAL
 
 _FRAMES, _FPS = 60, 10
@@ -33,8 +34,7 @@ def write_handover_film(scene: Scene, record: Mapping, path: str | Path) -> Path
 
     figure = Figure(figsize=(5.6, 4.8), dpi=80)
     canvas = FigureCanvasAgg(figure)
-    furniture = [triangles_of(f.shape) for f in scene.scenery if f.name != "floor"]
-    still = np.concatenate(furniture) if furniture else np.empty((0, 3, 3))
+    still = all_triangles(f.shape for f in scene.scenery if f.name != "floor")
     end, pictures, box = duration(record), [], None
     for t in np.linspace(0.0, end, _FRAMES):
         agents = [
@@ -42,7 +42,7 @@ def write_handover_film(scene: Scene, record: Mapping, path: str | Path) -> Path
             for who in WHO
         ]
         T = object_at(record, scene, t)
-        thing = np.concatenate([triangles_of(s) for s in scene.object_shapes(T)])
+        thing = all_triangles(scene.object_shapes(T))
         parts = [*agents, still, thing]
         if box is None:
             corners = np.concatenate(parts).reshape(-1, 3)

@@ -6,7 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from handover import Human, ReachMap, build_reach_map, chain_of, load_reach_map
+from handover import (
+    Human,
+    QualitySettings,
+    ReachMap,
+    build_reach_map,
+    chain_of,
+    load_reach_map,
+)
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
 from handover.meet.settings import MeetSettings
@@ -31,7 +38,14 @@ from sim.run.folders import REACH_MAPS, check_reach_folder
 from sim.run.meet_audit import TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
 from sim.run.meet_report import print_targets, target_figures
-from sim.run.places import Live, Progress, find_places, person_of, warm_up
+from sim.run.places import (
+    Live,
+    Progress,
+    find_places,
+    person_of,
+    set_up_scene,
+    warm_up,
+)
 from sim.run.report import print_report
 from sim.run.request import RunRequest, held_object
 
@@ -46,6 +60,10 @@ PLANNER = PlannerSettings(
     history_s=0.0,
     cached_goals=32,
 )
+# Half of it dexterity: with a sixth, the best places follow the person's hand, the
+# robot is there for 35 instead of 61 % of the time, and ranking takes six times as
+# long (docs/decisions/0027).
+QUALITY = QualitySettings(online_weight=0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +75,7 @@ class MeetSetup:
         obj: What it holds.
         index: Nodes by pose of the tool.
         rest: (dof,) where it begins and waits.
+        scene: File of what else stands around; None: nothing.
     """
 
     cell_map: CellMap
@@ -64,15 +83,23 @@ class MeetSetup:
     obj: HeldObject
     index: NodeIndex
     rest: np.ndarray
+    scene: Path | None = None
+
+    def planner(self) -> ReactivePlanner:
+        """Return a planner of the map that heeds the scene."""
+        planner = ReactivePlanner(self.cell_map, settings=PLANNER)
+        set_up_scene(planner, self.scene)
+        return planner
 
     def live(self, human: Human, side: str) -> LiveTargets:
         """Return a live thread that knows nothing yet."""
-        planner = ReactivePlanner(self.cell_map, settings=PLANNER)
-        return LiveTargets(planner, self.meet(human, side), self.rest, self.index)
+        return LiveTargets(
+            self.planner(), self.meet(human, side), self.rest, self.index
+        )
 
     def meet(self, human: Human, side: str) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        settings = MeetSettings(side=side)
+        settings = MeetSettings(side=side, quality=QUALITY)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def loop(
@@ -81,7 +108,9 @@ class MeetSetup:
         """Return a loop that has not begun, and its audit."""
         human = person.human(0.0)
         loop = MeetLoop(self.live(human, side), self.rest, person, settings)
-        return loop, TargetAudit(self.meet(human, side), self.cell_map)
+        audit = TargetAudit(self.meet(human, side), self.cell_map)
+        set_up_scene(audit.planner, self.scene)
+        return loop, audit
 
 
 class MeetTask:
@@ -141,12 +170,15 @@ class MeetTask:
         self.cell_map = load_map(self.request.map_dir)
         robot = self.cell_map.robot
         reach = reach_map_of(robot, self.request.reach, tell)
-        rest = find_places(ReactivePlanner(self.cell_map))[0]
+        bare = ReactivePlanner(self.cell_map)
+        set_up_scene(bare, self.request.scene)
+        rest = find_places(bare)[0]
         tell("nodes by pose of the tool", 0, 1)
         index = NodeIndex(robot, self.cell_map.roadmap.nodes)
         tell("nodes by pose of the tool", 1, 1)
         obj = held_object(self.request.obj)
-        self.setup = MeetSetup(self.cell_map, reach, obj, index, rest)
+        scene = self.request.scene
+        self.setup = MeetSetup(self.cell_map, reach, obj, index, rest, scene)
 
     def loop(
         self, person: WholePerson | RecordedPerson, settings: LoopSettings
@@ -166,7 +198,7 @@ class MeetTask:
         if self.live is not None:
             person = scripted_person("reach", 0, self.request.distances)
         setup = self.setup
-        planner = ReactivePlanner(self.cell_map, settings=PLANNER)
+        planner = setup.planner()
         places = np.array([setup.rest, self.cell_map.roadmap.nodes[0]])
         warm_up(planner, places, person, settings)
         brief = replace(settings, duration_s=3.0)

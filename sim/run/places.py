@@ -4,12 +4,14 @@ import gc
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from odm import CellMap, Obstacles, ReactivePlanner, load_map
 from roadmap.kinematics.forward import tool_pose
+from roadmap.robot.robot import Robot
 from sim.loop.carried import take_ball
 from sim.loop.loop import Frame, Loop, LoopSettings, run_loop
 from sim.loop.run_result import RunResult
@@ -77,8 +79,7 @@ class PlacesTask:
     def open(self, tell: Progress) -> None:
         """Load the map and find the places."""
         self.cell_map = load_map(self.request.map_dir)
-        self._planner = ReactivePlanner(self.cell_map)
-        take_ball(self._planner, self.request.carry)
+        self._planner, _ = self._new_planner()
         self.places = find_places(self._planner)
 
     def loop(self, person: HumanMotion, settings: LoopSettings) -> Loop:
@@ -87,9 +88,15 @@ class PlacesTask:
             person = before_work_places(person, self._planner.robot, self.places)
         stand_in = person if self.live is None else "reach"
         warm_up(self._planner, self.places, stand_in, settings)
-        self._planner = ReactivePlanner(self.cell_map)
-        robot = take_ball(self._planner, self.request.carry)
+        self._planner, robot = self._new_planner()
         return Loop(self._planner, robot, self.places, person, settings)
+
+    def _new_planner(self) -> tuple[ReactivePlanner, Robot]:
+        """Return a planner that heeds the scene, and the robot with what it holds."""
+        planner = ReactivePlanner(self.cell_map)
+        robot = take_ball(planner, self.request.carry)
+        set_up_scene(planner, self.request.scene)
+        return planner, robot
 
     def hear(self, frame: Frame) -> None:
         """Ignore the frame: nothing is audited here."""
@@ -107,6 +114,17 @@ class PlacesTask:
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables."""
         print_report([result], self._alone, self.cell_map.hash)
+
+
+def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:
+    """Let the objects of a scene file stand around; None: no file.
+
+    Raises:
+        BadInput: The file cannot be read.
+    """
+    if path is not None:
+        planner.scene.load(path)
+        planner.scene.settle()
 
 
 def person_of(request: RunRequest) -> HumanMotion:

@@ -115,6 +115,12 @@ class RunRequest:
         metavar="R",
         limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
+    scene: Path | None = flag(
+        None,
+        "What else stands around, besides the map's scenery: a MoveIt .scene or a "
+        "URDF; see docs/scene.md.",
+        metavar="FILE",
+    )
     view: bool = flag(
         False, "Watch it on a page in the browser, at the clock's pace.", "--view"
     )
@@ -133,6 +139,10 @@ class RunRequest:
         trouble = self._of_the_person() or self._of_the_targets() or self._of_the_page()
         if trouble:
             raise BadInput(trouble)
+        if self.scene is not None:
+            from odm.obstacles.scene_files import read_scene
+
+            read_scene(self.scene)  # or it is refused
 
     def _of_the_person(self) -> str:
         """Return what is wrong with the motion's options, "" for nothing."""

@@ -172,17 +172,22 @@ def write_files(
 
 def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) -> None:
     from sim.draw.animation import FilmSettings, write_animation
+    from sim.draw.standing import all_triangles, standing_of
     from sim.run.demo import open_world
 
     film, film_s = FilmSettings(), getattr(loop.motion, "film_s", None)
     if film_s is not None:
         n = round(film_s * film.fps)
         film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
+    still = all_triangles(standing_of(loop.planner))
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map, loop.planner.attached)
     with world:
+        world.stand(still)
         tools = getattr(loop, "tools", None)
-        write_animation(result, cell_map.robot, loop.places, world, path, film, tools)
+        write_animation(
+            result, cell_map.robot, loop.places, world, path, film, tools, still
+        )
 
 
 def _show(

@@ -54,6 +54,7 @@ def open_page(told: dict) -> "Page":
         lambda: robot_parts(robot, told["source"], told["locked"]),
         None if packed is None else (lambda: pickle.loads(packed)),
         tell if told["drag"] else None,
+        still=told["still"],
     )
     return Page(show, socket.socket(fileno=told["door"]), told["host"], told["token"])
 

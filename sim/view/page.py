@@ -45,6 +45,7 @@ class Show:
         hand: Is told in each turn where the person's hand is dragged to, (3,) [m] or
             None; None: it cannot be dragged.
         layers: Layers that are shown once the map is there.
+        still: (n, 3, 3) triangles of what stands around [m].
     """
 
     source: Source
@@ -55,6 +56,7 @@ class Show:
     load_map: Callable[[], CellMap] | None = None
     hand: Callable[[np.ndarray | None], None] | None = None
     layers: tuple[str, ...] = ()
+    still: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
 
 class _Server(viser.ViserServer):
@@ -89,6 +91,7 @@ class Page:
         with self.server.atomic():
             parts = solid_parts(show.robot)
             self.stage = Stage(self.server.scene, show.robot, parts)
+            self.stage.stand(show.still)
             self.panel = Panel(
                 self.server.gui,
                 source,

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from sim.draw.standing import scene_of
 from sim.loop.loop import Frame, Loop
 from sim.view.dragged import DraggedPerson
 from sim.view.gate import LOCAL
@@ -49,6 +50,7 @@ class Watched:
             rate_hz=rate,
             label=label,
             drag=drag,
+            standing=scene_of(loop.planner),
         )
         if drag:
             loop.motion = DraggedPerson(loop.motion, self.viewer.hand)

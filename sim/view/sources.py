@@ -3,17 +3,21 @@
 import bisect
 import pickle
 from collections import deque
+from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from odm.obstacles.scenery import parse_scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
+from sim.draw.standing import all_triangles
 from sim.loop.run_result import STATUS
 from sim.record import RunRecord
 from sim.record.again import robot_of
+from sim.record.standing import shapes_of
 from sim.view.mailbox import Mailbox
 from sim.view.moment import ON_THE_WAY, Event, Happenings, Moment, state_of
 
@@ -144,6 +148,21 @@ class Recorded:
         if place not in self._goals:
             self._goals[place] = place_targets(self.robot, self._place_q, place)
         return self._goals[place]
+
+
+def standing_of_record(record: RunRecord) -> np.ndarray:
+    """Return the triangles (n, 3, 3) of what stood around a recorded run [m].
+
+    Scenery that the recipe names by a file is left out where the file is not there.
+    """
+    found = []
+    for table in record.head["map"]["recipe"].get("scenery", []):
+        with suppress(BadInput):
+            found += [shape for _, shape in parse_scenery((table,)).shapes()]
+    for row in record.scene:
+        _, own, pose = shapes_of(row)
+        found += [shape.moved(pose) for shape in own]
+    return all_triangles(found)
 
 
 def place_targets(robot: Robot, places: np.ndarray, place: int) -> np.ndarray:

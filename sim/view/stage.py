@@ -26,6 +26,7 @@ LAYERS = {
     "targets": ("Targets", True),
     "path": ("Path", True),
     "before": ("Path before", True),
+    "still": ("What stands around", True),
     "floor": ("Floor", True),
 }
 MOST_POINTS = 20_000
@@ -106,6 +107,21 @@ class Stage:
             )
             self._meshes.append(node)
         self._drawn.pop("robot", None)
+
+    def stand(self, triangles: np.ndarray) -> None:
+        """Draw triangles (n, 3, 3) of what stands around, in place of those before."""
+        self._remove("still")
+        if len(triangles) == 0:
+            return
+        self._nodes["still"] = self.scene.add_mesh_simple(
+            "/still",
+            triangles.reshape(-1, 3).astype(np.float32),
+            np.arange(3 * len(triangles)).reshape(-1, 3),
+            color=looks.FURNITURE,
+            flat_shading=True,
+            side="double",
+            visible=self.shown["still"],
+        )
 
     def set_map(self, cell_map: CellMap, roadmap: RoadmapPicture) -> None:
         """Take a map, which brings cells and edges; they are drawn once."""

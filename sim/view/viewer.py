@@ -6,13 +6,16 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from importlib import util
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput, PlanningError
+from sim.draw.standing import all_triangles
 from sim.view.gate import LOCAL, PORT, is_local, listening, new_token
 from sim.view.mailbox import HAND, READY, Mailbox
 from sim.view.moment import NOBODY, Happenings, Moment, state_of
@@ -64,6 +67,8 @@ class Viewer:
         rate_hz: Frames per second, of frames that have a number and no time.
         label: Title of the panel.
         drag: Whether clients may drag the person's hand, see `hand`.
+        standing: What stands around besides the map's scenery: shapes of `odm` in the
+            world, such as `[shape for _, shape in planner.scene.shapes()]`.
 
     Attributes:
         address: What to open in a browser.
@@ -83,6 +88,7 @@ class Viewer:
         rate_hz: float = 100.0,
         label: str = "",
         drag: bool = False,
+        standing: Sequence[Shape] = (),
     ) -> None:
         """Start the page's process."""
         check_viewer()
@@ -110,6 +116,9 @@ class Viewer:
             "host": host,
             "token": token,
             "drag": drag,
+            "still": all_triangles(
+                [*(shape for _, shape in cell_map.scenery.shapes()), *standing]
+            ),
             "boxes": [(box.descriptor, box.room) for box in (self._down, self._up)],
             **_packed(cell_map),
         }

@@ -72,7 +72,7 @@ def run(
     setup = {
         "places": f"{100 * spacing:g} cm apart",
         "rotations of the hand": rotations,
-        "settings": "defaults, as before any recording was looked at",
+        "settings": "defaults; the share of q_online was chosen after two recordings",
         "body": "trunk as at the grip, taker's arms as in the first frame",
         "before": "all as in the first frame",
         "after": "all as at the grip: the way is 0 at the real place, no prediction",

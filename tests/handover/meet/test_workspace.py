@@ -128,7 +128,8 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng):
                         assert bounds.byte_passes(person, hands, made, p, one, level)
                     gaps = np.array([made.whole[p], place, grip]) - true
                     closest = np.minimum(closest, gaps)
-    assert n > 2000 and (closest > 0).all() and closest[2] < 0.02
+    assert n > 2000 and (closest > 0).all()
+    assert closest[2] < 0.04 * meet.settings.quality.online_weight
 
 
 def test_what_a_target_says_fits_together(meet_of, rng):
@@ -141,7 +142,7 @@ def test_what_a_target_says_fits_together(meet_of, rng):
         T_hand = human.T_world_shoulder("left") @ human.arm("left").fk(t.arm_q)
         assert np.allclose(T_hand, t.T_world_hand, atol=1e-9)
         assert np.allclose(t.T_world_object @ meet.grasps[t.grasp], t.T_world_hand)
-        assert t.quality == pytest.approx((t.parts.online + t.dexterity) / 2)
+        assert t.quality == pytest.approx((5 * t.parts.online + t.dexterity) / 6)
         arm = human.arm("left")
         assert (t.arm_q >= arm.lower).all() and (t.arm_q <= arm.upper).all()
 

@@ -94,6 +94,9 @@ def test_scenery_of_simple_shapes_is_exact(table, rng):
     shape = SHAPES[table["type"]](*sizes, pose)
     points = pose[:3, 3] + rng.uniform(-2.0, 2.0, (300, 3))
     exact = exact_distance(shape, points)
+    (name, drawn), *_ = found.shapes()
+    assert name == found.names[0] and len(found.shapes()) == 2
+    assert np.allclose(exact_distance(drawn, points), exact, atol=1e-9)
     for row in (found.solids[0], found.solids[2]):
         d = [solid_distance(*p, row, found.faces) for p in points]
         assert np.allclose(np.maximum(d, 0.0), exact, atol=1e-9)
@@ -119,6 +122,7 @@ def test_a_small_convex_mesh_is_exact_and_another_one_is_sampled(tmp_path, rng):
     exact = exact_distance(shape, points)
     d = [solid_distance(*p, found.solids[1], found.faces) for p in points]
     assert np.allclose(np.maximum(d, 0.0), exact, atol=1e-6)
+    assert np.allclose(exact_distance(found.shapes()[1][1], points), exact, atol=1e-9)
     far = np.array([4.0, 0.0, 0.5])  # there a ball around it is told
     lower = solid_distance(*far, found.solids[1], found.faces)
     assert 0.9 * exact_distance(shape, far[None])[0] < lower

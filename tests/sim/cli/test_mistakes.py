@@ -36,6 +36,8 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (RUN + ("--file", "clip.bvh"), "--file", "--motion mocap"),
     (RUN + ("--carry", "10"), "--carry is 10", "0.06"),
     (RUN + ("--carry", "-0.1"), "--carry is -0.1", "above 0"),
+    (RUN + ("--scene", "cell.stl"), "cell.stl is no scene", ".scene"),
+    (RUN + ("--scene", "none.scene"), "none.scene", "path"),
     (RUN + ("--base-height", "75"), "--base-height is 75", "5 m"),
     (RUN + ("--stand", "1", "2"), "--stand", "X Y YAW"),
     (RUN + ("--stand", "1", "0", "nan"), "--stand is nan", "from -360"),

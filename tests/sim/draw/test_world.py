@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from odm import Box
 from roadmap import load_robot, tool_pose
 from sim.draw.cover_world import CoverWorld
+from sim.draw.standing import all_triangles
 from sim.draw.viewpoint import Camera
 from sim.draw.world import SimulatorMissing, World, capsule_mesh
 from sim.loop.loop import exact_audit
@@ -172,12 +174,26 @@ def test_both_worlds_draw_robot_and_person_where_the_camera_sees_them(
     with made as world:
         world.place(np.zeros(2), HAND)
         colour, depth, empty = world.picture(CAMERA)
+        far_off = HAND[0, :3] + [0.0, 0.0, 0.35]
+        world.stand(all_triangles([Box((0.1, 0.1, 0.1), at(far_off))]))
+        world.place(np.zeros(2), HAND)
+        (pixel,), (away,) = CAMERA.project(far_off)
+        column, row = pixel.astype(int)
+        assert empty[row, column] and not world.picture(CAMERA)[2][row, column]
+        assert world.picture(CAMERA)[1][row, column] == pytest.approx(away, abs=0.12)
     middle = (HAND[0, :3] + HAND[0, 3:6]) / 2
     (pixel,), (far,) = CAMERA.project(middle)
     column, row = pixel.astype(int)
     assert not empty[row, column] and empty[0, 0]
     assert depth[row, column] == pytest.approx(far - HAND[0, 6], abs=0.02)
     assert colour.shape == (120, 160, 3) and colour.dtype == np.uint8
+
+
+def at(place):
+    """Return the pose of something that stands straight at a place."""
+    T = np.eye(4)
+    T[:3, 3] = place
+    return T
 
 
 def test_the_mesh_of_a_capsule_is_a_closed_capsule():

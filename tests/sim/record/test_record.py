@@ -13,6 +13,7 @@ from recorded import (
     with_array,
 )
 
+import odm
 from odm import build_map, load_map
 from sim.keyboard.control import KeyEvent
 from sim.keyboard.motion import KeyboardArm
@@ -27,6 +28,7 @@ from sim.record import (
     run_again,
     write_record,
 )
+from sim.record.check import BadRecord
 from sim.record.recorder import Column
 
 
@@ -108,6 +110,7 @@ class _Holding:
 
     def __init__(self, planner, reasons):
         self.settings, self.always_replan = planner.settings, False
+        self.scene = planner.scene
         self.reasons, self.frames = reasons, 0
 
     def step(self, points, q, **options):
@@ -268,3 +271,25 @@ def test_columns_keep_their_values_over_many_blocks():
         np.testing.assert_array_equal(rows[offsets[i] : offsets[i + 1]], values[i])
     rows, offsets = column.shapes(600, 7)
     assert offsets is None and rows.shape == (600, 2, 7)
+
+
+def test_what_stood_around_is_recorded_and_heeded_again(cell_map, sweep, tmp_path):
+    loop = new_loop(cell_map, duration_s=2.0)
+    pose = np.eye(4)
+    pose[:3, 3] = 0.0, 0.0, 1.9
+    scene = loop.planner.scene
+    scene.add("lamp", [odm.Sphere(0.05), odm.Cylinder(0.02, 0.3)], pose)
+    wedge = np.vstack([0.1 * np.eye(3), np.zeros(3)])
+    faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]
+    scene.add("wedge", odm.Mesh(wedge, faces), pose)
+    scene.settle()
+    record = recorded(loop, cell_map)
+    assert [row["name"] for row in record.scene] == ["lamp", "wedge"]
+    assert_the_same_again(record, cell_map, tmp_path)
+    assert sweep.scene == [] and sweep.head["format"] < record.head["format"]
+    row = record.scene[0] | {"parts": [{"kind": "Teapot"}]}
+    other = replace(record, head=record.head | {"scene": [row]})
+    with pytest.raises(BadRecord, match="what is no object"):
+        run_again(other, cell_map)
+    gone = replace(record, head={k: v for k, v in record.head.items() if k != "scene"})
+    assert run_again(gone, cell_map).scene == []  # it is the record that brings it

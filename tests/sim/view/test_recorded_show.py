@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from roadmap.errors import BadInput
@@ -35,3 +36,18 @@ def test_another_map_is_refused(view_file, view_map, tmp_path):
     folder = view_map.save(tmp_path / "map")
     with pytest.raises(BadInput, match="was recorded on map crane 000000000000, but"):
         view.recorded_show(view.ViewRequest(file=path, map_dir=folder))
+
+
+def test_what_stood_around_is_shown_without_the_map(view_file, tmp_path):
+    assert view.recorded_show(view.ViewRequest(file=view_file)).still.shape == (0, 3, 3)
+    record = read_record(view_file)
+    pose = np.eye(4)
+    pose[:3, 3] = 0.5, 0.2, 0.1
+    part = {"kind": "Box", "size": [0.2, 0.2, 0.2], "T_base_shape": np.eye(4).tolist()}
+    row = {"name": "crate", "pose": pose.tolist(), "parts": [part]}
+    path = write_record(
+        replace(record, head=record.head | {"scene": [row]}), tmp_path / "a.npz"
+    )
+    still = view.recorded_show(view.ViewRequest(file=path)).still.reshape(-1, 3)
+    assert np.allclose(still.min(axis=0), [0.4, 0.1, 0.0])
+    assert np.allclose(still.max(axis=0), [0.6, 0.3, 0.2])

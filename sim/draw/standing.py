@@ -1,0 +1,69 @@
+"""What stands around a robot, as triangles and as balls, for pictures."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from odm import ReactivePlanner
+from odm.obstacles import shapes
+from odm.obstacles.surfaces import Surface
+
+_SECTIONS = 16  # facets of a round solid
+_GRAIN = 0.03  # [m] between the balls of a triangle
+_MOST_STEPS = 30  # between the corners of a triangle, however large it is
+
+
+def scene_of(planner: ReactivePlanner) -> list[shapes.Shape]:
+    """Return the shapes of a planner's scene, world frame; no surfaces of points."""
+    parts = [part for _, part in planner.scene.shapes()]
+    return [part for part in parts if not isinstance(part, Surface)]
+
+
+def standing_of(planner: ReactivePlanner) -> list[shapes.Shape]:
+    """Return the shapes of a planner's map and scene, world frame; no half-spaces."""
+    own = [shape for _, shape in planner.cell_map.scenery.shapes()]
+    return own + scene_of(planner)
+
+
+def all_triangles(found: Iterable[shapes.Shape]) -> np.ndarray:
+    """Return the triangles (n, 3, 3) of all of some solids [m]."""
+    return np.concatenate(
+        [np.empty((0, 3, 3)), *(triangles_of(shape) for shape in found)]
+    )
+
+
+def triangles_of(shape: shapes.Shape) -> np.ndarray:
+    """Return the triangles (n, 3, 3) of a solid at its pose [m]."""
+    import trimesh
+
+    if isinstance(shape, shapes.Mesh):
+        corners = shape.vertices[shape.faces]
+    else:
+        if isinstance(shape, shapes.Sphere):
+            mesh = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius)
+        elif isinstance(shape, shapes.Box):
+            mesh = trimesh.creation.box(shape.size)
+            mesh = mesh.subdivide_to_size(0.25)  # small facets hide each other better
+        elif isinstance(shape, shapes.Capsule):
+            mesh = trimesh.creation.capsule(shape.length, shape.radius)
+            mesh.apply_translation(-mesh.bounds.mean(axis=0))
+        else:
+            mesh = trimesh.creation.cylinder(
+                shape.radius, shape.length, sections=_SECTIONS
+            )
+        corners = np.asarray(mesh.triangles)
+    T = shape.T_base_shape
+    return corners @ T[:3, :3].T + T[:3, 3]
+
+
+def balls_of(triangles: np.ndarray) -> np.ndarray:
+    """Return triangles (n, 3, 3) as balls (m, 4) near each other [m]."""
+    rows = [np.zeros((0, 4))]
+    for a, b, c in triangles:
+        sides = [np.linalg.norm(q - p) for p, q in ((a, b), (b, c), (c, a))]
+        n = min(1 + int(max(sides) / _GRAIN), _MOST_STEPS)
+        i, j = np.array([(i, j) for i in range(n + 1) for j in range(n + 1 - i)]).T / n
+        points = a + i[:, None] * (b - a) + j[:, None] * (c - a)
+        radius = 0.6 * max(max(sides) / n, _GRAIN / 2)
+        rows.append(np.column_stack([points, np.full(len(points), radius)]))
+    return np.concatenate(rows)
