@@ -459,9 +459,9 @@ class Attacher:
         return self.near
 
     def _candidates(self, wanted: int, first: int = 0) -> np.ndarray:
-        """Return nodes to connect q with, ties by number.
+        """Return nodes to connect q with, the nearest first, ties by number.
 
-        The `first` of them are those with the least cost from q through the node to
+        The next `first` are those with the least cost from q through the node to
         where the path leads, the motion to the node itself counted `_NEARER` times:
         short paths leave through them. Then in turn the nearest and such.
         """
@@ -470,8 +470,9 @@ class Attacher:
         if self.beyond is None:
             return near
         ahead = self._least(_NEARER * self.near + np.minimum(self.beyond, _FAR), k)
-        both = [*ahead[:first].tolist(), *np.stack([near, ahead], 1).ravel().tolist()]
-        return np.array(list(dict.fromkeys(both)))
+        turns = np.stack([near, ahead], 1).ravel()
+        both = np.concatenate([near[:1], ahead[:first], turns])
+        return np.array(list(dict.fromkeys(both.tolist())))
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
         few = np.argpartition(cost, k - 1)[:k]
