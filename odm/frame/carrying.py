@@ -74,7 +74,10 @@ class Carrier:
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
-            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
+            radii=np.zeros(n),
+            bare=np.zeros(n),
+            grown=np.zeros(n),
+            motion_bound=motion_bound,
         )
         held = self._closed_groups() if layer is None else self._groups
         groups = {"arm": arm, "work": work, "robot_state": robot_state}

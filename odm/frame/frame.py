@@ -425,6 +425,8 @@ class Frame:
         balls = self.memory.arm.spheres[:, 3] + m
         needed = [self.covering(ball) for ball in balls]
         self.radii[:] = balls + needed
+        if not (self.bare == balls).all():
+            self._forget_slacks()
         self.bare[:] = balls
         self.keep_from_shapes, self.keep_from_points = m, m + float(np.max(needed))
         # what cells of a payload were made for may have smaller balls than all these
@@ -474,9 +476,14 @@ class Frame:
 
     def hand_changed(self) -> None:
         """Take up the table's new groups: another arm, other cells."""
+        self._forget_slacks()
         self.set_sampling(*self.sampled)
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
+
+    def _forget_slacks(self) -> None:
+        """Forget what motions had to spare: of another robot, or another distance."""
+        self.memory.slacks.pieces[:] = 0
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -18,8 +18,13 @@ from odm.search import _state as kinds
 from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
+# motions that a goal, or a start, has at once; the others follow by `attach_more`
+_GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
+_NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
+_FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
 _MOVING_CONNECTIONS = 3  # and connections that it gets at most
+_NONE = np.zeros(0, np.int64)
 
 
 class Attacher:
@@ -42,6 +47,8 @@ class Attacher:
         costs: (g,) of the goals, or None.
         without_cells: Whether the start was attached by a few motions without cells.
         is_stale: Whether the hand has changed, so that goals must be attached anew.
+        start_waits: Whether the start lacks motions yet, or cells of straight ones; see
+            `finish_start`.
     """
 
     def __init__(
@@ -70,6 +77,9 @@ class Attacher:
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
+        # nodes that the start or a goal may yet be joined with, by its vertex
+        self._later: dict[int, np.ndarray] = {}
+        self.start_waits = False
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -127,6 +137,8 @@ class Attacher:
         m.numbers.joint_costs[0] = 0 if costs is None else 1
         np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.robot_state.h_any)
         path.goals_changed(vertex, m.goals.vertex[:n])
+        used = {*self._vertices(), *self.kept.vertices()}
+        self._later = {v: nodes for v, nodes in self._later.items() if v in used}
         self._attach_direct(direct)
         self.goals, self.costs = goals, costs
 
@@ -140,6 +152,8 @@ class Attacher:
             self.tidy()
             goals.q[row] = q
             self._attach_goal(row, q)
+            while self._more_of_goal(row, self._for_goals):
+                pass
             self.kept.keep(goals, row)
             goals.at[row] = -1
         return True
@@ -153,6 +167,7 @@ class Attacher:
             goals[index][g] = before[index][known]
 
     def _attach_goal(self, g: int, q: np.ndarray) -> None:
+        """Join a goal to the roadmap, by few motions at first."""
         m = self.frame.memory
         goals, roadmap = m.goals, self.roadmap
         goals.at[g] = -1
@@ -177,15 +192,124 @@ class Attacher:
             return
         self._set_beyond(False)
         self.distances(q)
-        ids, refs = self._motions(q, self._for_goals, outward=False)
-        k = len(ids)
-        goals.number[g] = k
-        goals.node[g, :k], goals.ref[g, :k] = ids, refs
-        goals.length[g, :k] = self.near[ids]
-        goals.at[g, ids] = np.arange(k)
-        cost_to_go.exact_cost(
-            m.graph, goals.node[g], goals.length[g], k, m.search, goals.h[g]
+        self._later[int(goals.vertex[g])] = self._candidates(
+            self._for_goals, self._for_goals
         )
+        goals.number[g] = 0
+        while not goals.number[g] and self._more_of_goal(g, _GOAL_AT_ONCE):
+            pass
+
+    def _more_of_goal(self, g: int, most: int) -> int:
+        """Join goal g by up to `most` more motions; return how many were tried."""
+        m = self.frame.memory
+        goals, q = m.goals, m.goals.q[g]
+        k = int(goals.number[g])
+        wanted = self._for_goals - k
+        tried, ids, refs = self._next_motions(q, goals.vertex[g], wanted, most, False)
+        if not tried:
+            return 0
+        n = k + len(ids)
+        goals.number[g] = n
+        goals.node[g, k:n], goals.ref[g, k:n] = ids, refs
+        self.distances(q)
+        goals.length[g, k:n] = self.near[ids]
+        goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
+        goals.at[g, ids] = np.arange(k, n)
+        # hardly ever does a motion more shorten a path
+        if not k or (goals.length[g, k:n] < goals.h[g, ids]).any():
+            cost_to_go.exact_cost(
+                m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
+            )
+        return tried
+
+    def _more_of_start(self, most: int) -> int:
+        """Join the start by up to `most` more motions, as a goal."""
+        m = self.frame.memory
+        starts, vertex = m.start_connections, m.goals.count[1]
+        k, q = int(starts.count[0]), self.q_attached
+        wanted = self._for_starts - k
+        tried, ids, refs = self._next_motions(q, vertex, wanted, most, True)
+        self._add_starts(q, ids, refs)
+        return tried
+
+    def _add_starts(self, q: np.ndarray, ids: np.ndarray, refs: np.ndarray) -> None:
+        """Let the start have these motions, too."""
+        starts = self.frame.memory.start_connections
+        k = int(starts.count[0])
+        n = k + len(ids)
+        starts.count[0] = n
+        starts.node[k:n], starts.ref[k:n] = ids, refs
+        self.distances(q)
+        starts.length[k:n] = self.near[ids]
+        starts.static[k:n] = 1
+        starts.memo[k:n], starts.blocked_at[k:n] = 0, -1.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether the start or a goal may yet have more motions; see `attach_more`."""
+        waiting = self._later.keys()
+        return self.start_waits or not waiting.isdisjoint(self._vertices())
+
+    def _vertices(self) -> list[int]:
+        """Return the vertices of the start and of the goals that are set."""
+        goals = self.frame.memory.goals
+        return [goals.count.item(1), *goals.vertex[: goals.count.item(0)].tolist()]
+
+    def finish_start(self) -> None:
+        """Give the start all its motions, and the cells of those that lack them."""
+        self.tidy()
+        while self.start_waits:
+            self._more_at_start(self._for_starts)
+
+    def _more_at_start(self, most: int) -> int:
+        """Sweep straight motions, then join the start by more, `most` in all."""
+        done = self._sweep_direct(most)
+        if done < most:
+            done += self._more_of_start(most - done)
+        self.start_waits = done == most
+        return done
+
+    def _sweep_direct(self, most: int) -> int:
+        """Find the cells of up to `most` straight motions that have none."""
+        m, path = self.frame.memory, self.path
+        goals, start = m.goals, int(m.goals.count[1])
+        n = int(goals.count[0])
+        if self.without_cells or not self._is_direct_known():
+            return 0
+        rows = np.flatnonzero(goals.attached_ref[:n] == kinds.NO_ITEM)[:most]
+        if not len(rows):
+            return 0
+        dq = self.frame.difference(self.q_attached, goals.q[rows])
+        first = self.sweep(np.repeat(self.q_attached[None], len(rows), axis=0), dq)
+        if first < 0:
+            return 0
+        goals.attached_ref[rows] = first + np.arange(len(rows))
+        # the path in use may be one of them, taken before it had cells
+        if len(path) == 2 and path.vertex[0] == start and path.item[0] == kinds.NO_ITEM:
+            for row in rows[goals.vertex[rows] == path.vertex[1]]:
+                path.item[0] = goals.attached_ref[row]
+        return len(rows)
+
+    def attach_more(self, most: int) -> int:
+        """Join the start and the goals, best first, by more motions, `most` in all.
+
+        A goal that is set, and a start that is new, have only a few at once.
+
+        Returns:
+            How many nodes were tried.
+        """
+        self.tidy()
+        m, left = self.frame.memory, most
+        n = int(m.goals.count[0])
+        if self.start_waits:
+            left -= self._more_at_start(left)
+        for g in range(n):
+            if left > 0 and int(m.goals.vertex[g]) in self._later:
+                left -= self._more_of_goal(g, left)
+                self.kept.keep(m.goals, g)
+        rest = m.goals.h[:n] + m.goals.cost[:n, None]
+        np.min(rest, axis=0, initial=np.inf, out=m.robot_state.h_any)
+        return most - left
 
     # --- starts ----------------------------------------------------------------
 
@@ -200,7 +324,8 @@ class Attacher:
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_attached[:] = np.nan
-        self._attached_key = b""
+        self._attached_key, self.start_waits = b"", False
+        self._later.pop(int(self.frame.memory.goals.count[1]), None)
         self.frame.memory.start_connections.count[0] = 0
         self.path.forget_off_path()
 
@@ -262,6 +387,7 @@ class Attacher:
         self.frame.memory.pool.used[:] = 0
         self.frame.memory.found.count[:] = 0
         self.kept.clear()
+        self._later.clear()
         self.candidates.forget_cuts()
 
     def attach_start(self, q: np.ndarray, without_cells: bool = False) -> None:
@@ -272,29 +398,28 @@ class Attacher:
         """
         self.tidy()
         m = self.frame.memory
-        self.without_cells = without_cells
+        self.without_cells, self.start_waits = without_cells, not without_cells
         self.q_attached[:] = q
         self._attached_key = self.q_attached.tobytes()
+        self._later.pop(int(m.goals.count[1]), None)
         m.goals.count[1] = self.new_vertex()
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
         self._set_beyond(True)
         self.distances(q)
+        m.start_connections.count[0] = 0
         if without_cells:
-            ids, refs = self._motions_without_cells(q)
+            self._add_starts(q, *self._motions_without_cells(q))
         else:
-            ids, refs = self._motions(q, self._for_starts, outward=True)
-        k = len(ids)
-        m.start_connections.count[0] = k
-        m.start_connections.node[:k], m.start_connections.ref[:k] = ids, refs
-        m.start_connections.length[:k] = self.near[ids]
-        m.start_connections.static[:k] = 1
-        m.start_connections.memo[:k] = 0
-        m.start_connections.blocked_at[:k] = -1.0
+            vertex = int(m.goals.count[1])
+            self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
+            while not m.start_connections.count[0]:
+                if not self._more_of_start(_START_AT_ONCE):
+                    break
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
-        """Sweep the straight motions from the attached start to the goals.
+        """Certify the straight motions from the attached start to the goals, no cells.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
@@ -317,12 +442,8 @@ class Attacher:
         dq = frame.difference(self.q_attached, m.goals.q[new])
         q = np.repeat(self.q_attached[None], len(new), axis=0)
         free = frame.static.motions_free(q, dq)
-        if self.without_cells:
-            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
-            return
-        first = self.sweep(q[free], dq[free])
-        if first >= 0:
-            m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
+        m.goals.attached_ref[new[free]] = kinds.NO_ITEM
+        self.start_waits = not self.without_cells
 
     def _is_direct_known(self) -> bool:
         return bool(np.array_equal(self._direct_from, self.q_attached))
@@ -337,20 +458,21 @@ class Attacher:
         )
         return self.near
 
-    def _candidates(self, wanted: int) -> np.ndarray:
-        """Return nodes to connect q with, in turn the nearest and those ahead.
+    def _candidates(self, wanted: int, first: int = 0) -> np.ndarray:
+        """Return nodes to connect q with, the nearest first, ties by number.
 
-        Ahead are those with the least cost from q through the node to where the path
-        leads: short paths leave through them. Ties go by number.
+        The next `first` are those with the least cost from q through the node to
+        where the path leads, the motion to the node itself counted `_NEARER` times:
+        short paths leave through them. Then in turn the nearest and such.
         """
         k = min(_LOOKED_AT * wanted, self.roadmap.n_nodes)
         near = self._least(self.near, k)
         if self.beyond is None:
             return near
-        through = self._least(self.near + self.beyond, k)
-        return np.array(
-            list(dict.fromkeys(np.stack([near, through], 1).ravel().tolist()))
-        )
+        ahead = self._least(_NEARER * self.near + np.minimum(self.beyond, _FAR), k)
+        turns = np.stack([near, ahead], 1).ravel()
+        both = np.concatenate([near[:1], ahead[:first], turns])
+        return np.array(list(dict.fromkeys(both.tolist())))
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
         few = np.argpartition(cost, k - 1)[:k]
@@ -366,27 +488,36 @@ class Attacher:
             self.distances(self.frame.q)
             self.beyond = self.near.copy()
 
-    def _motions(
-        self, q: np.ndarray, wanted: int, outward: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (nodes, pool items) of certified motions to or from near nodes."""
-        ids = self._candidates(wanted)
-        kept: list[np.ndarray] = []
-        n_kept = 0
-        for k in range(0, len(ids), wanted):
-            part = ids[k : k + wanted]
-            begin, dq = self._between(q, part, outward)
-            good = part[self.frame.static.motions_free(begin, dq)]
-            kept.append(good)
-            n_kept += len(good)
-            if n_kept >= wanted:
-                break
-        nodes = np.concatenate(kept)[:wanted] if kept else ids[:0]
-        begin, dq = self._between(q, nodes, outward)
-        first = self.sweep(begin, dq)
+    def _next_motions(
+        self, q: np.ndarray, vertex: int, wanted: int, most: int, outward: bool
+    ) -> tuple[int, np.ndarray, np.ndarray]:
+        """Certify motions between q and the next near nodes that wait, with cells.
+
+        Args:
+            q: (dof,) the configuration of `vertex`.
+            vertex: Of the start or a goal.
+            wanted: Motions that it may have yet.
+            most: Nodes to try now.
+            outward: From q to the nodes; else the other way.
+
+        Returns:
+            How many were tried, the nodes (k,) and the pool's items (k,) of what is
+            free of all that stands still.
+        """
+        waiting = self._later.pop(int(vertex), _NONE)
+        part, rest = waiting[:most], waiting[most:]
+        if not len(part):
+            return 0, part, part
+        begin, dq = self._between(q, part, outward)
+        free = self.frame.static.motions_free(begin, dq)
+        free &= np.cumsum(free) <= wanted
+        nodes = part[free]
+        first = self.sweep(begin[free], dq[free])
         if first < 0:
-            return nodes[:0], nodes[:0]
-        return nodes, first + np.arange(len(nodes))
+            return len(part), nodes[:0], nodes[:0]
+        if len(rest) and len(nodes) < wanted:
+            self._later[int(vertex)] = rest
+        return len(part), nodes, first + np.arange(len(nodes))
 
     def _motions_without_cells(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, no items) of certified motions to a few near nodes.
@@ -486,8 +617,12 @@ class Attacher:
             self.is_stale,
             self.next_vertex,
             self.costs is not None,
+            self.start_waits,
         ]
+        later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
+            "later": np.concatenate([_NONE, *later]),
+            "later_sizes": np.array([len(one) for one in later], np.int64),
             "goals": self.goals.copy(),
             "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
             "state": np.array(state, np.int64),
@@ -496,11 +631,15 @@ class Attacher:
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
-        without_cells, stale, self.next_vertex, has_costs = saved["state"].tolist()
+        state = saved["state"].tolist()
+        without_cells, stale, self.next_vertex, has_costs, waits = state
+        self.start_waits = bool(waits)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None
         self._direct_from[:] = saved["direct_from"]
+        rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]
+        self._later = {int(row[0]): row[1:].copy() for row in rows}
         known = not np.isnan(self.q_attached).any()
         self._attached_key = self.q_attached.tobytes() if known else b""
         self.kept.load({k[5:]: a for k, a in saved.items() if k.startswith("kept_")})

@@ -71,6 +71,10 @@ class CachedGoals:
         ref, number = self._rows["ref"], self._rows["number"]
         return [ref[row, : number[row]] for row in self._row_of.values()]
 
+    def vertices(self) -> list[int]:
+        """Return the vertices of the goals that are kept."""
+        return self._rows["vertex"][list(self._row_of.values())].tolist()
+
     def save(self) -> dict[str, np.ndarray]:
         """Return the goals that are kept, last used last."""
         keys, used = list(self._row_of), list(self._row_of.values())

@@ -15,10 +15,11 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _connect as kernels
-from odm.search._ends import ends_free
+from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
 
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found
+_AGAIN = 16  # a frame that asks again, or of a robot that moves, has so much less
 _SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
@@ -72,7 +73,7 @@ class Connector:
             0  # frames in a row that a path must be there to be taken
         )
 
-    def answer(self, q: np.ndarray, patience: int, waits: bool) -> bool:
+    def answer(self, q: np.ndarray, patience: int, waits: bool, moves: bool) -> bool:
         """Let the path in use be one beyond the roadmap, if there is one already.
 
         Where the path before was of that kind, or free only now, and was blocked, the
@@ -83,6 +84,7 @@ class Connector:
             q: (dof,) where the robot is, inside its limits.
             patience: See `PlannerSettings`.
             waits: Paths that is free only now are not taken now.
+            moves: The robot was a little elsewhere in the frame before.
         """
         if not self.budget or not len(self.attacher.goals):
             return False
@@ -91,7 +93,8 @@ class Connector:
         path = self._free_path(q)
         if path is None:
             self._asked = self.frame.number
-            if self._search(self.budget):
+            again = moves or self._is_known()
+            if self._search(max(1, self.budget // _AGAIN) if again else self.budget):
                 path = self._free_path(q)
         if path is None:
             self._frames_to_persist = patience if self._frames_to_persist else 0
@@ -101,6 +104,11 @@ class Connector:
             return False
         self.path.lead(*path)
         return True
+
+    def _is_known(self) -> bool:
+        """Return whether a search from here to these goals was begun before."""
+        q, goals = self.frame.q.tobytes(), self.attacher.goals.tobytes()
+        return (q, goals) == (self._root, self._goals)
 
     def _is_mine(self) -> bool:
         """Return whether the path in use is one that was found here."""
@@ -157,7 +165,7 @@ class Connector:
         self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, _SHORTEN)
+        kernels.shorten(problem, min(budget, _SHORTEN))
         self._asked = -1
         return self._remember()
 

@@ -12,7 +12,7 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _step as step
-from odm.search._ends import ends_free
+from odm.search._judge import ends_free
 
 NEW_GOALS = "new goals"  # and the robot stands
 LINGERS = "lingers"  # the robot has stood for a while
@@ -41,6 +41,8 @@ JOIN = {
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
 }
 
+_MORE = 12  # nodes that start and goals are joined with in a frame without a path
+_SETTLES = 2  # frames at the same place: its motions get what they lack
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
@@ -101,7 +103,8 @@ class Decision:
 
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
-        if self.new_goals or self.attacher.without_cells:
+        attacher = self.attacher
+        if self.new_goals or attacher.without_cells or attacher.start_waits:
             self._join_ahead(q)
         now = math.nan if now is None else now
         said = step.respond(self._memory.table, points, q, now)
@@ -116,13 +119,18 @@ class Decision:
         """Join q to what it needs, and answer again."""
         if code == step.OFF_PATH:
             said, code = self._beside(points, q, now)
-        if code == step.NOT_ATTACHED and self._join(NOT_JOINED, q):
+        joined = code == step.NOT_ATTACHED and self._join(NOT_JOINED, q)
+        if joined:
             said, code = self._again(points, q, now)
-        if code == step.NO_PATH and self._may_lead_on() and self._join(NO_PATH, q):
-            said, code = self._again(points, q, now)
+        if code == step.NO_PATH and self._may_lead_on():
+            if self._join(NO_PATH, q):
+                said, code = self._again(points, q, now)
+            elif self.attacher.waits and not joined:  # one such job a frame
+                self.attacher.attach_more(_MORE)
+                said, code = self._again(points, q, now)
         if code == step.BETTER:
             ago = self.frame.number - self._looked
-            if ago <= step.BETTER_EVERY and self._robot() == STANDS:
+            if ago <= step.BETTER_EVERY and self.robot == STANDS:
                 return said + step.FOLLOWING - step.BETTER  # it is looked for between
             # then the robot's own motions may lead to it: the ends of a straight motion
             # are no nodes
@@ -166,6 +174,9 @@ class Decision:
         elif stands and not self.path.followed:
             if self._numbers.stood.item() + 1 >= _STAYS:
                 self._join(LINGERS, q, STANDS)
+        elif stands and self.attacher.start_waits:
+            if self._numbers.stood.item() + 1 >= _SETTLES:
+                self.attacher.finish_start()
 
     def join_between(self) -> bool:
         """Join the robot anew between frames, where it lingers or a goal has cleared.
@@ -175,7 +186,7 @@ class Decision:
         q, self._looked = self.frame.q, self.frame.number
         if self.attacher.without_cells and self._numbers.stood.item() >= _LINGERS:
             return self._join(LINGERS, q)
-        if self._robot() == STANDS and self.sees_better_goal():
+        if self.robot == STANDS and self.sees_better_goal():
             return self._join(BETTER_GOAL, q)
         return False
 
@@ -190,15 +201,16 @@ class Decision:
         joined = NOTHING
         if attacher.is_at(q):
             joined = FEW if attacher.without_cells else MANY
-        robot = robot or self._robot()
+        robot = robot or self.robot
         what = None if joined == MANY else JOIN.get((case, robot, joined))
         if what is None or not np.isfinite(q).all():
             return False
         attacher.attach_start(q, without_cells=what == FEW)
         return True
 
-    def _robot(self) -> str:
-        """Return what the robot did since the frame before."""
+    @property
+    def robot(self) -> str:
+        """What the robot did since the frame before."""
         robot = self._memory.robot_state
         if (robot.before == robot.q).all():
             return STANDS

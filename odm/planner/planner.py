@@ -47,7 +47,7 @@ from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import Attacher
 from odm.planner.connect import Connector
-from odm.planner.decision import Decision
+from odm.planner.decision import MOVES, Decision
 from odm.planner.explain import Reasons, start_trouble
 from odm.planner.improve import Improver
 from odm.planner.path import CandidatePath, Candidates, PathInUse
@@ -460,8 +460,9 @@ class ReactivePlanner:
     ) -> Answer:
         """Answer a frame for which the roadmap has no path, or hold."""
         decision, path = self.decision, self.path
+        moves = decision.robot == MOVES
         if code not in codes.HAS_NO_PATH or not self.connector.answer(
-            q, decision.patience, decision.waits
+            q, decision.patience, decision.waits, moves
         ):
             return self._hold(
                 times, closed, start_trouble(self.robot, self.frame.q, code)
@@ -529,6 +530,8 @@ class ReactivePlanner:
             self.scene.settle(PER_TEST * budget)
         if self.frame.trouble is not None:
             return 0
+        if budget > 1 and self.attacher.waits:
+            budget -= self.attacher.attach_more(budget // 2)
         if not self.path.followed:
             return self.connector.improve(budget)
         if self.always_replan:

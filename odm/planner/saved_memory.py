@@ -23,6 +23,7 @@ _VERDICTS = (
     "goals",
     "start_connections",
     "recent",
+    "slacks",
 )  # their verdicts of a frame are void
 
 

@@ -6,7 +6,7 @@ from numba import njit
 from odm.close_test._arm import Clearance
 from odm.close_test._close import displacement, motion_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
-from odm.obstacles._cloud import IS_SORTED
+from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
     BLOCKED,
@@ -17,6 +17,12 @@ from odm.search._items import (
     goal_motion_free,
     item_free,
     pool_free,
+)
+from odm.search._slack import (
+    find_slack,
+    has_slack,
+    keep_motion,
+    rest_clear,
 )
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 
@@ -30,6 +36,23 @@ def near_free(state, cloud, q, dq):
         view(state, "arm"), robot.radii, robot.bare, tolerance, view(state, "work")
     )
     return motion_clear(clearance, q, dq, cloud, view(state, "solids"), False)
+
+
+@njit(cache=True, nogil=True)
+def near_free_again(state, cloud, q, dq):
+    """Run the close test of a motion that later frames may ask for, too.
+
+    Of shapes alone, not every frame tests it anew: see `_slack.py`.
+    """
+    if not has_slack(state):
+        return near_free(state, cloud, q, dq)
+    k = find_slack(state, q, dq)
+    if k >= 0:
+        return rest_clear(state, cloud, k, q, dq)
+    free = near_free(state, cloud, q, dq)
+    if free:
+        keep_motion(state, q, dq)
+    return free
 
 
 @njit(cache=True, nogil=True)
@@ -50,6 +73,8 @@ def pick_ref(state, points, ref):
     count too.
     """
     cloud = view(state, "cloud")
+    if cloud.counts[N_LISTED] == 0:
+        return cloud  # shapes alone
     if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
@@ -86,7 +111,7 @@ def where_blocked(state, near, q, dq, blocked_at):
             robot.zero_motion[j] = 0.0
         if not near_free(state, near, robot.scratch_q, robot.zero_motion):
             return blocked_at
-    if near_free(state, near, q, dq):
+    if near_free_again(state, near, q, dq):
         return -1.0
     return view(state, "work").value[0]
 
@@ -94,7 +119,7 @@ def where_blocked(state, near, q, dq, blocked_at):
 @njit(cache=True, nogil=True)
 def part_free(state, points, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
-    return near_free(state, pick_ref(state, points, ref), q, dq)
+    return near_free_again(state, pick_ref(state, points, ref), q, dq)
 
 
 @njit(cache=True, nogil=True)
@@ -279,6 +304,21 @@ def stands_free(state, points, q):
     for j in range(q.shape[0]):
         robot.zero_motion[j] = 0.0
     return close_free(state, points, q, robot.zero_motion)
+
+
+@njit(cache=True, nogil=True)
+def ends_free(state, points):
+    """Return whether the robot can stand where it is, and at one of the goals.
+
+    Else no search helps.
+    """
+    goals = view(state, "goals")
+    if not stands_free(state, points, view(state, "robot_state").q):
+        return False
+    for g in range(goals.count[0]):
+        if stands_free(state, points, goals.q[g]):
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

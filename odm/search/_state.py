@@ -300,6 +300,30 @@ class Terms(NamedTuple):
     extra: np.ndarray = array("f8")  # clearance beyond the map's
 
 
+class Slacks(NamedTuple):
+    """Motions that were free with distance to spare; see `_slack.py`."""
+
+    begin: np.ndarray = array("f8", "slacks dof", GOAL)
+    end: np.ndarray = array("f8", "slacks dof", GOAL)
+    # equal pieces of a motion, 0: no motion; share of it from which they are known
+    pieces: np.ndarray = array("i8", "slacks", GOAL)
+    known_from: np.ndarray = array("f8", "slacks", GOAL)
+    # of a piece: what it had to spare [m], in which frame, and the place of its shapes
+    spare: np.ndarray = array("f8", "slacks pieces", GOAL)
+    since: np.ndarray = array("i8", "slacks pieces", GOAL)
+    at: np.ndarray = array("i8", "slacks pieces", GOAL)
+    # shapes of a few frames: the frame, rows, kinds and number
+    frame: np.ndarray = array("i8", "snapshots", GOAL, LOST)
+    rows: np.ndarray = array("f8", "snapshots slack_shapes 19", GOAL)
+    kind: np.ndarray = array("i8", "snapshots slack_shapes", GOAL)
+    count: np.ndarray = array("i8", "snapshots", GOAL)
+    # how far the shapes are from those now [m], and the frame of "now"
+    moved: np.ndarray = array("f8", "snapshots", FRAME)
+    moved_in: np.ndarray = array("i8", "snapshots", FRAME, LOST)
+    next: np.ndarray = array("i8", "2", GOAL)  # motion, snapshot that is replaced
+    piece: np.ndarray = array("f8", "2 dof", FRAME)  # begin and displacement
+
+
 class Numbers(NamedTuple):
     """Single numbers of the frame and of what is decided in it."""
 
@@ -334,6 +358,7 @@ class RobotState(NamedTuple):
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
     bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
+    grown: np.ndarray = array("f8", "spheres", FRAME)  # these and a slack
     # most that joint j moves any sphere's centre per unit
     motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -385,6 +410,7 @@ class Groups:
     numbers: Numbers
     trees: Trees  # where the roadmap has no path
     found: Found
+    slacks: Slacks
 
 
 KINDS: dict[str, type] = Groups.__annotations__

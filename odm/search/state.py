@@ -45,6 +45,10 @@ _SIZES = {
     "faces": 256,
     "patterns": 2048,
     "samples": 1024,
+    "slacks": 24,
+    "pieces": 8,
+    "snapshots": 24,
+    "slack_shapes": 24,
 }
 
 

@@ -1,0 +1,127 @@
+"""Motions that are not tested anew while no shape has come as near."""
+
+import numpy as np
+import pytest
+from carrying import BALLS, HIGH
+from scipy.spatial.transform import Rotation
+from shapes_drawn import (
+    draw_pose,
+    draw_shape,
+    exact_distance,
+    smallest_solid_gap,
+    solids_of,
+)
+from small import AWAY, HOME, draw_valid
+
+import odm
+from odm.close_test._slack import displaced
+from odm.search import _judge as judge
+from odm.search._state import NO_ITEM
+from roadmap.kinematics.forward import tool_pose
+
+MOVING = ("sphere", "capsule", "cylinder", "box")
+TESTS = 2  # of work.found: close tests that were begun
+
+
+def moved(shape, rng, step):
+    """Return the shape a little elsewhere, turned, and now and then of another size."""
+    T = shape.T_base_shape.copy()
+    T[:3, 3] += step * rng.normal(size=3)
+    turn = Rotation.from_rotvec(step * rng.normal(size=3)).as_matrix()
+    T[:3, :3] = turn @ T[:3, :3]
+    grown = 1.0 + (0.3 * step * rng.normal() if rng.random() < 0.3 else 0.0)
+    if isinstance(shape, odm.Sphere):
+        return odm.Sphere(grown * shape.radius, T)
+    if isinstance(shape, odm.Box):
+        return odm.Box(grown * np.asarray(shape.size), T)
+    return type(shape)(grown * shape.radius, grown * shape.length, T)
+
+
+@pytest.mark.parametrize("kind", MOVING)
+def test_no_place_is_nearer_by_more_than_shapes_were_displaced(kind, rng):
+    for step in (1e-3, 0.03, 0.3):
+        for _ in range(6):
+            old = draw_shape(kind, rng)
+            new = moved(old, rng, step)
+            before, after = solids_of([old]), solids_of([new])
+            bound = displaced(before.rows, before.kind, 1, after)
+            places = old.T_base_shape[:3, 3] + 0.4 * rng.normal(size=(60, 3))
+            lost = exact_distance(old, places) - exact_distance(new, places)
+            assert lost.max() <= bound + 1e-6
+            assert bound < 40.0 * step
+
+
+def test_others_shapes_are_displaced_without_bound(rng):
+    ball, box = odm.Sphere(0.1, draw_pose(rng)), odm.Box([0.1] * 3, draw_pose(rng))
+    mesh = draw_shape("mesh", rng)
+    one = solids_of([ball])
+    for others in ([ball, ball], [box], [mesh]):
+        assert np.isinf(displaced(one.rows, one.kind, 1, solids_of(others)))
+    same = solids_of([mesh])
+    assert np.isinf(displaced(same.rows, same.kind, 1, same))
+
+
+def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
+    """Shapes drift; each frame the motion, or the rest of it, is asked for."""
+    spared, m, checked = 0, small_map.safety.m, 0
+    blocked = 0
+    for _ in range(30):
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        q = draw_valid(planner, rng)
+        dq = planner.frame.difference(q, draw_valid(planner, rng))
+        share, step = 0.0, rng.choice([0.002, 0.01])
+        for k in range(12):
+            planner.step(odm.Obstacles.of(shapes), q=q)
+            table, points = planner.memory.table, planner.points
+            begin, rest = q + share * dq, (1.0 - share) * dq
+            tests = planner.memory.work.found[TESTS]
+            free = judge.part_free(table, points, NO_ITEM, begin, rest)
+            by_slack = planner.memory.work.found[TESTS] == tests
+            assert free == judge.close_free(table, points, begin, rest)
+            assert free or not by_slack
+            spared, blocked = spared + by_slack, blocked + (not free)
+            if by_slack and checked < 25:
+                checked += 1
+                gap = smallest_solid_gap(small_map, begin, rest, shapes, 15)
+                assert gap >= m - 1e-7
+            shapes = [moved(shape, rng, step) for shape in shapes]
+            share += 0.05 * (k % 2)
+    assert spared > 60 and blocked > 30 and checked == 25
+
+
+def spares(planner):
+    return planner.memory.slacks.pieces.max()
+
+
+def test_another_distance_or_another_hand_forgets(carrying_map):
+    planner = odm.ReactivePlanner(carrying_map)
+    q = HIGH
+    ball = odm.Obstacles(spheres=np.array([[0.0, 0.0, 5.0, 0.05]]))
+
+    def ask():
+        planner.step(ball, q=q)
+        table, points = planner.memory.table, planner.points
+        assert judge.part_free(table, points, NO_ITEM, q, 0.01 * np.ones_like(q))
+        assert spares(planner) > 0
+
+    ask()
+    planner.set_extra_clearance(0.01)
+    assert spares(planner) == 0
+    ask()
+    planner.attach(BALLS)
+    assert spares(planner) == 0
+    ask()
+    planner.detach()
+    assert spares(planner) == 0
+
+
+def test_a_point_beside_the_shapes_is_not_passed_over(planner):
+    far = odm.Obstacles(spheres=np.array([[0.0, 0.0, 5.0, 0.05]]))
+    dq = planner.frame.difference(HOME, AWAY)
+    for k in range(2):
+        planner.step(far, q=HOME)
+        table = planner.memory.table
+        assert judge.part_free(table, planner.points, NO_ITEM, HOME, dq)
+    at = tool_pose(planner.robot, HOME)[:3, 3]
+    planner.step(odm.Obstacles(spheres=far.spheres, points=at[None]), q=HOME)
+    assert not judge.part_free(table, planner.points, NO_ITEM, HOME, dq)
