@@ -360,6 +360,7 @@ class Handover:
             ),
             "open": frame.opened,
             "late": passed > limits,
+            "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
         checks |= self._signals_of_place(seen)

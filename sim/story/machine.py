@@ -12,8 +12,8 @@ from roadmap.errors import BadInput
 
 FETCH, APPROACH, PRESENT, WAIT = "fetch", "approach", "present", "wait"
 RELEASE, CLOSE, RETREAT, PUT_DOWN = "release", "close", "retreat", "put_down"
-DONE, KEPT, LOST = "done", "kept", "lost"
-ENDS = DONE, KEPT, LOST
+DONE, KEPT = "done", "kept"
+ENDS = DONE, KEPT
 DIRECTIONS = "give", "receive"
 
 
@@ -56,6 +56,7 @@ SIGNALS = {
     "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
     "late": "the state has lasted longer than its time limit",
+    "late_holding": "so it has, and the object is in the robot's hand",
 }
 
 GIVE = (
@@ -78,7 +79,9 @@ GIVE = (
     Row(WAIT, "late", PUT_DOWN, "the hand never pulled", True),
     Row(RELEASE, "open", RETREAT, "the person has the object"),
     Row(RELEASE, "slack", WAIT, "the hand let go too early: it holds on", True),
+    Row(RELEASE, "late", KEPT, "the fingers did not open: it stands", True),
     Row(RETREAT, "away", DONE, "it is back"),
+    Row(RETREAT, "late", DONE, "its way back is blocked: it stands", True),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
     Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object is back in its place"),
@@ -100,6 +103,8 @@ RECEIVE = (
     Row(RETREAT, "lost", RETREAT, "the object was dropped", True),
     Row(RETREAT, "away_holding", PUT_DOWN, "back with the object"),
     Row(RETREAT, "away", DONE, "it is back"),
+    Row(RETREAT, "late_holding", KEPT, "its way back is blocked: it keeps it", True),
+    Row(RETREAT, "late", DONE, "its way back is blocked: it stands", True),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way", True),
     Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object stands in its place"),

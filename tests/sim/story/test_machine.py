@@ -34,10 +34,16 @@ def test_every_signal_is_known_and_every_state_leads_to_an_end(direction):
 
 
 @BOTH
-def test_no_state_beside_a_person_lasts_for_ever(direction):
-    waits = {row.state for row in TABLES[direction]} - {m.RELEASE, m.RETREAT}
+def test_no_state_lasts_for_ever(direction):
     timed = {row.state for row in TABLES[direction] if row.signal == "late"}
-    assert waits <= timed
+    assert timed == {row.state for row in TABLES[direction]}
+
+
+def test_who_cannot_go_back_stands_and_says_so():
+    states, machine = walk("receive", ["late"], m.RETREAT)
+    assert states == [m.DONE] and machine.events[0].failure
+    assert walk("receive", ["late_holding"], m.RETREAT)[0] == [m.KEPT]
+    assert walk("give", ["late"], m.RELEASE)[0] == [m.KEPT]
 
 
 @BOTH
