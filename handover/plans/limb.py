@@ -156,7 +156,9 @@ def agent_model(source: str) -> AgentModel:
             Part(name, tree.link_body[name], points, radius)
             for points, radius in _convex(solids)
         ]
-    return AgentModel(description, tree, tuple(parts), _neighbours(description))
+    return AgentModel(
+        description, tree, tuple(parts), frozenset(description.adjacent())
+    )
 
 
 def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:
@@ -209,20 +211,6 @@ def hull_points(points: np.ndarray) -> np.ndarray:
 def _moved(solid: Solid, points: np.ndarray) -> np.ndarray:
     T = solid.T_body_solid
     return points @ T[:3, :3].T + T[:3, 3]
-
-
-def _neighbours(description: Description) -> frozenset[frozenset[str]]:
-    """Return pairs of links joined by a joint, or through links without geometry."""
-    pairs = set()
-    for link in description.links.values():
-        joint = description.parent_joint(link.name)
-        while joint is not None:
-            pairs.add(frozenset((joint.parent, link.name)))
-            parent = description.links[joint.parent]
-            if parent.collisions or parent.visuals:
-                break
-            joint = description.parent_joint(parent.name)
-    return frozenset(pairs)
 
 
 @lru_cache(maxsize=16)

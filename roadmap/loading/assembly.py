@@ -98,7 +98,7 @@ def assemble(
         ),
         source=parts.source,
     )
-    return with_pairs(robot, _adjacent(description), parts.disabled)
+    return with_pairs(robot, description.adjacent(), parts.disabled)
 
 
 def _standing(
@@ -120,20 +120,6 @@ def _standing(
             "in travel"
         )
     return notes
-
-
-def _adjacent(description: Description) -> set[frozenset[str]]:
-    """Return pairs of links joined by a joint, or through links without geometry."""
-    pairs = set()
-    for link in description.links.values():
-        joint = description.parent_joint(link.name)
-        while joint is not None:
-            pairs.add(frozenset((joint.parent, link.name)))
-            parent = description.links[joint.parent]
-            if parent.collisions or parent.visuals:
-                break
-            joint = description.parent_joint(parent.name)
-    return pairs
 
 
 def _bare(description: Description, tree: BodyTree) -> list[str]:

@@ -89,6 +89,19 @@ class Description:
             joint = self.parent_joint(joint.parent)
         return joints[::-1]
 
+    def adjacent(self) -> set[frozenset[str]]:
+        """Return pairs of links joined by a joint, or by links without geometry."""
+        pairs = set()
+        for link in self.links.values():
+            joint = self.parent_joint(link.name)
+            while joint is not None:
+                pairs.add(frozenset((joint.parent, link.name)))
+                parent = self.links[joint.parent]
+                if parent.collisions or parent.visuals:
+                    break
+                joint = self.parent_joint(parent.name)
+        return pairs
+
 
 def read_description(
     path: str | os.PathLike, endless: Collection[str] = ()

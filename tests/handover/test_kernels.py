@@ -11,12 +11,12 @@ from numba.core.errors import NumbaError
 import handover
 import roadmap.jit_options as kernels
 from handover.reach._reach_mark import mark_positions
-from roadmap.kinematics import _chain, _inverse, _six
+from roadmap.kinematics import _chain, _inverse, _seven, _six
 
-SHARED = [Path(module.__file__) for module in (_chain, _inverse, _six)]
+SHARED = [Path(module.__file__) for module in (_chain, _inverse, _six, _seven)]
 FILES = SHARED + sorted(Path(handover.__file__).parent.rglob("_[!_]*.py"))
 
-SAY_ALL = {m.__name__ for m in (_chain, _inverse, _six, kernels)}
+SAY_ALL = {m.__name__ for m in (_chain, _inverse, _six, _seven, kernels)}
 
 
 def test_every_kernel_says_all_of_its_options():

@@ -129,7 +129,7 @@ def test_the_best_sample_of_a_cell_stays_whatever_the_split(arm, rng):
         if c >= 0 and v > best.get(c, (0, 0))[0]:
             best[c] = (v, 500 + i)
     for parts in (1, 3):
-        cells = handover.reach.reach_build._empty_cells(grid.n_cells, 7)
+        cells = handover.reach.reach_chunks.empty_cells(grid.n_cells, 7)
         for part in range(parts):
             kernels.keep_best(part, parts, 72, 500, where, value, cells)
         found = np.flatnonzero(cells.sample)
