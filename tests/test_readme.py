@@ -14,7 +14,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
-    build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "maps/built/demo")
+    build_map(tiny_recipe(tmp_path), threads=1).save(tmp_path / "maps/built/story")
     monkeypatch.chdir(tmp_path)
     names = {}
     for example in re.findall(r"```python\n(.*?)```", README, re.S):

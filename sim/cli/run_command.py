@@ -51,9 +51,15 @@ def demo(request: DemoRequest) -> None:
     table and hands it to a person who moves (or, with --direction receive, takes it
     from them and puts it down); see docs/story.md.
     """
-    if request.story == HANDOVER:
+    if request.story == HANDOVER and (request.map_dir or _brings_panda()):
         _hand_over(request)
         return
+    if request.story == HANDOVER:
+        print(
+            "pybullet, which brings the Panda and its fingers, is not installed: the "
+            "demo shows a robot at work instead of a hand-over; --map MAP names a map "
+            "of your own"
+        )
     from sim.run.demo import run_demo
     from sim.run.places import DEMO as SETTINGS
 
@@ -98,14 +104,21 @@ def _built(recipe: "Recipe", threads: int) -> Path:
     return folder
 
 
+def _brings_panda() -> bool:
+    """Return whether the package that brings the Panda is installed."""
+    from importlib import util
+
+    return util.find_spec("pybullet_data") is not None
+
+
 def demo_recipe() -> "Recipe":
     """Return the demo's recipe; with a plain arm where pybullet is absent."""
-    from importlib import resources, util
+    from importlib import resources
 
     from odm import load_recipe
 
     recipe = load_recipe(DEMO)
-    if util.find_spec("pybullet_data") is not None:
+    if _brings_panda():
         return recipe
     print(
         "pybullet, which brings the Panda, is not installed (wheels for Python 3.11 "

@@ -199,3 +199,18 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
     assert text.startswith("before\n") and text.endswith("\nafter\n")
     with pytest.raises(Exception, match="no section"):
         fill_section(page, "build", "| new |")
+
+
+def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
+    from sim.cli import run_command
+    from sim.run import demo
+
+    played = []
+    monkeypatch.setattr(run_command, "_brings_panda", lambda: False)
+    monkeypatch.setattr(run_command, "_built", lambda recipe, threads: recipe.name)
+    monkeypatch.setattr(
+        demo, "run_demo", lambda folder, *_, **__: played.append(folder)
+    )
+    code, out, _ = odm("demo", "handover")
+    assert code == 0 and played == ["demo_plain"]
+    assert "instead of a hand-over" in out
