@@ -47,8 +47,7 @@ class Attacher:
         costs: (g,) of the goals, or None.
         without_cells: Whether the start was attached by a few motions without cells.
         is_stale: Whether the hand has changed, so that goals must be attached anew.
-        start_waits: Whether the start lacks motions yet, or cells of straight ones; see
-            `finish_start`.
+        start_waits: Whether the start lacks motions yet; see `finish_start`.
     """
 
     def __init__(
@@ -256,39 +255,16 @@ class Attacher:
         return [goals.count.item(1), *goals.vertex[: goals.count.item(0)].tolist()]
 
     def finish_start(self) -> None:
-        """Give the start all its motions, and the cells of those that lack them."""
+        """Give the start all its motions."""
         self.tidy()
         while self.start_waits:
             self._more_at_start(self._for_starts)
 
     def _more_at_start(self, most: int) -> int:
-        """Sweep straight motions, then join the start by more, `most` in all."""
-        done = self._sweep_direct(most)
-        if done < most:
-            done += self._more_of_start(most - done)
+        """Join the start by more motions."""
+        done = self._more_of_start(most)
         self.start_waits = done == most
         return done
-
-    def _sweep_direct(self, most: int) -> int:
-        """Find the cells of up to `most` straight motions that have none."""
-        m, path = self.frame.memory, self.path
-        goals, start = m.goals, int(m.goals.count[1])
-        n = int(goals.count[0])
-        if self.without_cells or not self._is_direct_known():
-            return 0
-        rows = np.flatnonzero(goals.attached_ref[:n] == kinds.NO_ITEM)[:most]
-        if not len(rows):
-            return 0
-        dq = self.frame.difference(self.q_attached, goals.q[rows])
-        first = self.sweep(np.repeat(self.q_attached[None], len(rows), axis=0), dq)
-        if first < 0:
-            return 0
-        goals.attached_ref[rows] = first + np.arange(len(rows))
-        # the path in use may be one of them, taken before it had cells
-        if len(path) == 2 and path.vertex[0] == start and path.item[0] == kinds.NO_ITEM:
-            for row in rows[goals.vertex[rows] == path.vertex[1]]:
-                path.item[0] = goals.attached_ref[row]
-        return len(rows)
 
     def attach_more(self, most: int) -> int:
         """Join the start and the goals, best first, by more motions, `most` in all.
@@ -419,7 +395,7 @@ class Attacher:
         self._attach_direct()
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
-        """Certify the straight motions from the attached start to the goals, no cells.
+        """Sweep the straight motions from the attached start to the goals.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
@@ -442,8 +418,12 @@ class Attacher:
         dq = frame.difference(self.q_attached, m.goals.q[new])
         q = np.repeat(self.q_attached[None], len(new), axis=0)
         free = frame.static.motions_free(q, dq)
-        m.goals.attached_ref[new[free]] = kinds.NO_ITEM
-        self.start_waits = not self.without_cells
+        if self.without_cells:
+            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
+            return
+        first = self.sweep(q[free], dq[free])
+        if first >= 0:
+            m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 
     def _is_direct_known(self) -> bool:
         return bool(np.array_equal(self._direct_from, self.q_attached))

@@ -7,7 +7,6 @@ import odm
 from odm.planner.attaching import _GOAL_AT_ONCE, _START_AT_ONCE
 from odm.planner.settings import PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
-from odm.search._state import NO_ITEM
 
 PLAIN = PlannerSettings(search=0, history_s=0.0)
 
@@ -38,12 +37,12 @@ def test_few_motions_are_joined_at_once_and_all_between_frames(small_map):
     assert m.goals.number[0] <= _GOAL_AT_ONCE
     planner.step(NOBODY, q=HOME)
     assert m.start_connections.count[0] <= _START_AT_ONCE
-    assert m.goals.attached_ref[0] == NO_ITEM and planner.path.item[0] == NO_ITEM
+    # the straight motion has its cells at once: the toll on cells is what calms
+    assert m.goals.attached_ref[0] >= 0
+    assert planner.path.item[0] == m.goals.attached_ref[0]
     assert finish(planner) > 3
     assert m.goals.number[0] == planner.settings.goal_connections
     assert m.start_connections.count[0] == planner.settings.start_connections
-    assert m.goals.attached_ref[0] >= 0  # and the path in use has these cells
-    assert planner.path.item[0] == m.goals.attached_ref[0]
     for q, dq in motions(planner):
         assert planner.static.motion_free(q, dq)
     goals, n = m.goals, int(m.goals.number[0])

@@ -43,7 +43,7 @@ def test_a_candidate_that_is_free_is_taken_by_the_next_frame(small_map, seed):
 
 def test_where_it_is_blocked_the_frame_goes_on_as_before(small_map):
     # in most places what blocks the one blocks the other
-    assert sum(went_on(small_map, seed) for seed in (9, 10, 17, 30, 39, 40)) > 2
+    assert sum(went_on(small_map, seed) for seed in (0, 2, 3, 4, 5, 6)) > 2
 
 
 def went_on(small_map, seed):

@@ -89,7 +89,7 @@ def test_a_robot_farther_off_is_not_on_its_way(small_map, seed):
     on = np.vstack([np.linspace(a, b, 200) for a, b in legs])
     centers = np.array([sphere_centers(robot, q) for q in on])
     refused = 0
-    for _ in range(120):
+    for _ in range(200):
         off = rng.normal(size=robot.dof)
         q = on[rng.integers(len(on))] + 0.05 * off / np.linalg.norm(off)
         moved = np.linalg.norm(centers - sphere_centers(robot, q), axis=2).max(axis=1)

@@ -52,7 +52,6 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         points = odm.sample_capsules(draw_arm(rng), 0.03)
         planner.step(points, q=q)
         planner.attacher.attach_start(q)
-        planner.attacher.finish_start()
         planner.step(points, q=q)
         ref = int(planner.memory.goals.attached_ref[0])
         if ref < 0:
