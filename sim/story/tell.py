@@ -23,6 +23,7 @@ from sim.story.request import DemoRequest
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
 from sim.terminal.output import stdout_to_stderr
+from sim.terminal.progress import Bars
 
 FILM = "handover.gif"
 
@@ -53,7 +54,8 @@ def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict
             say(line_of(event))
         told = len(run.story.events)
 
-    play(StoryPlay(setup, run.case), 1.0)  # so that everything is compiled
+    with Bars("playing the hand-over"):
+        play(StoryPlay(setup, run.case), 1.0)  # so that everything is compiled
     result = play(run, request.seconds, hear)
     wrist.close()
     record = recorder.record()
@@ -63,7 +65,7 @@ def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict
     film = request.film or request.out / FILM
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map)
-    with world:
+    with world, Bars("writing the film"):
         film.parent.mkdir(parents=True, exist_ok=True)
         files.append(write_story_film(record, cell_map.robot, world, film))
     found = figures_of(result) | {
