@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import platform
+import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -103,6 +104,7 @@ class ChunkStore:
     def __init__(self, folder: Path) -> None:
         """Look at nothing yet."""
         self.folder, self.found = folder, 0
+        self._over, self._lock = False, threading.Lock()
 
     def get(self, name: str) -> Arrays | None:
         """Return a stored chunk; None where there is none, or a damaged one."""
@@ -123,10 +125,19 @@ class ChunkStore:
         """
         data = packed(arrays)
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            put_file(self.folder / name, hashlib.sha256(data).digest() + data)
+            with self._lock:
+                if self._over:
+                    return
+                self.folder.mkdir(parents=True, exist_ok=True)
+                put_file(self.folder / name, hashlib.sha256(data).digest() + data)
         except OSError as error:
             raise _unwritten(self.folder, error) from error
+
+    def discard(self) -> None:
+        """Remove what is stored, and store nothing more."""
+        with self._lock:
+            self._over = True
+        self.clear()
 
     def clear(self) -> None:
         """Remove what is stored; the map is there."""

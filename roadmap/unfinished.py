@@ -30,6 +30,16 @@ def beside(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def kept_unless_ended(path: Path) -> Iterator[None]:
+    """Let a folder be removed where the process is ended by hand; else it stays."""
+    _PATHS.add(path)
+    try:
+        yield
+    finally:
+        _PATHS.discard(path)
+
+
+@contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
     """Yield an empty folder, in `parent` or the system's place, removed at the end."""
     with beside(Path(parent or tempfile.gettempdir(), "odm")) as made:

@@ -38,6 +38,8 @@ def chunk_folder(target: Path, shared: Path | None = None) -> Path:
 def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
     """Yield who does the chunks; they are kept beside `target` until it is there.
 
+    Those of threads go, too, where somebody presses Ctrl-C.
+
     Args:
         target: What is built.
         threads: Of this process, where there is no cluster; 0: one per core.
@@ -49,6 +51,7 @@ def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
     """
     from roadmap.chunks import ChunkStore, Threads
     from roadmap.errors import BadInput
+    from roadmap.unfinished import kept_unless_ended
 
     if place.workers and place.scheduler:
         raise BadInput(
@@ -60,7 +63,12 @@ def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
         raise BadInput("--shared is for clusters; give --workers or --scheduler, too")
     store = ChunkStore(chunk_folder(target, place.shared))
     if not is_cluster:
-        yield Threads(threads, store)
+        with kept_unless_ended(store.folder):
+            try:
+                yield Threads(threads, store)
+            except KeyboardInterrupt:  # who ends it by hand wants nothing left
+                store.discard()
+                raise
     else:
         from roadmap.cluster import Cluster
 

@@ -2,9 +2,9 @@
 
 Each command runs in a process and a folder of its own, as from a terminal: SIGINT is
 not ignored. After the signal the process must end within 2 s with exit code 130 and
-leave nothing: no process of its group, nothing in its folder but a whole map or the
-finished chunks of one, no file in the system's temporary folder, no unfinished file in
-numba's cache. With a cold cache the compiler is at work for most of it.
+leave nothing: no process of its group, nothing in its folder but a whole map, no file
+in the system's temporary folder, no unfinished file in numba's cache. With a cold cache
+the compiler is at work for most of it.
 
 The moments count from the start of the process, but none lies before our first line:
 in the 20 to 50 ms until then Python itself starts, and Ctrl-C is told as a fatal error
@@ -23,7 +23,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from roadmap.chunks import ChunkStore
 from sim.tables.header import header
 from sim.tables.table import value_row
 from sim.terminal.interrupt import EXIT_CODE
@@ -206,17 +205,10 @@ def _left(
     with suppress(ProcessLookupError):
         os.killpg(process.pid, 0)
         left.append("a process")
-    files = [path for path in work.iterdir() if not is_whole(path)]
+    whole = [path for path in work.iterdir() if (path / "manifest.json").is_file()]
+    files = [path for path in work.iterdir() if path not in whole]
     files += [*temporary.iterdir(), *cache.rglob("*.tmp.*")]
     return left + [path.name for path in files]
-
-
-def is_whole(path: Path) -> bool:
-    """Return whether a path is a whole map, or whole chunks from which one goes on."""
-    if path.name.endswith(".chunks"):
-        store = ChunkStore(path)
-        return all(store.get(file.name) is not None for file in path.iterdir())
-    return (path / "manifest.json").is_file()
 
 
 def _rows(name: str, endings: list[Ending]) -> list[dict]:

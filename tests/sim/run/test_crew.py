@@ -19,18 +19,28 @@ def test_chunks_are_kept_until_the_target_is_there(tmp_path, capsys):
     target = tmp_path / "map"
     folder = chunk_folder(target)
     assert folder.parent == tmp_path and folder.name.startswith(".map")
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(MemoryError):
         with crew(target, 1, Place()) as workers:
             stream = workers.map(job("squares"), chunks())
             next(stream)
             stream.close()
-            raise KeyboardInterrupt
+            raise MemoryError
     kept = len(list(folder.iterdir()))
     assert kept
     with crew(target, 1, Place()) as workers:
         assert len(list(workers.map(job("squares"), chunks()))) == 10
     assert not folder.exists()
     assert f"went on from {kept} stored chunks" in capsys.readouterr().err
+
+
+def test_ctrl_c_leaves_no_chunks_even_of_threads_still_at_work(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        with crew(tmp_path / "map", 2, Place()) as workers:
+            stream = workers.map(job("squares", 0.02), chunks())
+            next(stream)
+            raise KeyboardInterrupt
+    stream.close()
+    assert not list(tmp_path.iterdir())
 
 
 def test_two_clusters_or_a_shared_folder_without_one_are_refused(tmp_path):
