@@ -34,6 +34,7 @@ ORDER = {
         "view",
         "run",
         "story",
+        "maintenance",
         "two",
         "keyboard",
         "cli",

@@ -48,6 +48,10 @@ class ExecutionSettings:
     Attributes:
         speed_scale: Share of the joints' speed limits the robot uses.
         retreat_scale: The same while it retreats.
+        yields: Whether a robot gets out of the way of who comes at it, as far as its
+            stop passes the braking test; else it stands and is come to.
+        yield_scale: Share of the joints' speed limits that it then uses: less makes it
+            be touched more often, `odm bench motions`.
         blend: Corners are rounded within this [m], but never within more than the
             map's blending share of m.
         commit_delay_s: A new path begins where the robot would stand if it began to
@@ -62,6 +66,8 @@ class ExecutionSettings:
 
     speed_scale: float = 0.5
     retreat_scale: float = 0.25
+    yields: bool = True
+    yield_scale: float = 1.0
     blend: float = 0.004
     commit_delay_s: float = 0.05
     min_retreat_separation: float = 0.022
@@ -76,6 +82,7 @@ class ExecutionSettings:
         ranges = {
             "speed_scale": (1e-6, 1.0, ""),
             "retreat_scale": (1e-6, 1.0, ""),
+            "yield_scale": (1e-6, 1.0, ""),
             "blend": (0.0, 1.0, "m"),
             "commit_delay_s": (0.0, 10.0, "s"),
             "min_retreat_separation": (0.0, np.inf, "m"),
@@ -134,6 +141,7 @@ class Executor:
         self._separation = SeparationWatch(planner)
         self._test = BrakingTest(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None))
+        looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
@@ -346,7 +354,7 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         commit = self.motion.commit(self.t, 0.0)
-        scale = self.settings.speed_scale
+        scale = self.settings.yield_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
         return path is not None and self._begin_evading(path, commit, threat)
 
@@ -358,7 +366,7 @@ class Executor:
         ):
             return False
         for share in _RETREATS:
-            scale = share * self.settings.speed_scale
+            scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
             if self._retreat_free(motion, 0.0, threat):
                 self._take(motion)

@@ -14,6 +14,7 @@ from sim.terminal.output import show_json, write_text
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
+    from handover import ReachMap
     from odm import CellMap
     from sim.record import Difference, RunRecord
 
@@ -174,6 +175,9 @@ def _repeat_story(
         )
     with Bars() as tell:
         reach = reach_map_of(cell_map.robot, request.reach, tell)
+    if "parts" in found.head:
+        _repeat_cycle(found, path, cell_map, reach)
+        return
     q, states = play_again(found, setup_of(cell_map, reach))
     if not same(found, q, states):
         was = found.arrays["q"]
@@ -186,6 +190,19 @@ def _repeat_story(
     told = found.head["outcome"]
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
     print(f"story_sha256 {told['story_sha256']}")
+
+
+def _repeat_cycle(
+    found: "RunRecord", path: Path, cell_map: "CellMap", reach: "ReachMap"
+) -> None:
+    """Do the same with each hand-over of a maintenance cycle."""
+    from sim.maintenance.cases import tools_of
+    from sim.maintenance.record import is_same_again
+
+    if not is_same_again(found, tools_of(cell_map, reach)):
+        print(f"odm: the replay of {path} differs", file=sys.stderr)
+        raise typer.Exit(1)
+    print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
 
 
 def _repeat(

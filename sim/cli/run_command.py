@@ -8,7 +8,7 @@ import typer
 
 from sim.run.folders import MAPS, check_map_folder
 from sim.run.request import RunRequest
-from sim.story.request import HANDOVER, DemoRequest
+from sim.story.request import MAINTENANCE, WORK, DemoRequest
 from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
 from sim.terminal.progress import Bars
@@ -49,12 +49,13 @@ def demo(request: DemoRequest) -> None:
 
     `odm demo handover` is the story of `make demo`: the robot takes a wrench from the
     table and hands it to a person who moves (or, with --direction receive, takes it
-    from them and puts it down); see docs/story.md.
+    from them and puts it down); `odm demo maintenance` gives three tools in turn to a
+    person on a ladder, and takes each back; see docs/story.md.
     """
-    if request.story == HANDOVER and (request.map_dir or _brings_panda()):
+    if request.story != WORK and (request.map_dir or _brings_panda()):
         _hand_over(request)
         return
-    if request.story == HANDOVER:
+    if request.story != WORK:
         print(
             "pybullet, which brings the Panda and its fingers, is not installed: the "
             "demo shows a robot at work instead of a hand-over; --map MAP names a map "
@@ -78,10 +79,15 @@ def _hand_over(request: DemoRequest) -> None:
     cell_map = load_map(folder)
     with Bars() as tell:
         reach = reach_map_of(cell_map.robot, request.reach, tell)
-    found = tell_story(request, cell_map, reach)
+    if request.story == MAINTENANCE:
+        from sim.maintenance.tell import tell_cycles
+
+        found = tell_cycles(request, cell_map, reach)
+    else:
+        found = tell_story(request, cell_map, reach)
     if request.json is not None:
         show_json(found, request.json)
-    if found["contacts"]:
+    if found["contacts"] or found.get("whole", 1) < request.cycles:
         raise typer.Exit(1)
 
 

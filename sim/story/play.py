@@ -357,7 +357,7 @@ def new_story(
         PhasePlanner(planner),
         setup.rest,
         1.0 / RATE,
-        ExecutionSettings(speed_scale=SPEED, min_retreat_separation=0.005),
+        ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005),
     )
     targets = setup.targets(planner, human)
     T_place = setup.T_place if fetch or not give else None

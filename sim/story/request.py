@@ -6,7 +6,8 @@ from pathlib import Path
 from sim.terminal.checks import FILM, PICTURES, SECONDS, Writes
 from sim.terminal.flags import Json, Seed, Threads, argument, flag
 
-WORK, HANDOVER = "work", "handover"
+WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
+FINGERLESS = "armar3"
 
 
 @dataclass(frozen=True)
@@ -15,8 +16,9 @@ class DemoRequest:
 
     story: str = argument(
         WORK,
-        "work: between two places beside an arm; handover: gives or takes a wrench.",
-        metavar="work|handover",
+        "work: between two places beside an arm; handover: gives or takes a wrench; "
+        "maintenance: three tools up to a person on a ladder, and back.",
+        metavar="work|handover|maintenance",
     )
     out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
     seconds: float = flag(30.0, "Simulated time in s.", limits=SECONDS)
@@ -47,6 +49,10 @@ class DemoRequest:
     film: Path | None = flag(
         None, "Write the hand-over as a film.", metavar="GIF", writes=FILM
     )
+    robot: str | None = flag(
+        None, "Whose fingers hold the tools (maintenance).", metavar="panda|armar3"
+    )
+    cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1)
     json: Json = None
 
     def __post_init__(self) -> None:
@@ -58,8 +64,16 @@ class DemoRequest:
             raise BadInput(trouble)
 
     def _trouble(self) -> str:
-        if self.story not in (WORK, HANDOVER):
-            return f"there is no demo {self.story!r}; choose {WORK} or {HANDOVER}"
+        if self.story not in (WORK, HANDOVER, MAINTENANCE):
+            return (
+                f"there is no demo {self.story!r}; choose {WORK}, {HANDOVER} or "
+                f"{MAINTENANCE}"
+            )
+        if self.story == MAINTENANCE:
+            return self._trouble_of_the_cycle()
+        if self.robot is not None or self.cycles != 1:
+            word = "cycles" if self.robot is None else "robot"
+            return f"--{word} goes with `odm demo maintenance`; leave it out"
         only = ("direction", "human", "file", "reach", "map_dir", "record", "film")
         if self.story == WORK:
             given = [n for n in only if getattr(self, n) is not None]
@@ -75,4 +89,20 @@ class DemoRequest:
             return "--human mocap and --file F go together; give both or neither"
         if self.human == "mocap" and self.direction == "receive":
             return "a recorded person takes, and cannot give: leave --direction out"
+        return ""
+
+    def _trouble_of_the_cycle(self) -> str:
+        for name in ("direction", "human", "file"):
+            if getattr(self, name) is not None:
+                return (
+                    f"--{name} goes with `odm demo handover`, a maintenance cycle "
+                    "gives and takes; leave it out"
+                )
+        if self.robot == FINGERLESS:
+            return (
+                f"--robot {FINGERLESS}: its model has a rigid hand and no fingers, so "
+                "it can hold no tool here; choose panda"
+            )
+        if self.robot not in (None, "panda"):
+            return f"--robot is {self.robot!r}: choose panda, or give --map MAP"
         return ""

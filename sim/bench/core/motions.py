@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from odm import ReactivePlanner, load_map
-from sim.loop.loop import LoopSettings, exact_audit, run_loop
+from sim.bench.evadable import Oracle, TouchWatch
+from sim.loop.loop import Loop, LoopSettings, exact_audit, run_frames
 from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
-from sim.people.human_motion import make_motion, motion_names
+from sim.people.human_motion import HumanMotion, make_motion, motion_names
 from sim.people.scenes import SCENES, before_work_places
 from sim.run.places import DEMO, find_places, person_of
 from sim.run.request import RunRequest
@@ -25,6 +26,7 @@ from sim.tables.header import header
 from sim.tables.table import value_row
 
 TRIPS = 60.0  # asked of the trips made without a person [%]
+EVADABLE = 15.0  # of the contacts with a robot that stood, at most [%]
 FAST = ("intrusion", "crowding")  # no trips are asked, and no contacts only if timed
 MINUTE = 60.0
 _LOOKS_HZ = 10.0
@@ -85,6 +87,8 @@ def run(
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]
         rows += _rows(name, own, alone["trips_per_minute"], execution, pushed)
+    if runs and all("evadable" in r for r in runs):
+        rows += _standing_rows(runs)
     setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
     setup["execution"] = execution
     if pushed:
@@ -115,7 +119,10 @@ def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
     if human is not None:
         human = before_work_places(human, planner.robot, places)
     pushes = PushSettings() if pushed else None
-    result = run_loop(planner, planner.robot, places, human, settings, pushed=pushes)
+    loop = Loop(planner, planner.robot, places, human, settings, pushed=pushes)
+    asks = human is not None and execution == "timed" and not pushed
+    watch = TouchWatch(loop) if asks else None
+    result = run_frames(loop, None if watch is None else watch.hear)
     name = {"motion": Path(motion).stem} if recorded else {}
     return {
         **result.summary(),
@@ -123,6 +130,19 @@ def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
         "trips_per_minute": result.trips * MINUTE / seconds,
         "moving_s": float(result.moving.sum()) / result.rate_hz,
         "occupied": _occupied(planner, places, result),
+        **({} if watch is None else _evadable(planner, human, watch)),
+    }
+
+
+def _evadable(
+    planner: ReactivePlanner, human: HumanMotion, watch: TouchWatch
+) -> dict[str, int]:
+    """Return how many touches of a robot that stood could have been evaded."""
+    watch.close()
+    oracle, touches = Oracle(planner, human), watch.touches
+    return {
+        "evadable": sum(oracle.evades(t, standing=True) is not None for t in touches),
+        "evadable_before": sum(oracle.evades(t) is not None for t in touches),
     }
 
 
@@ -176,6 +196,11 @@ def _rows(
         ),
         value_row(f"{name}: holding", held, "%"),
         value_row(
+            f"{name}: contacts while it stood",
+            float(sum(r["standing_contacts"] for r in runs)),
+            "",
+        ),
+        value_row(
             f"{name}: the place to go to is within m of the person",
             100.0 * sum(r["occupied"] for r in runs) / len(runs),
             "%",
@@ -188,6 +213,23 @@ def _rows(
             1, value_row(f"{name}: smallest separation while moving", gap, "cm")
         )
         rows.insert(2, value_row(f"{name}: speed at it", speed, "m/s"))
+    return rows
+
+
+def _standing_rows(runs: list[dict]) -> list[dict]:
+    """Return what came at a robot that stood, of all runs together."""
+    stood = sum(r["standing_contacts"] for r in runs)
+    minutes = sum(r["duration_s"] for r in runs) / MINUTE
+    rows = [
+        value_row("all: contacts while it stood", float(stood), ""),
+        value_row("all: the same, a minute", stood / minutes, ""),
+    ]
+    for name, what, asked in (
+        ("evadable", "from where it stood", {"most": EVADABLE}),
+        ("evadable_before", "by one who knew it before it stood", {}),
+    ):
+        share = 100.0 * sum(r[name] for r in runs) / stood if stood else 0.0
+        rows.append(value_row(f"all: of those evadable {what}", share, "%", **asked))
     return rows
 
 

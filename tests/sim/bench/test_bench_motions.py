@@ -55,6 +55,7 @@ def test_the_rows_say_what_the_runs_were():
     moment = {"separation_m": 0.04, "point_speed_m_s": 0.5}
     run = {
         "contacts": 1,
+        "standing_contacts": 3,
         "trips_per_minute": 20.0,
         "path_changes": 3,
         "moving_s": 30.0,
@@ -71,9 +72,22 @@ def test_the_rows_say_what_the_runs_were():
     trips = values["sweep: trips, of those with nobody"]
     assert trips["value"] == 50.0 and trips["met"] is False
     assert values["sweep: holding"]["value"] == 10.0
+    assert values["sweep: contacts while it stood"]["value"] == 6.0
     assert values["sweep: path changes a minute while moving"]["value"] == 6.0
     occupied = "sweep: the place to go to is within m of the person"
     assert values[occupied]["value"] == 25.0
+
+
+def test_what_could_have_been_evaded_is_a_share_of_the_contacts_at_rest():
+    run = {"standing_contacts": 4, "duration_s": 30.0}
+    run |= {"evadable": 1, "evadable_before": 4}
+    bare = run | dict.fromkeys(("standing_contacts", "evadable", "evadable_before"), 0)
+    values = {row["name"]: row for row in motions._standing_rows([run, bare])}
+    assert values["all: contacts while it stood"]["value"] == 4
+    assert values["all: the same, a minute"]["value"] == 4.0
+    one = values["all: of those evadable from where it stood"]
+    assert one["value"] == 25.0 and one["met"] is False
+    assert motions._standing_rows([bare])[2]["value"] == 0.0
 
 
 def test_a_place_counts_as_occupied_while_the_person_is_within_the_clearance(map_dir):

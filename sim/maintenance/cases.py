@@ -1,0 +1,167 @@
+"""Who stands on the ladder, and which tools stand on the table."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handover import Human, ReachMap
+from handover.meet.held_object import HeldObject, fist_grasps
+from odm import CellMap, ReactivePlanner
+from odm.obstacles.shapes import Box
+from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
+from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
+from sim.story.cases import HOLDER, StoryCase, StorySetup, in_reach, setup_of
+from sim.story.cases import story_wrench as whole_wrench
+from sim.story.distance import capsule_gap
+from sim.story.grasping import box_of
+from sim.story.partner import PartnerTraits
+
+SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
+PLACES_XY = ((0.38, -0.42), (0.20, -0.46), (0.53, -0.33))  # where they stand [m]
+# where the ladder stands, from the robot's base [m], and how far aside [deg]
+NEAR, FAR, ASIDE = 0.65, 0.85, 20.0
+HEIGHTS = 1.55, 1.90  # of the person [m]
+_DRAWS = 40  # cases that are drawn until one is in reach
+_APART = 0.05  # [m] a tool that is held out is so far from the arm at rest
+_TIP = 0.02  # [m] from the tool to the end of the jaw that the fingers hold
+_END = 0.11  # [m] from the middle of the wrench to that end
+
+
+@dataclass(frozen=True)
+class LadderCase(StoryCase):
+    """A hand-over to or from a person on the second step of a ladder."""
+
+    def body(self) -> Human:
+        """Return the person, arms at rest, who faces the robot; base frame."""
+        d, b = self.distance, self.bearing
+        body = Human(self.height, "ladder")
+        body = body.placed(d * np.cos(b), d * np.sin(b), b + np.pi)
+        T = body.T_world_pelvis.copy()
+        T[2, 3] -= BASE_HEIGHT
+        return body.moved(T).looking_at(LOOKED_AT)
+
+    @classmethod
+    def drawn_at(cls, seed: int, draw: int = 0) -> "LadderCase":
+        """Return a case of a seed; `draw` counts those that were not in reach."""
+        rng = np.random.default_rng([seed, draw, 19])
+        return cls(
+            "give",
+            seed,
+            float(rng.uniform(NEAR, FAR)),
+            float(np.radians(rng.uniform(-ASIDE, ASIDE))),
+            float(rng.uniform(*HEIGHTS)),
+            PartnerTraits.drawn(rng),
+        )
+
+    def of(self, direction: str) -> "LadderCase":
+        """Return the same with the other direction."""
+        return replace(self, direction=direction)
+
+
+@dataclass(frozen=True, eq=False)
+class ToolSetup(StorySetup):
+    """A setup in which other tools stand about.
+
+    Attributes:
+        others: The other tools, each with (4, 4) its place, base frame [m].
+    """
+
+    others: tuple[tuple[HeldObject, np.ndarray], ...] = ()
+
+    def planner(self) -> ReactivePlanner:
+        """Return a planner that knows all holders, and the tools in the others."""
+        planner = super().planner()
+        for k, (tool, T_place) in enumerate(self.others):
+            x, y = T_place[:2, 3]
+            T = pose_of((x, y, 0.5 * HOLDER[2] + 0.002), (0.0, 0.0, 0.0))
+            planner.scene.add(f"holder {k + 2}", Box(np.array(HOLDER), T))
+            box = box_of(tool)
+            standing = Box(box.size, T_place @ box.T_base_shape)
+            planner.scene.add(f"tool {k + 2}", standing)
+        return planner
+
+
+def wrench_of(size: float) -> HeldObject:
+    """Return a wrench of another size, held by the tip of its jaw."""
+    whole = whole_wrench()
+    T = np.array(whole.T_tool_object)
+    T[2, 3] = _TIP + _END * size
+    return HeldObject(
+        f"wrench of {25 * size:.0f} cm",
+        whole.capsules * np.r_[np.full(6, size), 1.0],
+        whole.mass_kg * size,
+        T,
+        fist_grasps([0.05 * size]),
+    )
+
+
+def upright(tool: HeldObject, xy: tuple[float, float]) -> np.ndarray:
+    """Return (4, 4) where a wrench stands upright in a holder, base frame [m]."""
+    low = float((tool.capsules[:, [0, 3]] + tool.capsules[:, 6:7]).max())
+    return pose_of((*xy, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
+
+
+def tools_of(cell_map: CellMap, reach: ReachMap) -> tuple[ToolSetup, ...]:
+    """Return the setup of each tool, in the order in which they are asked for.
+
+    Raises:
+        BadInput: The robot has no fingers.
+    """
+    shared = setup_of(cell_map, reach)
+    tools = [wrench_of(size) for size in SIZES]
+    standing = [(t, upright(t, xy)) for t, xy in zip(tools, PLACES_XY, strict=True)]
+    setups = []
+    for k, (tool, T_place) in enumerate(standing):
+        setups.append(
+            ToolSetup(
+                cell_map,
+                reach,
+                tool,
+                shared.index,
+                shared.rest,
+                shared.side,
+                shared.pads,
+                T_place,
+                tuple(standing[:k] + standing[k + 1 :]),
+            )
+        )
+    return tuple(setups)
+
+
+def case_in_reach(setups: tuple[ToolSetup, ...], seed: int) -> LadderCase:
+    """Return the first case of a seed in which both ways are in reach, for each tool.
+
+    By exact inverse kinematics, before the run; see `sim.story.cases.in_reach`. A tool
+    is held out where the person's own arm, at rest again, is not in it: the simulated
+    person would draw the arm through the tool in the robot's hand.
+
+    Raises:
+        BadInput: None of 40 draws is.
+    """
+    for draw in range(_DRAWS):
+        case = LadderCase.drawn_at(seed, draw)
+        if all(_goes_both_ways(setup, case) for setup in setups):
+            return case
+    raise BadInput(
+        f"none of {_DRAWS} places of the ladder is in reach of the robot for seed "
+        f"{seed}; give another seed, or a robot with a longer arm"
+    )
+
+
+def _goes_both_ways(setup: ToolSetup, case: LadderCase) -> bool:
+    """Whether a tool can be held out, be let go of, and be given."""
+    found = in_reach(setup, case.of("receive"))
+    if found is None:
+        return False
+    tool = placed(setup.obj, found.target.T_world_object)
+    at_rest = case.body().capsules()
+    if min(capsule_gap(a, b) for a in tool for b in at_rest) < _APART:
+        return False
+    return in_reach(setup, case.of("give")) is not None
+
+
+def placed(tool: HeldObject, T: np.ndarray) -> np.ndarray:
+    """Return a tool's capsules (k, 7) at a pose (4, 4) [m]."""
+    ends = [tool.capsules[:, k : k + 3] @ T[:3, :3].T + T[:3, 3] for k in (0, 3)]
+    return np.column_stack([*ends, tool.capsules[:, 6]])

@@ -1,0 +1,150 @@
+"""`odm demo maintenance`: plays cycles, tells what happened, writes it down."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from handover import ReachMap
+from odm import CellMap
+from sim.loop.run_result import percentiles
+from sim.maintenance.cases import ToolSetup, case_in_reach, tools_of
+from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
+from sim.maintenance.record import CycleRecorder
+from sim.record import write_record
+from sim.record.run_record import RunRecord
+from sim.run.demo import open_world
+from sim.story.cases import StorySetup
+from sim.story.film import write_story_film
+from sim.story.play import StoryMoment, StoryPlay
+from sim.story.request import DemoRequest
+from sim.story.tell import figures_of, line_of, wrist_of
+from sim.story.wrist import Wrist
+from sim.tables.header import header
+from sim.terminal.output import stdout_to_stderr
+from sim.terminal.progress import Bars
+
+FILM = "maintenance.gif"
+
+
+def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
+    """Play cycles, print what happened, and write what was asked for of the first.
+
+    Args:
+        request: What was asked for.
+        cell_map: The map, of a robot with fingers.
+        reach: Its reach map.
+
+    Returns:
+        Plain data: what came of each, times, figures, files.
+
+    Raises:
+        BadInput: The robot has no fingers, or no ladder is in its reach.
+    """
+    quiet = request.json == "-"
+    say: Callable[[str], None] = (lambda text: None) if quiet else print
+    setups = tools_of(cell_map, reach)
+    files: list[Path] = []
+    cycles = []
+    for seed in range(request.seed, request.seed + request.cycles):
+        recorder = CycleRecorder() if not cycles else None
+        result = _played(setups, seed, recorder, say)
+        say(summary_of(result))
+        if recorder is not None:
+            record = recorder.record()
+            files += _written(request, record, cell_map)
+            for file in files:
+                say(str(file))
+        cycles.append(figures_of_cycle(result))
+    whole = sum(cycle["whole"] for cycle in cycles)
+    say(f"{whole} of {len(cycles)} cycles whole")
+    return {
+        "cycles": cycles,
+        "whole": whole,
+        "contacts": sum(cycle["contacts"] for cycle in cycles),
+        "files": [str(file) for file in files],
+        "header": header(cell_map),
+    }
+
+
+def _played(
+    setups: tuple[ToolSetup, ...],
+    seed: int,
+    recorder: CycleRecorder | None,
+    say: Callable[[str], None],
+) -> CycleResult:
+    case = case_in_reach(setups, seed)
+    say(
+        f"seed {seed}: the ladder stands at {case.distance:.2f} m, "
+        f"{np.degrees(case.bearing):.0f} deg, the person is {case.height:.2f} m tall"
+    )
+    cycle = MaintenancePlay(setups, case, _wrist)
+    told = 0
+
+    def hear(run: StoryPlay, moment: StoryMoment) -> None:
+        nonlocal told
+        if run.index == 1:
+            told = 0
+            way = "gives" if run.case.direction == "give" else "takes back"
+            say(f"{cycle.now:7.2f} s  the robot {way} the {run.setup.obj.name}")
+        for event in run.story.events[told:]:
+            say("  " + line_of(event))
+        told = len(run.story.events)
+        if recorder is not None:
+            recorder.add(run, moment)
+
+    try:
+        with Bars("playing the cycle"):
+            return play_cycle(cycle, hear)
+    finally:
+        cycle.close()
+
+
+def _wrist(setup: StorySetup) -> Wrist:
+    return wrist_of(setup)[0]
+
+
+def _written(request: DemoRequest, record: RunRecord, cell_map: CellMap) -> list[Path]:
+    """Write the recording where it was asked for, and the film."""
+    files = []
+    if request.record is not None:
+        files.append(write_record(record, request.record))
+    film = request.film or request.out / FILM
+    with stdout_to_stderr():  # pybullet greets and warns on stdout
+        world, _ = open_world(cell_map)
+    with world, Bars("writing the film"):
+        film.parent.mkdir(parents=True, exist_ok=True)
+        files.append(write_story_film(record, cell_map.robot, world, film))
+    return files
+
+
+def summary_of(result: CycleResult) -> str:
+    """Return what came of a cycle in two lines."""
+    cpu = percentiles(np.concatenate([part.cpu_s for part in result.parts]))
+    times = ", ".join(f"{k} {1e3 * v:.2f}" for k, v in cpu.items())
+    closest = min(part.closest for part in result.parts)
+    objects = sum(part.object_contacts for part in result.parts)
+    return (
+        f"{'whole' if result.whole else result.reason} after {result.seconds:.1f} s; "
+        f"{result.contacts} frames of contact, {objects} of a tool with another part "
+        f"than the arm that takes, separation at least {100 * closest:.1f} cm\n"
+        f"a frame, CPU ms: {times}"
+    )
+
+
+def figures_of_cycle(result: CycleResult) -> dict:
+    """Return what came of a cycle as plain data."""
+    case = result.case
+    return {
+        "seed": case.seed,
+        "distance_m": case.distance,
+        "bearing_deg": float(np.degrees(case.bearing)),
+        "height_m": case.height,
+        "whole": result.whole,
+        "reason": result.reason,
+        "seconds": result.seconds,
+        "contacts": int(result.contacts),
+        "object_contacts": int(sum(part.object_contacts for part in result.parts)),
+        "closest_m": float(min(part.closest for part in result.parts)),
+        "hand_overs": [figures_of(part) for part in result.parts],
+    }

@@ -1,0 +1,188 @@
+"""A cycle of tools: who stands where, what follows what, and its recording."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import odm
+from handover import load_reach_map
+from handover.targets.node_index import NodeIndex
+from roadmap.errors import BadInput
+from sim.maintenance import play as cycle_play
+from sim.maintenance.cases import (
+    PLACES_XY,
+    SIZES,
+    LadderCase,
+    ToolSetup,
+    case_in_reach,
+    placed,
+    upright,
+    wrench_of,
+)
+from sim.maintenance.play import MaintenancePlay, play_cycle, trouble_of
+from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
+from sim.people.whole_person import BASE_HEIGHT
+from sim.record import read_record, write_record
+from sim.story.distance import capsule_gap
+from sim.story.partner import Partner
+from sim.story.play import StoryPlay, StoryResult
+from sim.story.request import DemoRequest
+
+
+@pytest.fixture(scope="module")
+def setups(meet_maps):
+    cell_map = odm.load_map(meet_maps[0])
+    index = NodeIndex(cell_map.robot, cell_map.roadmap.nodes)
+    rest = np.array(index.nodes[0])
+    shared = (index, rest, "right", ("flange",), None)
+    reach = load_reach_map(meet_maps[1])
+    return tuple(ToolSetup(cell_map, reach, wrench_of(s), *shared) for s in SIZES[:2])
+
+
+def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
+    case = LadderCase.drawn_at(3)
+    assert case == LadderCase.drawn_at(3) != LadderCase.drawn_at(3, 1)
+    rows = case.body().capsules()
+    feet = float((rows[:, [2, 5]] - rows[:, 6:7]).min()) + BASE_HEIGHT
+    assert 0.5 < feet < 0.6  # the step is at 0.56 m
+    tools = [wrench_of(size) for size in SIZES]
+    standing = [
+        placed(tool, upright(tool, xy))
+        for tool, xy in zip(tools, PLACES_XY, strict=True)
+    ]
+    for k, rows in enumerate(standing):
+        assert 0.0 < (rows[:, [2, 5]].min() - rows[:, 6].max()) < 0.02
+        for others in standing[:k]:
+            assert min(capsule_gap(a, b) for a in rows for b in others) > 0.10
+    for tool, size in zip(tools, SIZES, strict=True):
+        end = tool.T_tool_object[2, 3] - 0.11 * size
+        assert np.isclose(end, 0.02)  # the fingers hold the very tip
+
+
+def test_other_tools_are_scenery_and_one_s_own_is_not(setups):
+    tool = wrench_of(0.9)
+    T = upright(tool, PLACES_XY[1])
+    one = ToolSetup(
+        *(getattr(setups[0], name) for name in ("cell_map", "reach", "obj", "index")),
+        setups[0].rest,
+        pads=("flange",),
+        others=((tool, T),),
+    )
+    names = [name for name in one.planner().scene]
+    assert names == ["holder 2", "tool 2"]
+    assert [name for name in setups[0].planner().scene] == []
+
+
+class Run:
+    """Stands for a hand-over that ends after some frames."""
+
+    def __init__(self, setup, case, wrist=None, fetch=False):
+        self.setup, self.case, self.fetches, self.index = setup, case, fetch, 0
+        self.partner = SimpleNamespace(arm=np.zeros(7))
+        self.planner = SimpleNamespace(robot=setup.cell_map.robot)
+        placed = SimpleNamespace(signal="placed")
+        executor = SimpleNamespace(set_point=SimpleNamespace(q=np.array(setup.rest)))
+        self.story = SimpleNamespace(
+            ended=False, reason="it said why", events=[placed], executor=executor
+        )
+        self.result = StoryResult(case, True, handed_s=1.0)
+
+    def step(self):
+        self.index += 1
+        self.story.ended = self.index >= 5
+        return self.index
+
+
+@pytest.fixture
+def bare(monkeypatch):
+    monkeypatch.setattr(cycle_play, "StoryPlay", Run)
+    monkeypatch.setattr(cycle_play, "USES_S", 0.03)
+
+
+def test_each_tool_is_given_and_taken_back_in_turn(setups, bare):
+    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0))
+    result = play_cycle(cycle)
+    assert result.whole and not result.reason and result.contacts == 0
+    assert [run.setup for run in cycle.runs] == [setups[k] for k in (0, 0, 1, 1)]
+    ways = [run.case.direction for run in cycle.runs]
+    assert ways == ["give", "receive"] * 2
+    assert [run.fetches for run in cycle.runs] == [True, False] * 2
+    assert np.allclose(np.diff(cycle.begun), 0.07) and np.isclose(cycle.now, 0.28)
+
+
+@pytest.mark.parametrize("how", ["not handed", "elsewhere", "not placed", "for ever"])
+def test_what_goes_wrong_ends_the_cycle_with_a_reason(setups, bare, monkeypatch, how):
+    monkeypatch.setattr(cycle_play, "LIMIT_S", 0.2)
+    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0))
+    while cycle.run.case.direction == "give":
+        cycle.step()
+    story = cycle.run.story
+    if how == "not handed":
+        cycle.run.result.handed_s = None
+    elif how == "elsewhere":
+        story.executor.set_point.q += 0.1
+    elif how == "not placed":
+        story.events.clear()
+    else:
+        cycle.run.step = lambda: setattr(cycle.run, "index", cycle.run.index + 1)
+        story.ended = False
+    result = play_cycle(cycle)
+    told = "not over" if how == "for ever" else "it said why"
+    assert not result.whole and told in result.reason
+    assert "taking back the wrench of 25 cm" in result.reason
+    assert len(cycle.runs) == 2
+    if how != "for ever":
+        assert trouble_of(cycle.run) == "it said why"
+
+
+def test_a_ladder_out_of_reach_is_refused_before_the_run(setups, monkeypatch):
+    monkeypatch.setattr("sim.maintenance.cases.in_reach", lambda *_: None)
+    with pytest.raises(BadInput, match="longer arm"):
+        case_in_reach(setups, 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"robot": "armar3"}, "no fingers"),
+        ({"robot": "crane"}, "choose panda"),
+        ({"direction": "give"}, "--direction"),
+    ],
+)
+def test_a_cycle_that_cannot_be_is_refused_in_a_sentence(given, told):
+    with pytest.raises(BadInput, match=told):
+        DemoRequest("maintenance", **given)
+    with pytest.raises(BadInput, match="--cycles goes with"):
+        DemoRequest("handover", cycles=2)
+
+
+def test_a_recording_of_nothing_is_refused():
+    with pytest.raises(BadInput, match="nothing to record"):
+        CycleRecorder().record()
+
+
+def test_a_recorded_cycle_falls_apart_into_its_hand_overs(setups, tmp_path):
+    recorder, case = CycleRecorder(), LadderCase.drawn_at(0)
+    ways = ("give", "receive")
+    for way in ways:
+        gives = way == "receive"  # the person
+        partner = Partner(case.body(), "right", setups[0].obj, case.traits, gives)
+        run = StoryPlay(setups[0], case.of(way), partner=partner)
+        for _ in range(4):
+            recorder.add(run, run.step())
+    record = recorder.record()
+    assert record.frames == 8 and np.allclose(np.diff(record.arrays["time_s"]), 0.01)
+    parts = parts_of(record)
+    assert [part.frames for part in parts] == [4, 4]
+    assert tuple(part.head["story"]["direction"] for part in parts) == ways
+    states = record.head["story"]["states"]
+    for k, part in zip((0, 4), parts, strict=True):
+        mine = part.head["story"]["states"]
+        told = [mine[s] for s in part.arrays["story.state"]]
+        assert told == [states[s] for s in record.arrays["story.state"][k : k + 4]]
+        assert np.array_equal(part.arrays["q"], record.arrays["q"][k : k + 4])
+    file = write_record(record, tmp_path / "cycle.npz")
+    assert is_same_again(read_record(file), setups[:1])
+    record.head[PARTS][1]["outcome"]["story_sha256"] = "0" * 64
+    assert not is_same_again(record, setups[:1])
