@@ -354,7 +354,8 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         commit = self.motion.commit(self.t, 0.0)
-        scale = self.settings.yield_scale
+        # looked for at the usual speed: it has to get up speed, which is not reckoned with
+        scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
         return path is not None and self._begin_evading(path, commit, threat)
 

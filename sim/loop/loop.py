@@ -48,6 +48,7 @@ class LoopSettings:
             its beginning is soon behind the robot.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
+        yields: Whether a timed robot gets out of the way of who comes at it.
     """
 
     rate_hz: float = 100.0
@@ -59,6 +60,7 @@ class LoopSettings:
     keep_paths: int = 0
     improve: int = 4
     execution: str = "kinematic"
+    yields: bool = True
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
@@ -158,6 +160,7 @@ class Loop:
         shares = ExecutionSettings(
             s.speed_scale,
             s.retreat_scale,
+            s.yields,
             min_retreat_separation=s.min_retreat_separation,
             encoder_error=pushed.encoder if pushed else 0.0,
         )

@@ -81,6 +81,9 @@ class RunRequest:
     execution: str = flag(
         "kinematic", "How the robot moves.", metavar="kinematic|timed"
     )
+    no_yield: bool = flag(
+        False, "Do not get out of the way of who comes (timed).", "--no-yield"
+    )
     targets: str = flag(
         "places",
         "To and fro between work places, or to the best reachable hand-over "
@@ -145,6 +148,8 @@ class RunRequest:
             read_scene(self.scene)  # or it is refused
 
     def _of_the_person(self) -> str:
+        if self.no_yield and self.execution != "timed":
+            return "--no-yield goes with --execution timed; leave it out"
         """Return what is wrong with the motion's options, "" for nothing."""
         if self.motion == "mocap" and self.file is None:
             return "--motion mocap plays a recording; name it with --file F"

@@ -113,6 +113,7 @@ def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
         seed=request.seed,
         rate_hz=request.rate,
         execution=request.execution,
+        yields=not request.no_yield,
         keep_paths=0 if request.live else DEMO.keep_paths,
     )
 

@@ -5,7 +5,7 @@ import pytest
 from small import draw_valid
 
 import odm
-from odm.execution.executor import RETREATING, Executor
+from odm.execution.executor import RETREATING, ExecutionSettings, Executor
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.kinematics.forward import sphere_centers
 
@@ -17,12 +17,12 @@ WAITS = np.array([0.0, 0.8, 0.4])
 class Scene:
     """A robot that waits since its goal is taken, and a ball that comes at it."""
 
-    def __init__(self, small_map, looks=True):
+    def __init__(self, small_map, looks=True, scale=1.0):
         self.planner = odm.ReactivePlanner(small_map)
         self.planner.set_goals([WAITS])
-        self.executor = Executor(small_map.robot, self.planner, WAITS.copy(), PERIOD)
-        if not looks:
-            self.executor._lookout = None
+        settings = ExecutionSettings(yields=looks, yield_scale=scale)
+        robot = small_map.robot
+        self.executor = Executor(robot, self.planner, WAITS.copy(), PERIOD, settings)
         self.watcher = Watcher()
         self.gaps, self.states, self.speeds = [], [], []
 
@@ -67,6 +67,16 @@ def test_it_retreats_before_a_hand_that_comes_touches_it(small_map):
 
 def test_one_that_does_not_look_is_touched(small_map):
     assert len(Scene(small_map, looks=False).comes().touched())
+
+
+def test_one_that_yields_uses_the_speed_it_is_given_and_no_more(small_map):
+    fastest = {}
+    for scale in (0.2, 1.0):
+        scene = Scene(small_map, scale=scale).comes((0.0, 1.0, 0.0), speed=0.9)
+        assert RETREATING in scene.states
+        fastest[scale] = max(scene.speeds)
+        assert fastest[scale] <= scale * small_map.robot.max_velocity.max() + 1e-9
+    assert fastest[1.0] > 1.2 * fastest[0.2]
 
 
 @pytest.mark.parametrize("speed", [0.3, 0.5])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from handover import load_reach_map
+from handover import InteractionWorkspace, MeetSettings, load_reach_map
 from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
 from sim.maintenance import play as cycle_play
@@ -30,6 +30,14 @@ from sim.story.play import StoryPlay, StoryResult
 from sim.story.request import DemoRequest
 
 
+class Coarse(ToolSetup):
+    """One whose workspace is made at once."""
+
+    def meet(self, human):
+        grid = MeetSettings(cell=0.2, rotations=72)
+        return InteractionWorkspace(self.reach, human, self.obj, 4, grid)
+
+
 @pytest.fixture(scope="module")
 def setups(meet_maps):
     cell_map = odm.load_map(meet_maps[0])
@@ -37,7 +45,7 @@ def setups(meet_maps):
     rest = np.array(index.nodes[0])
     shared = (index, rest, "right", ("flange",), None)
     reach = load_reach_map(meet_maps[1])
-    return tuple(ToolSetup(cell_map, reach, wrench_of(s), *shared) for s in SIZES[:2])
+    return tuple(Coarse(cell_map, reach, wrench_of(s), *shared) for s in SIZES[:2])
 
 
 def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
@@ -182,7 +190,8 @@ def test_a_recorded_cycle_falls_apart_into_its_hand_overs(setups, tmp_path):
         told = [mine[s] for s in part.arrays["story.state"]]
         assert told == [states[s] for s in record.arrays["story.state"][k : k + 4]]
         assert np.array_equal(part.arrays["q"], record.arrays["q"][k : k + 4])
-    file = write_record(record, tmp_path / "cycle.npz")
-    assert is_same_again(read_record(file), setups[:1])
-    record.head[PARTS][1]["outcome"]["story_sha256"] = "0" * 64
-    assert not is_same_again(record, setups[:1])
+    again = read_record(write_record(record, tmp_path / "cycle.npz"))
+    again.head[PARTS].pop()  # one is enough to see whether it is the same
+    assert is_same_again(again, setups[:1])
+    again.head[PARTS][0]["outcome"]["story_sha256"] = "0" * 64
+    assert not is_same_again(again, setups[:1])
