@@ -354,7 +354,7 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         commit = self.motion.commit(self.t, 0.0)
-        # looked for at the usual speed: it has to get up speed, which is not reckoned with
+        # as if at the usual speed: that it takes time to get up speed is not reckoned
         scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
         return path is not None and self._begin_evading(path, commit, threat)

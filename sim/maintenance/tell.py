@@ -1,12 +1,15 @@
 """`odm demo maintenance`: plays cycles, tells what happened, writes it down."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from handover import ReachMap
 from odm import CellMap
+from sim.draw.film import FilmSettings
+from sim.draw.viewpoint import Camera
 from sim.loop.run_result import percentiles
 from sim.maintenance.cases import ToolSetup, case_in_reach, tools_of
 from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
@@ -25,6 +28,21 @@ from sim.terminal.output import stdout_to_stderr
 from sim.terminal.progress import Bars
 
 FILM = "maintenance.gif"
+
+
+@dataclass(frozen=True)
+class LadderFilm(FilmSettings):
+    """A film from so far away that a person on a ladder is on it."""
+
+    width: int = 560
+    height: int = 480
+    fps: float = 8.0
+    fov_deg: float = 44.0
+
+    def camera(self) -> Camera:
+        """Return the camera, farther off and looking higher."""
+        near = super().camera()
+        return replace(near, eye=(1.1, -2.6, 1.35), target=(0.45, 0.0, 0.55))
 
 
 def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
@@ -109,12 +127,12 @@ def _written(request: DemoRequest, record: RunRecord, cell_map: CellMap) -> list
     files = []
     if request.record is not None:
         files.append(write_record(record, request.record))
-    film = request.film or request.out / FILM
+    film, robot = request.film or request.out / FILM, cell_map.robot
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map)
     with world, Bars("writing the film"):
         film.parent.mkdir(parents=True, exist_ok=True)
-        files.append(write_story_film(record, cell_map.robot, world, film))
+        files.append(write_story_film(record, robot, world, film, LadderFilm()))
     return files
 
 

@@ -36,6 +36,7 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (RUN + ("--file", "clip.bvh"), "--file", "--motion mocap"),
     (RUN + ("--carry", "10"), "--carry is 10", "0.06"),
     (RUN + ("--carry", "-0.1"), "--carry is -0.1", "above 0"),
+    (RUN + ("--no-yield",), "--no-yield", "timed"),
     (RUN + ("--scene", "cell.stl"), "cell.stl is no scene", ".scene"),
     (RUN + ("--scene", "none.scene"), "none.scene", "path"),
     (RUN + ("--base-height", "75"), "--base-height is 75", "5 m"),
