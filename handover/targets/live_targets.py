@@ -131,7 +131,11 @@ class LiveTargets:
         return tuple(self._targets.values())
 
     def look(self, human: Human, q: np.ndarray) -> None:
-        """Rank the targets of a person and set the planner's goals, if they change."""
+        """Rank the targets of a person and set the planner's goals, if they change.
+
+        Goals are the same if their configurations are; their order ranks them, and
+        they have no costs.
+        """
         if self.rest is None:
             robot = self.planner.robot
             lower = np.where(robot.continuous, -np.inf, robot.lower)

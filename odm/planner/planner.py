@@ -263,7 +263,11 @@ class ReactivePlanner:
         Args:
             goals: (g, dof) valid configurations, g <= 32; not only roadmap nodes.
             costs: (g,) Where given, the goal with the least path length plus cost
-                wins; otherwise the first reachable one in rank order.
+                wins, both in weighted joint space (`Roadmap.weights`); otherwise the
+                first reachable one in rank order. They count in a search: a path in
+                use that stays free is kept while its goal is one of these, whatever
+                that costs now, unless `improve` finds a better one; it looks for one
+                where the path makes a detour.
             poses: (4, 4) poses of the tool, base frame [m] (the world's after
                 `set_base`), instead of goals: their inverse kinematics, those free in
                 the last frame first, then the nearest to the robot.

@@ -163,7 +163,11 @@ def motion_names() -> tuple[str, ...]:
 
 
 def register_motion(name: str, source: MotionSource) -> None:
-    """Make a further source of motion known by name: source(person, rng) -> motion."""
+    """Make a further source of motion known by name: source(person, rng) -> motion.
+
+    `make_motion` knows it then, in this process; what the commands take is told in
+    `sim/run/request.py`.
+    """
     _SOURCES[name] = source
 
 

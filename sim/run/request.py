@@ -39,6 +39,7 @@ class RunRequest:
         "sweep",
         "The person: scripted, recorded (--file) or moved by your keys; "
         "hold, backoff and escape are scenes in which the robot has to.",
+        # the names that are taken, too: see sim/people/human_motion.py
         metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
         "|escape|mocap|keyboard",
     )

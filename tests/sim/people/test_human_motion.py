@@ -1,6 +1,7 @@
 """Scripted motions: seeded, blind, smooth, endless and never too fast."""
 
 import inspect
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from sim.people import arm_path, human_motion
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person
 from sim.people.human_motion import TREMBLE, make_motion, motion_names, register_motion
+from sim.run.request import RunRequest
 
+# rounds of legs of one arm; of another motion, test the speed beside crowding's
 SCRIPTED = ("sweep", "reach", "jitter", "hover", "intrusion")
 
 
@@ -27,8 +30,14 @@ def ends(capsules):
     return np.concatenate([capsules[:, :, :3], capsules[:, :, 3:6]], axis=1)
 
 
-def test_the_five_scripts_are_known_by_name():
-    assert motion_names()[:5] == SCRIPTED
+def test_the_scripts_are_known_by_name():
+    assert set(SCRIPTED) <= set(motion_names())
+
+
+def test_every_motion_can_be_asked_of_a_run():
+    option = next(f for f in fields(RunRequest) if f.name == "motion")
+    taken = option.metadata["option"].metavar.split("|")
+    assert set(motion_names()) <= set(taken), "add it in sim/run/request.py"
 
 
 @pytest.mark.parametrize("name", SCRIPTED)
