@@ -22,7 +22,7 @@ from roadmap.kinematics._seven import solve_all
 class Space(NamedTuple):
     """What moves, what stands, and which pairs must stay apart.
 
-    The groups of the arm come first, then the object, then what stands.
+    Bodies and groups of the arm come first, then the object, then what stands.
     """
 
     tree_i: np.ndarray  # (n_bodies, 3) bodies, as in `Robot`
@@ -84,13 +84,16 @@ def put_balls(space, first, end, scratch):
 @njit(**FULL)
 def place(space, q, scratch):
     """Write where all is that moves, at joints q; what stands, if that is stale."""
-    body_frames(space.tree_i, space.tree_f, q, scratch.frames)
     if scratch.stale[0]:
+        body_frames(space.tree_i, space.tree_f, q, scratch.frames)
         put_balls(space, space.thing + 1, space.group_body.shape[0], scratch)
         for i in range(scratch.axes.shape[0]):  # no answer depends on the last one
             for k in range(3):
                 scratch.axes[i, k] = 0.0
         scratch.stale[0] = False
+    else:
+        n = space.group_body[space.thing] + 1
+        body_frames(space.tree_i[:n], space.tree_f[:n], q, scratch.frames)
     put_balls(space, np.int64(0), space.thing + 1, scratch)
     for g in range(space.thing + 1):
         scratch.arms[g, 0] = -1.0

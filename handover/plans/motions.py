@@ -333,12 +333,13 @@ class MotionPlanner:
         """Return (opening hand, where the line begins, line) of the giver."""
         giver, grasps, paths = self.pair.giver, self.pair.of_giver, self.giver
         g = chosen.grasp_giver
+        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
+        self._put_giver_to_leave(chosen, q_receiver)  # the line fails most often
+        pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
         self._put_giver_to_leave(chosen, q_receiver)
         giver.let_touch()
-        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
         opening = _closing(giver.limb, q_open, q)[::-1]
         paths.prove(opening, "opening the giver's hand")
-        pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
         return opening, pre, line
 
     def _offered(self, chosen: Tuple, q_giver: np.ndarray) -> None:

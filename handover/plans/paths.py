@@ -70,6 +70,8 @@ class Paths:
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
         self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
+        self._chain = mover.limb.chain.arrays
+        self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
@@ -254,14 +256,13 @@ class Paths:
         self, q: np.ndarray, direction: np.ndarray, distance: float
     ) -> np.ndarray:
         """Follow a straight line of the palm from q, as far as the arm can."""
-        mover, arrays = self.mover, self.mover.limb.chain.arrays
-        steps = self._steps(distance)
+        mover, steps = self.mover, self._steps(distance)
         corners = np.tile(np.asarray(q, float), (steps + 1, 1))
         step = mover.T_mount[:3, :3].T @ direction * (distance / steps)
-        target, trial = mover.target(mover.palm(q)), np.zeros(mover.limb.n_arm)
         last = follow(
-            arrays, target, step, steps, _GOAL, descent_of(arrays), trial, corners
-        )
+            self._chain, mover.target(mover.palm(q)), step, steps, _GOAL,
+            self._descent, self._trial, corners,
+        )  # fmt: skip
         return corners[: last + 1]
 
 

@@ -175,6 +175,7 @@ class _Tried:
         self._put_off: list[tuple[int, Tuple]] = []
         self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
         self._grasp = -1
+        self._refused: set[int] = set()  # of tuples that are kept in the report
         self.seconds = 0.0
 
     def once(self, chosen: Tuple, clock: _Clock) -> tuple | None:
@@ -211,7 +212,8 @@ class _Tried:
             except Blocked as blocked:
                 self.report.failed.append(f"tuple {number}: {blocked}")
                 self.planner.tell_hopeless(chosen, self.report)
-                if all(chosen is not other for other in self.report.refused):
+                if id(chosen) not in self._refused:
+                    self._refused.add(id(chosen))
                     self.report.refused.append(chosen)
                 if not (blocked.searched or blocked.more):
                     continue
