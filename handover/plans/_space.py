@@ -114,21 +114,23 @@ def pair_apart(space, p, need, scratch):
     ra, rb = space.group_ball[ga, 3], space.group_ball[gb, 3]
     if beyond(gat[ga], gat[gb], need + ra + rb):
         return need, 1e300
-    lower, upper, row = need, 1e300, space.axis_row[p]
+    lower, upper, row, wide = need, 1e300, space.axis_row[p], need
     a0, a1 = space.group_span[ga, 0], space.group_span[ga, 1]
     for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
         row += a1 - a0
-        if beyond(gat[ga], at[j], need + ra + ball[j, 3]):
+        if beyond(gat[ga], at[j], wide + ra + ball[j, 3]):
             continue
         for i in range(a0, a1):
-            if beyond(at[i], at[j], need + ball[i, 3] + ball[j, 3]):
+            if beyond(at[i], at[j], wide + ball[i, 3] + ball[j, 3]):
                 continue
             # farther than their middles they cannot be: are they apart at all?
-            ask = need if beyond(at[i], at[j], need) else space.margin[p]
+            ask = wide if beyond(at[i], at[j], wide) else space.margin[p]
             low, up = parts_apart(space, i, j, ask, scratch, row - a1 + i)
             lower, upper = min(lower, low), min(upper, up)
             if upper < space.margin[p]:
                 return lower, upper
+            if low < need:  # it is not proved; does the rest touch?
+                wide = space.margin[p]
     return lower, upper
 
 
