@@ -212,6 +212,17 @@ class Mover:
         space.margin[rows.hand] = _OFF
         self._moved()
 
+    def object_blocked(self, T_world_object: np.ndarray) -> str | None:
+        """Return what the object would touch of all that stands, held by no hand."""
+        self.put_object(T_world_object)
+        self.space.margin[:] = _OFF
+        own = np.setdiff1d(self._rows.still, self._rows.touching)
+        self.space.margin[own] = MARGIN
+        q = np.clip(np.zeros(self.limb.dof), self.limb.lower, self.limb.upper)
+        trouble = self.why(q)[1]
+        self.put_object(T_world_object)
+        return trouble
+
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
         self.space.margin[self._rows.touching] = _OFF

@@ -277,6 +277,10 @@ class _Search:
                 trouble = self._start_blocked(pair)
                 if trouble:
                     return self._failed(trouble)
+                trouble = self._goal_blocked(pair)
+                if trouble:
+                    self._keep(0, trouble)
+                    continue
                 plan = self._with(pair, motions)
                 if plan is not None:
                     return plan
@@ -350,6 +354,19 @@ class _Search:
                     f"where it waits, {trouble}; give it another posture or place"
                 )
         return ""
+
+    def _goal_blocked(self, pair: Pair) -> str:
+        """Say what the object would touch at the goal, whoever's hand holds it."""
+        thing, receiver = self.scene.obj.name, self.scene.receiver.agent.name
+        trouble = pair.receiver.object_blocked(self.scene.T_world_goal)
+        if trouble is None:
+            return ""
+        trouble = trouble.replace("object", f"the {thing}", 1)
+        trouble = trouble.replace("own ", f"{receiver}'s ", 1)
+        return (
+            f"the goal ended the plan: there {trouble}, however it is held; move the "
+            "goal away from that"
+        )
 
     # --- tuples and motions -----------------------------------------------------------
 
@@ -425,6 +442,10 @@ class _Search:
                 f"looked at, the receiver can take {taken} of them, and the giver "
             )
             reason += "none of those; bring the agents nearer to each other"
+        self._keep(far, reason)
+
+    def _keep(self, far: int, reason: str) -> None:
+        """Keep why an attempt failed if none came farther."""
         if far > self.best_failure:
             self.best_failure, self.reason = far, reason
 
