@@ -25,6 +25,7 @@ import json
 import sys
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import fcl
@@ -655,13 +656,24 @@ class _Placed:
 
     def turned(self, a: int, b: int | None = None) -> np.ndarray:
         """Return how far joints turn between moments that move a (or a to b)."""
-        dq, found = np.abs(np.diff(self.q, axis=0)), np.empty(len(self.q) - 1)
-        for k in np.unique(self.hold):
+        found = np.empty(len(self.q) - 1)
+        for k, rows in self._turns:
             one = self._chain(a, k)
             other = np.zeros_like(one) if b is None else self._chain(b, k)
-            rows = self.hold[:-1] == k
-            found[rows] = dq[rows] @ (self.world.weight * (one != other))
+            weight = self.world.weight * (one != other)
+            found[rows] = self._dq[rows] @ weight
         return found
+
+    @cached_property
+    def _dq(self) -> np.ndarray:
+        return np.abs(np.diff(self.q, axis=0))
+
+    @cached_property
+    def _turns(self) -> list:
+        """Return (hold, steps during it)."""
+        ends = np.flatnonzero(np.diff(self.hold[:-1])) + 1
+        parts = np.r_[0, ends], np.r_[ends, len(self.hold) - 1]
+        return [(self.hold[a], slice(a, b)) for a, b in zip(*parts, strict=True)]
 
     def _chain(self, s: int, hold: int) -> np.ndarray:
         of_object = self.world.whose[s] == "object"
