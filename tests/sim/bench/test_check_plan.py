@@ -191,6 +191,25 @@ def test_no_bound_hides_what_python_fcl_tells_at_all_moments(plan, rng):
     assert checked >= 2
 
 
+def test_the_gap_of_two_boxes_is_never_too_large(plan, rng):
+    plan["scenery"] = [
+        {"name": f"post {k}", "type": "box", "size": rng.uniform(0.01, 0.4, 3).tolist(),
+         "pose": at()}
+        for k in range(2)
+    ]  # fmt: skip
+    world = check._World(plan)
+    tests, apart = check._Tests(world), 0
+    a, b = (k for k, who in enumerate(world.whose) if who == "scenery")
+    for _ in range(100):
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        R *= np.sign(np.linalg.det(R))
+        p = rng.uniform(-0.4, 0.4, 3)
+        gap = world.gap(a, b, R[None], p[None])[0]
+        assert gap <= tests.distance(("scenery", "scenery"), a, b, R, p, 0.0) + 1e-6
+        apart += gap > 0.0
+    assert apart > 30
+
+
 def test_its_links_stand_where_ours_do(rng):
     import handover
     from handover.scenes.body import agent_body
