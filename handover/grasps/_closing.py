@@ -10,6 +10,7 @@ from odm.audit import _exact as exact
 from roadmap.jit_options import BARE, FULL
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
+_TIE = 1e-9  # [m] more than rounding: what may be as near is looked at
 _STEPS = 400  # of a closing joint; each is at least half the tolerance
 
 
@@ -107,35 +108,82 @@ def box_gap(box, frame, ball):
 
 
 @njit(**FULL)
+def least_along(set_, i, frame, v, out):
+    """Write the unit vector (3,) along v; return the least place of solid i along it.
+
+    -inf where v is 0.
+    """
+    size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if size < 1e-9:
+        out[0], out[1], out[2] = 0.0, 0.0, 0.0
+        return -np.inf
+    least = np.empty(3)
+    x, y, z = v[0] / size, v[1] / size, v[2] / size
+    exact.support(set_, i, frame, -x, -y, -z, least)
+    out[0], out[1], out[2] = x, y, z
+    return least[0] * x + least[1] * y + least[2] * z - set_.margin[i]
+
+
+@njit(**BARE)
+def most_along(set_, j, u):
+    """Return the farthest place along u (3,) of a core of points on its own frame."""
+    most = -np.inf
+    for k in range(set_.ptr[j], set_.ptr[j + 1]):
+        p = set_.points[k]
+        most = max(most, p[0] * u[0] + p[1] * u[1] + p[2] * u[2])
+    return most
+
+
+@njit(**FULL)
 def clearance(hand, state, use, mesh, cap, found):
     """Return the distance of the solids chosen by `use` (m,) from the mesh's surface.
 
     A lower bound, exact to 1e-10; at most `cap` [m]. `found` (2,) holds solid and
     triangle that were the nearest before, or -1; it gets those that are now, -1 where
-    nothing is nearer than `cap`.
+    nothing is nearer than `cap`. The direction in which a solid was apart from the last
+    triangle shows at once that it is as far from most others.
     """
     best = cap
-    still = np.zeros(12)
+    still, v, u = np.zeros(12), np.empty(3), np.zeros(3)
+    gaps = np.empty(mesh.ball.shape[0])
     still[0], still[4], still[8] = 1.0, 1.0, 1.0
     a, b = hand.solids, mesh.faces
-    i, j = found[0], found[1]
+    first, j = found[0], found[1]
     found[0], found[1] = -1, -1
-    if i >= 0 and use[i]:
-        low, _ = exact.core_distance(a, i, state.frames[i], b, j, still, np.inf)
-        if low - a.margin[i] < best:
-            best = low - a.margin[i]
-            found[0], found[1] = i, j
+    if first >= 0 and use[first]:
+        f = state.frames[first]
+        low, _ = exact.core_between(a, first, f, b, j, still, np.inf, v)
+        if low - a.margin[first] < best:
+            best = low - a.margin[first]
+            found[0], found[1] = first, j
+    way = v.copy()
     for i in range(use.shape[0]):
         if not use[i]:
             continue
-        f, box = state.frames[i], hand.bounds[i]
-        for c in range(mesh.ball.shape[0]):
-            if box_gap(box, f, mesh.ball[c]) >= best:
+        f, box, least = state.frames[i], hand.bounds[i], -np.inf
+        u[:] = 0.0
+        if i == first:
+            least = least_along(a, i, f, way, u)
+        nearest = 0
+        for c in range(gaps.shape[0]):
+            gaps[c] = box_gap(box, f, mesh.ball[c])
+            if gaps[c] < gaps[nearest]:
+                nearest = c
+        for k in range(-1, gaps.shape[0]):
+            c = nearest if k < 0 else k
+            if gaps[c] >= best or k == nearest:
+                continue
+            ball = mesh.ball[c]
+            place = ball[0] * u[0] + ball[1] * u[1] + ball[2] * u[2] + ball[3]
+            if least - place >= best + _TIE:
                 continue
             for j in range(mesh.first[c], mesh.first[c + 1]):
+                if least - most_along(b, j, u) >= best + _TIE:
+                    continue
                 if box_gap(box, f, b.ball[j]) >= best:
                     continue
-                low, _ = exact.core_distance(a, i, f, b, j, still, best + a.margin[i])
+                low, _ = exact.core_between(a, i, f, b, j, still, best + a.margin[i], v)
+                least = least_along(a, i, f, v, u)
                 if low - a.margin[i] < best:
                     best = low - a.margin[i]
                     found[0], found[1] = i, j
@@ -180,9 +228,23 @@ def touching(hand, state, points, within, link, gap):
     still = np.zeros(12)
     still[0], still[4], still[8] = 1.0, 1.0, 1.0
     a = hand.solids
+    middles = np.empty((a.kind.shape[0], 3))
+    for i in range(a.kind.shape[0]):
+        f, ball = state.frames[i], a.ball[i]
+        for r in range(3):
+            turned = (
+                f[3 * r] * ball[0] + f[3 * r + 1] * ball[1] + f[3 * r + 2] * ball[2]
+            )
+            middles[i, r] = turned + f[9 + r]
     for k in range(points.kind.shape[0]):
         link[k], gap[k] = -1, within
+        point = points.ball[k]
         for i in range(a.kind.shape[0]):
+            far = a.ball[i, 3] + gap[k] + _TIE
+            x, y = point[0] - middles[i, 0], point[1] - middles[i, 1]
+            z = point[2] - middles[i, 2]
+            if x * x + y * y + z * z > far * far:
+                continue
             f = state.frames[i]
             if box_gap(hand.bounds[i], f, points.ball[k]) >= gap[k]:
                 continue

@@ -108,9 +108,11 @@ def arm_touches(space, arm, joints, shut, wide, scratch):
 
 @njit(**BARE)
 def rate(arm, listed, i):
-    """Work out the dexterity of all joints that reach grasp i, and the best one."""
+    """Work out the dexterity of the joints that may take grasp i, and the best one."""
     best = 0.0
     for s in range(listed.first[i], listed.first[i + 1]):
+        if listed.value[s] == -2.0:
+            continue
         forward(arm.chain, listed.q[s], arm.frames)
         jacobian(arm.chain, arm.frames, arm.jac)
         value = dexterity(arm.chain, listed.q[s], arm.jac, arm.weighted, arm.gram)
@@ -160,7 +162,8 @@ def end(arm, listed, i, n, rated):
     if n == 0:
         listed.verdict[i], listed.rank[i] = OUT_OF_REACH, -1.0
         return
-    listed.value[at] = -1.0
+    for s in range(at, at + n):
+        listed.value[s] = -1.0
     if rated:
         rate(arm, listed, i)
 
@@ -176,6 +179,22 @@ def test_hand(space, arm, listed, i, scratch):
 
 
 @njit(**BARE)
+def is_open(space, arm, listed, i, scratch):
+    """Say whether any joints reach grasp i and are free; if so, rate those that may.
+
+    Where none are, which is often, no dexterity is worked out.
+    """
+    shut, wide = listed.shut[i], listed.wide[i]
+    for s in range(listed.first[i], listed.first[i + 1]):
+        if not arm_touches(space, arm, listed.q[s], shut, wide, scratch):
+            rate(arm, listed, i)
+            return True
+        listed.value[s] = -2.0
+    listed.verdict[i], listed.rank[i] = ARM_TOUCHES, -1.0
+    return False
+
+
+@njit(**BARE)
 def settle(space, arm, listed, i, scratch):
     """Find out whether grasp i is free, and its most dexterous free joints."""
     if not listed.handed[i]:
@@ -183,8 +202,8 @@ def settle(space, arm, listed, i, scratch):
         if listed.verdict[i] != UNKNOWN:
             return
     begin, end = listed.first[i], listed.first[i + 1]
-    if listed.value[begin] == -1.0:
-        rate(arm, listed, i)
+    if listed.rank[i] == 1e300 and not is_open(space, arm, listed, i, scratch):
+        return
     for _ in range(begin, end):
         best = begin
         for s in range(begin, end):
@@ -227,6 +246,9 @@ def next_free(space, arm, listed, told, scratch):
         if listed.verdict[best] == FREE:
             told[best] = True
             return best
+        if listed.rank[best] == 1e300 and listed.handed[best]:
+            is_open(space, arm, listed, best, scratch)
+            continue
         settle(space, arm, listed, best, scratch)
 
 

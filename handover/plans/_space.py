@@ -22,7 +22,7 @@ from roadmap.kinematics._seven import solve_all
 class Space(NamedTuple):
     """What moves, what stands, and which pairs must stay apart.
 
-    The groups of the arm come first, then the object, then what stands.
+    Bodies and groups of the arm come first, then the object, then what stands.
     """
 
     tree_i: np.ndarray  # (n_bodies, 3) bodies, as in `Robot`
@@ -84,13 +84,16 @@ def put_balls(space, first, end, scratch):
 @njit(**FULL)
 def place(space, q, scratch):
     """Write where all is that moves, at joints q; what stands, if that is stale."""
-    body_frames(space.tree_i, space.tree_f, q, scratch.frames)
     if scratch.stale[0]:
+        body_frames(space.tree_i, space.tree_f, q, scratch.frames)
         put_balls(space, space.thing + 1, space.group_body.shape[0], scratch)
         for i in range(scratch.axes.shape[0]):  # no answer depends on the last one
             for k in range(3):
                 scratch.axes[i, k] = 0.0
         scratch.stale[0] = False
+    else:
+        n = space.group_body[space.thing] + 1
+        body_frames(space.tree_i[:n], space.tree_f[:n], q, scratch.frames)
     put_balls(space, np.int64(0), space.thing + 1, scratch)
     for g in range(space.thing + 1):
         scratch.arms[g, 0] = -1.0
@@ -111,21 +114,23 @@ def pair_apart(space, p, need, scratch):
     ra, rb = space.group_ball[ga, 3], space.group_ball[gb, 3]
     if beyond(gat[ga], gat[gb], need + ra + rb):
         return need, 1e300
-    lower, upper, row = need, 1e300, space.axis_row[p]
+    lower, upper, row, wide = need, 1e300, space.axis_row[p], need
     a0, a1 = space.group_span[ga, 0], space.group_span[ga, 1]
     for j in range(space.group_span[gb, 0], space.group_span[gb, 1]):
         row += a1 - a0
-        if beyond(gat[ga], at[j], need + ra + ball[j, 3]):
+        if beyond(gat[ga], at[j], wide + ra + ball[j, 3]):
             continue
         for i in range(a0, a1):
-            if beyond(at[i], at[j], need + ball[i, 3] + ball[j, 3]):
+            if beyond(at[i], at[j], wide + ball[i, 3] + ball[j, 3]):
                 continue
             # farther than their middles they cannot be: are they apart at all?
-            ask = need if beyond(at[i], at[j], need) else space.margin[p]
+            ask = wide if beyond(at[i], at[j], wide) else space.margin[p]
             low, up = parts_apart(space, i, j, ask, scratch, row - a1 + i)
             lower, upper = min(lower, low), min(upper, up)
             if upper < space.margin[p]:
                 return lower, upper
+            if low < need:  # it is not proved; does the rest touch?
+                wide = space.margin[p]
     return lower, upper
 
 

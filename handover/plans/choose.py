@@ -5,7 +5,7 @@ the first one is the one that the paper selects from all of them. Where the pape
 reduced set holds none, it is widened step by step; each tuple says which step it is of.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from itertools import count
@@ -176,23 +176,29 @@ def tuples(
     every = np.arange(len(pair.of_giver))
     starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
     report.looked[f"giver {sides[0]}, start"] = starts
-    clashes: dict[int, set[int]] = {}
+    clashes: dict[int, np.ndarray] = {}
     for step, places, turns in steps_of(pair, settings):
         for found in goals:
-            clash = clashes.setdefault(found[0], set())
+            clash = clashes.setdefault(found[0], np.zeros(len(every), bool))
+            T_palm_object = np.linalg.inv(pair.of_receiver.T_object_palm[found[0]])
             for T in handover_poses(scene, pair, found[0], places, turns):
                 if found[0] in report.unplaceable:
                     break
-                if not set(starts.possible().tolist()) - report.unpickable:
+                use = starts.possible()
+                use[list(report.unpickable)] = False
+                if not use.any():
                     return
                 report.poses[0] += 1
-                q_receiver = _taken(taking, found[0], T, waits["giver"])
+                hold = partial(_carry, receiver, waits["giver"], T_palm_object)
+                q_receiver = _taken(taking, found[0], T, hold)
                 if q_receiver is None:
                     continue
                 report.poses[1] += 1
+                stand = partial(_stand, giver, q_receiver, T)
                 for g, q_start, q, value in _given(
-                    giving, starts, T, q_receiver, clash, report.unpickable
-                ):
+                    giving.look(T, np.flatnonzero(use & ~clash), stand, True, False),
+                    starts, clash, report.unpickable,
+                ):  # fmt: skip
                     yield Tuple(
                         *sides, g, found[0], T, q_start, q, q_receiver, found[1],
                         found[2], value, step,
@@ -321,34 +327,22 @@ def _about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def _taken(
-    taking: Grasper, grasp: int, T: np.ndarray, other: np.ndarray
+    taking: Grasper, grasp: int, T: np.ndarray, hold: Callable[[], None]
 ) -> np.ndarray | None:
     """Return the receiver's joints that hold the object at a pose, None: none do."""
-    T_palm_object = np.linalg.inv(taking.grasps.T_object_palm[grasp])
-    stand = partial(_carry, taking.mover, other, T_palm_object)
-    found = next(iter(taking.look(T, np.array([grasp]), stand)), None)
+    found = next(iter(taking.look(T, np.array([grasp]), hold)), None)
     return None if found is None else found[1]
 
 
 def _given(
-    giving: Grasper,
-    starts: Looked,
-    T: np.ndarray,
-    q_receiver: np.ndarray,
-    clash: set[int],
-    without: set[int],
+    found: Looked, starts: Looked, clash: np.ndarray, without: set[int]
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
     """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
 
-    The receiver holds the object, too. `clash` gets grasps at which both hands meet:
-    wherever the object is, they will. `without` may grow meanwhile.
+    The receiver holds the object, too. In `clash` grasps are marked at which both hands
+    meet: wherever the object is, they will. `without` may grow meanwhile.
     """
-    stand = partial(_stand, giving.mover, q_receiver, T)
-    use = np.array(
-        [g for g in starts.possible().tolist() if g not in clash | without], np.int64
-    )
-    found = giving.look(T, use, stand, hands=True)
-    clash.update(found.clashing().tolist())
+    clash[found.clashing()] = True
     for g, q, value in found:
         q_start = None if g in without else starts.joints(g)
         if q_start is not None:

@@ -202,33 +202,40 @@ class MotionPlanner:
         Raises:
             Blocked: There is none.
         """
-        paths, grasps, g = self.giver, self.pair.of_giver, chosen.grasp_giver
-        giver, trouble = self.pair.giver, None
-        wide = grasps.preshape[g]
-        every = paths.postures(chosen.q_start, wide, paths.home)
-        for k in range(self.settings.postures + 1):
-            self._put_giver_at_start()
-            giver.let_touch()
-            q = next(every, None)
-            if q is None:
-                break
-            try:
-                q_open = _with_hand(giver.limb, q, wide)
-                pre, line = paths.line_to(q_open, "the pick", (grasps, g))
+        giver, g, trouble, found = self.pair.giver, chosen.grasp_giver, None, False
+        wide = self.pair.of_giver.preshape[g]
+        for slanted in (False, True):
+            every = self.giver.postures(chosen.q_start, wide, self.giver.home)
+            for k in range(self.settings.postures + 1):
                 self._put_giver_at_start()
                 giver.let_touch()
-                close = _closing(giver.limb, q_open, q)
-                paths.prove(close, "closing the giver's hand")
-                giver.hold(np.linalg.inv(grasps.T_object_palm[g]))
-                up = paths.lift(q)
-            except Blocked as blocked:
-                trouble = trouble or blocked
-                if blocked.by_hand:
+                q = next(every, None)
+                if q is None:
                     break
-                continue
-            trouble = trouble or _NO_MORE
-            yield _Start((g, k), q, pre, np.vstack([line, close[1:]]), up)
+                try:
+                    pre, line, up = self._pick(g, q, slanted)
+                except Blocked as blocked:
+                    trouble = trouble or blocked
+                    if blocked.by_hand:
+                        break
+                    continue
+                trouble, found = trouble or _NO_MORE, True
+                yield _Start((g, k), q, pre, line, up)
+            if found:
+                break
         raise trouble
+
+    def _pick(self, g: int, q: np.ndarray, slanted: bool) -> tuple:
+        """Return (where the line begins, line and closing hand, lift) of the giver."""
+        giver, paths, grasps = self.pair.giver, self.giver, self.pair.of_giver
+        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
+        pre, line = paths.line_to(q_open, "the pick", (grasps, g), slanted)
+        self._put_giver_at_start()
+        giver.let_touch()
+        close = _closing(giver.limb, q_open, q)
+        paths.prove(close, "closing the giver's hand")
+        giver.hold(np.linalg.inv(grasps.T_object_palm[g]))
+        return pre, np.vstack([line, close[1:]]), paths.lift(q)
 
     def _goal(self, chosen: Tuple) -> _Goal:
         """Return how the receiver lets go at the goal: lift, fingers, line."""
@@ -244,7 +251,7 @@ class MotionPlanner:
         q_open = _with_hand(receiver.limb, chosen.q_goal, grasps.preshape[g])
         opening = _closing(receiver.limb, q_open, chosen.q_goal)[::-1]
         paths.prove(opening, "opening the receiver's hand")
-        pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g))
+        pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g), True)
         return _Goal(down, opening, pre, line)
 
     def _meetings_of(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
@@ -333,12 +340,13 @@ class MotionPlanner:
         """Return (opening hand, where the line begins, line) of the giver."""
         giver, grasps, paths = self.pair.giver, self.pair.of_giver, self.giver
         g = chosen.grasp_giver
+        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
+        self._put_giver_to_leave(chosen, q_receiver)  # the line fails most often
+        pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
         self._put_giver_to_leave(chosen, q_receiver)
         giver.let_touch()
-        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
         opening = _closing(giver.limb, q_open, q)[::-1]
         paths.prove(opening, "opening the giver's hand")
-        pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
         return opening, pre, line
 
     def _offered(self, chosen: Tuple, q_giver: np.ndarray) -> None:

@@ -26,6 +26,7 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
+_NOTHING = np.empty(0)
 _STEPS = 12  # values of the free angle of an arm
 
 
@@ -42,6 +43,7 @@ class Mover:
         space: For the kernels.
         T_mount: (4, 4) what the arm hangs on, world frame [m].
         T_world_object: (4, 4) where the object is; None: the arm holds it.
+        stamp: Another number whenever something was put elsewhere.
     """
 
     def __init__(
@@ -59,6 +61,9 @@ class Mover:
         self._layout(scene, placed, other_placed)
         self._scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
+        self.stamp = 0
+        self._q_other = self._held = _NOTHING
+        self._T_mount_world = np.linalg.inv(self.T_mount)
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
 
@@ -67,10 +72,10 @@ class Mover:
     def _layout(self, scene, placed, other_placed) -> None:
         limb, other = self.limb, self.other
         n = len(limb.tree_i)
-        self._world = n
-        self._first_other = n + 1
-        self._object = n + 1 + len(other.tree_i)
-        total = self._object + 1
+        self._object = n  # the last body that moves
+        self._world = n + 1
+        self._first_other = n + 2
+        total = self._first_other + len(other.tree_i)
         tree_i = np.full((total, 3), (-1, -1, 0), np.int32)
         tree_f = np.tile(
             np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0], (total, 1)
@@ -169,26 +174,31 @@ class Mover:
 
     def put_other(self, q: np.ndarray) -> None:
         """Let the other arm stand at joints (dof,), its hand included."""
+        if np.array_equal(q, self._q_other):
+            return
+        self._q_other = np.array(q, float)
         frames = limb_frames(self.other, self._T_other, q)
         n = len(self.other.tree_i)
         rows = slice(self._first_other, self._first_other + n)
         self.space.tree_f[rows, :12] = frames
-        self._scratch.stale[0] = True
+        self._moved()
 
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
-        self.T_world_object = np.asarray(T_world_object, float)
+        self.T_world_object, self._held = np.asarray(T_world_object, float), _NOTHING
         space, rows = self.space, self._rows
         space.tree_i[self._object] = -1, -1, 0
         space.tree_f[self._object, :12] = flat_pose(self.T_world_object)
         space.margin[:] = self._margin
         space.margin[rows.still] = _OFF  # neither moves
         space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
-        self._scratch.stale[0] = True
+        self._moved()
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
-        self.T_world_object = None
+        if np.array_equal(T_palm_object, self._held):
+            return
+        self.T_world_object, self._held = None, np.array(T_palm_object, float)
         space, rows, limb = self.space, self._rows, self.limb
         T = limb.T_body_palm @ T_palm_object
         space.tree_i[self._object] = limb.palm, -1, 0
@@ -200,17 +210,34 @@ class Mover:
         space.reach[rows.still] = reach
         space.reach[rows.limb] = reach * rows.beyond
         space.margin[rows.hand] = _OFF
-        self._scratch.stale[0] = True
+        self._moved()
+
+    def object_blocked(self, T_world_object: np.ndarray) -> str | None:
+        """Return what the object would touch of all that stands, held by no hand."""
+        self.put_object(T_world_object)
+        self.space.margin[:] = _OFF
+        own = np.setdiff1d(self._rows.still, self._rows.touching)
+        self.space.margin[own] = MARGIN
+        q = np.clip(np.zeros(self.limb.dof), self.limb.lower, self.limb.upper)
+        trouble = self.why(q)[1]
+        self.put_object(T_world_object)
+        return trouble
 
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
         self.space.margin[self._rows.touching] = _OFF
+        self._held = _NOTHING
+        self.stamp += 1
+
+    def _moved(self) -> None:
+        self._scratch.stale[0] = True
+        self.stamp += 1
 
     # --- questions ------------------------------------------------------------------
 
     def target(self, T_world_palm: np.ndarray) -> np.ndarray:
         """Return a palm's pose in the frame of the arm's mount, (..., 12)."""
-        T = np.linalg.inv(self.T_mount) @ T_world_palm
+        T = self._T_mount_world @ T_world_palm
         return np.concatenate(
             [T[..., :3, :3].reshape(*T.shape[:-2], 9), T[..., :3, 3]], axis=-1
         )
@@ -374,6 +401,7 @@ def _group_ball(group, limb: Limb, other: Limb, first_other: int) -> tuple:
     return ball_of(points, radius)
 
 
+@lru_cache(maxsize=16)
 def hand_ball(limb: Limb) -> tuple:
     """Return a ball round a hand for all joints of its fingers, frame of its body."""
     _, begin, end = limb.groups[-1]
@@ -399,6 +427,7 @@ def hand_ball(limb: Limb) -> tuple:
     return (*center.tolist(), far + 1e-9)
 
 
+@lru_cache(maxsize=16)
 def _extent(limb: Limb) -> list[float]:
     """Bound how far each group gets from the arm's first joint [m]."""
     far = np.zeros(len(limb.tree_i))

@@ -8,7 +8,7 @@ import numpy as np
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _connect as kernels
 from handover.plans._space import follow, postures
-from handover.plans.grasps import line_clear
+from handover.plans.grasps import BACK, line_clear
 from handover.plans.mover import TOLERANCE, Mover, solver_of
 from handover.plans.settings import PlanSettings
 from roadmap.errors import PlanningError
@@ -21,6 +21,15 @@ _GOAL = np.array([0.1, 0.1, 1e-6, 30.0, 0.35])
 # of the straight line to a grasp, where the whole is blocked
 _SHORTER = (1.0, 0.6, 0.35)
 SAME = 1e-9  # [rad or m]
+_TILTS = np.radians([0.0, 30.0, 60.0, 90.0])  # from the palm's normal
+_SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # x and y of the palm
+_SLANTED = tuple(
+    dict.fromkeys(
+        (float(np.sin(t)) * x, float(np.sin(t)) * y, -float(np.cos(t)))
+        for t in _TILTS
+        for x, y in _SIDES
+    )
+)
 
 
 class Blocked(PlanningError):
@@ -70,6 +79,8 @@ class Paths:
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
         self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
+        self._chain = mover.limb.chain.arrays
+        self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
@@ -83,24 +94,53 @@ class Paths:
             raise Blocked(f"{what}: {trouble}", by_hand=self._by_hand(pair))
 
     def line_to(
-        self, q_open: np.ndarray, what: str, held: tuple[GraspSet, int]
+        self,
+        q_open: np.ndarray,
+        what: str,
+        held: tuple[GraspSet, int],
+        slanted: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return where a straight line of the palm to q begins, and its corners.
 
         On the line hand and object are tested against each other by exact distances of
         the object's own mesh, where it begins and elsewhere by those of its hull.
 
+        Args:
+            q_open: (dof,) where it ends, the hand open.
+            what: Its name for messages.
+            held: The grasp there.
+            slanted: Try lines that are not along the palm's normal, too: a hand may
+                leave to the side where the arm cannot follow it back.
+
         Raises:
             Blocked: There is none.
         """
+        T, trouble = self.mover.T_world_object, None
+        for away in _SLANTED if slanted else (BACK,):
+            try:
+                return self._line_to(q_open, what, held, away)
+            except Blocked as blocked:
+                trouble = trouble or blocked
+                trouble.by_hand &= blocked.by_hand
+                self.mover.put_object(T)
+        raise trouble
+
+    def _line_to(
+        self,
+        q_open: np.ndarray,
+        what: str,
+        held: tuple[GraspSet, int],
+        away: tuple[float, float, float],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the line of `line_to` that goes `away`, a unit vector of the palm."""
         mover, T = self.mover, self.mover.T_world_object
-        if not line_clear(*held, self.settings.back):
+        if not line_clear(*held, self.settings.back, away):
             raise Blocked(
                 f"no straight line for {what}: the hand would cut the object",
                 by_hand=True,
             )
-        away = -mover.palm(q_open)[:3, 2]
-        line = self._line(q_open, away, self.settings.back)
+        direction = mover.palm(q_open)[:3, :3] @ np.array(away)
+        line = self._line(q_open, direction, self.settings.back)
         ends = self._ends(len(line), self.settings.back)
         if not ends:
             raise Blocked(f"no straight line for {what}: the arm cannot follow it")
@@ -254,14 +294,13 @@ class Paths:
         self, q: np.ndarray, direction: np.ndarray, distance: float
     ) -> np.ndarray:
         """Follow a straight line of the palm from q, as far as the arm can."""
-        mover, arrays = self.mover, self.mover.limb.chain.arrays
-        steps = self._steps(distance)
+        mover, steps = self.mover, self._steps(distance)
         corners = np.tile(np.asarray(q, float), (steps + 1, 1))
         step = mover.T_mount[:3, :3].T @ direction * (distance / steps)
-        target, trial = mover.target(mover.palm(q)), np.zeros(mover.limb.n_arm)
         last = follow(
-            arrays, target, step, steps, _GOAL, descent_of(arrays), trial, corners
-        )
+            self._chain, mover.target(mover.palm(q)), step, steps, _GOAL,
+            self._descent, self._trial, corners,
+        )  # fmt: skip
         return corners[: last + 1]
 
 

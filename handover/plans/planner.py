@@ -175,6 +175,7 @@ class _Tried:
         self._put_off: list[tuple[int, Tuple]] = []
         self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
         self._grasp = -1
+        self._refused: set[int] = set()  # of tuples that are kept in the report
         self.seconds = 0.0
 
     def once(self, chosen: Tuple, clock: _Clock) -> tuple | None:
@@ -211,7 +212,8 @@ class _Tried:
             except Blocked as blocked:
                 self.report.failed.append(f"tuple {number}: {blocked}")
                 self.planner.tell_hopeless(chosen, self.report)
-                if all(chosen is not other for other in self.report.refused):
+                if id(chosen) not in self._refused:
+                    self._refused.add(id(chosen))
                     self.report.refused.append(chosen)
                 if not (blocked.searched or blocked.more):
                     continue
@@ -275,6 +277,10 @@ class _Search:
                 trouble = self._start_blocked(pair)
                 if trouble:
                     return self._failed(trouble)
+                trouble = self._goal_blocked(pair)
+                if trouble:
+                    self._keep(0, trouble)
+                    continue
                 plan = self._with(pair, motions)
                 if plan is not None:
                     return plan
@@ -348,6 +354,19 @@ class _Search:
                     f"where it waits, {trouble}; give it another posture or place"
                 )
         return ""
+
+    def _goal_blocked(self, pair: Pair) -> str:
+        """Say what the object would touch at the goal, whoever's hand holds it."""
+        thing, receiver = self.scene.obj.name, self.scene.receiver.agent.name
+        trouble = pair.receiver.object_blocked(self.scene.T_world_goal)
+        if trouble is None:
+            return ""
+        trouble = trouble.replace("object", f"the {thing}", 1)
+        trouble = trouble.replace("own ", f"{receiver}'s ", 1)
+        return (
+            f"the goal ended the plan: there {trouble}, however it is held; move the "
+            "goal away from that"
+        )
 
     # --- tuples and motions -----------------------------------------------------------
 
@@ -423,6 +442,10 @@ class _Search:
                 f"looked at, the receiver can take {taken} of them, and the giver "
             )
             reason += "none of those; bring the agents nearer to each other"
+        self._keep(far, reason)
+
+    def _keep(self, far: int, reason: str) -> None:
+        """Keep why an attempt failed if none came farther."""
         if far > self.best_failure:
             self.best_failure, self.reason = far, reason
 

@@ -82,8 +82,8 @@ class Grasper:
             q=np.zeros(limb.dof),
             pose=np.zeros((3, 12)),
         )
-        first_other = mover.object_group + 1
-        self.hands = mover.hand_group, first_other + len(mover.other.groups) - 1
+        other_hand = mover.object_group + len(mover.other.groups)
+        self.hands = (space.pairs == (mover.hand_group, other_hand)).all(axis=1)
         self.most = len(self.arm.solver.found) if limb.seven else _RESTARTS + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
@@ -134,11 +134,19 @@ class Looked:
         )
         self._told = np.zeros(n, bool)
         targets = mover.target(T_world_object @ grasper.T_object_palm[self.use])
-        stand()
+        self._stamp = -1
+        self._stand_again()
         if arm.solver:
             kernels.solve(mover.space, arm, targets, self._listed, *now, mover.scratch)
         else:
             self._numerically(targets, now)
+
+    def _stand_again(self) -> None:
+        """Put all things where they are, unless they are there."""
+        mover = self._grasper.mover
+        if mover.stamp != self._stamp:
+            self._stand()
+            self._stamp = mover.stamp
 
     def __len__(self) -> int:
         """Return how many grasps are looked at."""
@@ -156,7 +164,7 @@ class Looked:
         """
         mover, listed = self._grasper.mover, self._listed
         while True:
-            self._stand()
+            self._stand_again()
             i = kernels.next_free(
                 mover.space, self._grasper.arm, listed, self._told, mover.scratch
             )
@@ -165,21 +173,20 @@ class Looked:
             yield int(self.use[i]), listed.answer[i].copy(), float(listed.rank[i])
 
     def possible(self) -> np.ndarray:
-        """Return the grasps that are not known to fail, (m,)."""
-        return self.use[self._listed.verdict <= kernels.FREE]
+        """Return which of the grasps are not known to fail, (n,) bool."""
+        return self._listed.verdict <= kernels.FREE
 
     def clashing(self) -> np.ndarray:
         """Return the grasps at which the hand is known to meet the other hand, (m,)."""
-        pairs = self._grasper.mover.space.pairs[self._listed.blamed]
-        met = (self._listed.blamed >= 0) & (pairs == self._grasper.hands).all(axis=1)
-        return self.use[met]
+        blamed = self._listed.blamed
+        return self.use[(blamed >= 0) & self._grasper.hands[blamed]]
 
     def joints(self, grasp: int) -> np.ndarray | None:
         """Return the most dexterous free joints (dof,) of a grasp, None: none are."""
         listed, mover = self._listed, self._grasper.mover
         i = int(np.searchsorted(self.use, grasp))
         if listed.verdict[i] == kernels.UNKNOWN:
-            self._stand()
+            self._stand_again()
             kernels.settle(mover.space, self._grasper.arm, listed, i, mover.scratch)
         return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
 
@@ -187,7 +194,7 @@ class Looked:
         """Test what is left, and return all that are free, the most dexterous first."""
         listed, mover = self._listed, self._grasper.mover
         if (listed.verdict == kernels.UNKNOWN).any():
-            self._stand()
+            self._stand_again()
             kernels.settle_all(mover.space, self._grasper.arm, listed, mover.scratch)
         verdict, rank = listed.verdict, listed.rank
         free = np.flatnonzero(verdict == kernels.FREE)

@@ -170,8 +170,14 @@ def core_distance(a, i, frame_a, b, j, frame_b, enough):
 
     Stops early once the lower bound reaches `enough`; the upper one is then loose.
     """
+    return core_between(a, i, frame_a, b, j, frame_b, enough, np.empty(3))
+
+
+@njit(cache=True, nogil=True)
+def core_between(a, i, frame_a, b, j, frame_b, enough, v):
+    """Return what `core_distance` does; v (3,) out: a way from core j to core i."""
     w = np.empty((4, 3))
-    pa, pb, v = np.empty(3), np.empty(3), np.empty(3)
+    pa, pb = np.empty(3), np.empty(3)
     for c in range(3):
         v[c] = 1.0 if c == 0 else 0.0
     n, low, high = 0, 0.0, np.inf

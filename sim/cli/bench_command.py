@@ -41,7 +41,10 @@ class BenchRequest:
     )
     cells: str | None = flag(None, "Of cells, m, with commas (scale).", metavar="M,M")
     out: Path | None = flag(
-        None, "Maps are kept there, and found (scale).", metavar="DIR", writes=FOLDER
+        None,
+        "Maps or draws are kept there, and found (scale, handover).",
+        metavar="DIR",
+        writes=FOLDER,
     )
     execution: str | None = flag(
         None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
@@ -71,7 +74,7 @@ class BenchRequest:
         None, "Another checkout to compare with (golden).", metavar="DIR"
     )
     only: list[str] | None = flag(
-        None, "Only these; again for more (golden).", metavar="ITEM"
+        None, "Only these; again for more (golden, handover).", metavar="ITEM"
     )
     write: Path | None = flag(
         None,

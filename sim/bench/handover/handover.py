@@ -6,12 +6,14 @@ with the best of H whose motions were not looked for in vain; all motions checke
 `check.py`, which shares no code with the planner. A draw without a plan is planned
 again without a time limit and without motions: where no tuple exists after every grasp,
 voxel and rotation of the grids was tried, the draw is unsolvable and listed; else it is
-a failure. Ctrl-C ends the runs; what was done is told.
+a failure. Ctrl-C ends the runs; what was done is told. With `--out DIR` draws are kept
+there, so that runs go on where they ended.
 """
 
 import json
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from handover.plans.planner import HandoverPlan, plan_handover
 from handover.plans.record import record_of
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
+from roadmap.errors import BadInput
 from sim.bench.handover.check import check_plan
 from sim.bench.handover.whole_choice import (
     Whole,
@@ -31,6 +34,7 @@ from sim.bench.handover.whole_choice import (
 )
 from sim.tables.header import header
 from sim.tables.table import value_row
+from sim.terminal.output import write_text
 
 # [Huaman2014], Tables I to IV; times [s] on a Core i7 of 1.6 GHz
 PAPER = {
@@ -57,6 +61,8 @@ def run(
     own: bool = False,
     seed: int = 0,
     short: bool = False,
+    only: Sequence[str] | None = None,
+    out: Path | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> dict:
     """Plan and check hand-overs.
@@ -66,13 +72,23 @@ def run(
         own: Scenes of our own instead of the paper's.
         seed: The first one.
         short: Two of each: to see that it runs, not to measure.
+        only: These of the paper's scenes; all if left.
+        out: Folder that keeps every draw: what is there is not done again.
         tell: Called with what is done.
 
     Returns:
         Plain data for JSON: "header", "setup", "rows", "tables" and "runs".
+
+    Raises:
+        BadInput: `only` names another scene.
     """
     tell = tell or (lambda text: None)
-    names = ["varied"] if own else list(PAPER)
+    for name in only or ():
+        if name not in PAPER:
+            raise BadInput(
+                f"the paper has no scene {name!r}; give one of {', '.join(PAPER)}"
+            )
+    names = ["varied"] if own else list(only or PAPER)
     runs = 2 if short else runs or (OWN if own else 100)
     rows, found, tables, ended = [], {}, [], ""
     if not own and not short:
@@ -84,7 +100,7 @@ def run(
             tell(f"{name}: warming up")
             _plan(load_scene(name, seed + runs))
             for k in range(seed, seed + runs):
-                done.append(one_run(name, k))
+                done.append(_kept(name, k, out))
                 tell(f"{name}: {k - seed + 1} of {runs}")
         except KeyboardInterrupt:
             ended = f"by Ctrl-C, in {name} after {len(done)} draws"
@@ -103,12 +119,24 @@ def run(
             "time limit": f"{_LIMIT_S:g} s",
             "paper": "Core i7 of 1.6 GHz",
             "ours": "seconds of one processor; wall clock beside them in the JSON",
+            **({"draws kept in": str(out)} if out else {}),
             **({"ended": ended} if ended else {}),
         },
         "rows": rows,
         "tables": tables,
         "runs": found,
     }
+
+
+def _kept(name: str, seed: int, out: Path | None) -> dict:
+    """Return a draw that was kept in a folder, or do it and keep it."""
+    path = None if out is None else Path(out) / f"{name}-{seed}.json"
+    if path is not None and path.is_file():
+        return json.loads(path.read_text(encoding="utf-8"))
+    row = one_run(name, seed)
+    if path is not None:
+        write_text(path, json.dumps(row))
+    return row
 
 
 def one_run(name: str, seed: int) -> dict:

@@ -14,7 +14,10 @@ from handover.plans.motions import MotionPlanner, home_of
 from handover.plans.mover import MARGIN, TOLERANCE, Mover
 from handover.plans.paths import Blocked, OutOfTime, Paths
 from handover.plans.planner import plan_handover
+from handover.plans.prune import prune_grasps
 from handover.plans.settings import PlanSettings
+from odm.obstacles.shapes import Sphere
+from roadmap.transforms import pose_of
 
 FEW = GraspSettings(samples=5, rolls=2)
 
@@ -232,6 +235,44 @@ def test_a_lift_goes_straight_up(movers, scene, grasps):
         assert np.abs(T[:2, 3] - begin[:2, 3]).max() < 1e-6
     heights = [T[2, 3] - begin[2, 3] for T in palms]
     assert np.allclose(np.diff(heights), 0.01, atol=1e-6)
+
+
+def test_a_hand_leaves_to_the_side_where_it_cannot_go_back(movers, scene, grasps):
+    giver, some = movers[0], grasps["sdh_left"]
+    T, n = scene.T_world_start, giver.limb.n_arm
+    giver.put_other(home_of(scene.receiver, movers[1].limb))
+    giver.put_object(T)
+    giver.let_touch()
+    found = prune_grasps(giver, some, T)
+    args = found.q[0].copy(), "a try", (some, int(found.grasp[0]))
+    args[0][n:] = some.preshape[found.grasp[0]]
+    giver.put_object(T)
+    _, line = paths_of(scene, giver).line_to(*args)
+    # a ball where the arm is on its way back, and is not while it grasps
+    groups = range(giver.hand_group + 1)
+    here = np.concatenate([points_at(giver, g, args[0]) for g in groups])
+    there = np.concatenate([points_at(giver, g, line[-4]) for g in groups])
+    away = np.linalg.norm(there[:, None] - here, axis=2).min(axis=1)
+    ball = Sphere(0.005, pose_of(there[int(away.argmax())]))
+    shut = replace(scene, scenery=(*scene.scenery, handover.Fixture("ball", ball)))
+    mover = Mover(shut, shut.giver, giver.limb, shut.receiver, movers[1].limb)
+    mover.put_other(home_of(scene.receiver, movers[1].limb))
+    mover.put_object(T)
+    paths = paths_of(shut, mover)
+    with pytest.raises(Blocked, match="would touch ball"):
+        paths.line_to(*args)
+    mover.put_object(T)
+    pre, line = paths.line_to(*args, slanted=True)
+    assert np.array_equal(line[0], pre) and np.array_equal(line[-1], args[0])
+    begin = mover.palm(args[0])
+    ways = np.array([mover.palm(x)[:3, 3] for x in line]) - begin[:3, 3]
+    far = np.linalg.norm(ways[0])
+    assert 0.02 < far < PlanSettings().back + 1e-6
+    assert np.linalg.norm(np.cross(ways, ways[0] / far), axis=1).max() < 1e-4
+    assert -begin[:3, 2] @ ways[0] / far < 0.9  # not straight back
+    mover.put_object(T)
+    mover.let_touch()
+    assert mover.path_blocked(line)[1] is None
 
 
 # --- what is done once, and what is put off -----------------------------------------

@@ -110,6 +110,15 @@ def test_a_goal_out_of_the_receivers_reach(scene, grasps):
     assert not plan and "goal ended the plan" in plan.reason
 
 
+def test_a_goal_inside_the_receiver_is_told_before_any_grasp(scene, grasps):
+    torso = scene.receiver.link_pose("torso")
+    inside = replace(scene, T_world_goal=torso)
+    plan = plan_handover(inside, 60.0, grasps=grasps)
+    assert not plan and plan.report.poses[0] == 0
+    assert "goal ended the plan: there the food_jar would touch" in plan.reason
+    assert "drchubo's" in plan.reason and "move the goal" in plan.reason
+
+
 def test_no_grasp_survives_at_the_start(scene, grasps):
     from odm.obstacles.shapes import Box
 

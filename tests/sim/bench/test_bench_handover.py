@@ -2,6 +2,7 @@
 
 import pytest
 
+from roadmap.errors import BadInput
 from sim.bench.handover import handover as bench
 
 
@@ -44,3 +45,19 @@ def test_ctrl_c_tells_what_was_done(draws):
     assert result["setup"]["ended"] == "by Ctrl-C, in varied after 3 draws"
     assert [row["seed"] for row in result["runs"]["varied"]] == [1, 2, 3]
     assert values(result)["varied: unsolvable draws, of 3"] == 1
+
+
+def test_kept_draws_are_not_done_again(draws, tmp_path, monkeypatch):
+    first = draws.run(runs=3, own=True, seed=1, out=tmp_path)
+    monkeypatch.setattr(draws, "one_run", lambda name, seed: unsolved(seed, False))
+    again = draws.run(runs=4, own=True, seed=1, out=tmp_path)
+    assert first["runs"]["varied"] == again["runs"]["varied"][:3]
+    assert [row["seed"] for row in again["runs"]["varied"]] == [1, 2, 3, 4]
+    assert again["setup"]["draws kept in"] == str(tmp_path)
+
+
+def test_one_scene_alone_and_no_other(draws):
+    found = draws.run(runs=2, seed=1, only=["stool"], short=True)
+    assert list(found["runs"]) == ["stool"]
+    with pytest.raises(BadInput, match=r"no scene 'stol'; give one of butler, stool"):
+        draws.run(runs=2, only=["stol"])

@@ -142,6 +142,93 @@ def test_faults_are_told(plan, change, told):
     assert any(told in fault for fault in check.check_plan(plan)["faults"])
 
 
+def test_a_graze_between_two_moments_is_found(plan):
+    # moments lie 4 mm apart; the ball cuts the edge for 0.5 mm of its way only
+    times = check._Check(plan, check.STEP).at.times
+    x = np.interp(times, [0.0, 1.0], [0.0, 0.4])
+    k = int(np.searchsorted(x, 0.2))
+    at_x, deep = 0.5 * (x[k] + x[k + 1]), 0.05 - np.sqrt(0.05**2 - 0.00025**2)
+    plan["scenery"][0] |= {"size": [1e-5, 0.01, 0.01]}
+    for depth, met in ((deep, True), (-2e-5, False)):
+        plan["scenery"][0]["pose"] = at(at_x, 0.055 - depth)
+        found = check.check_plan(plan)
+        assert bool(found["collisions"]) == met
+    near = found["distances"]["giver - scenery"]
+    assert near["proved_m"] == 0.0 < near["distance_m"] < 2e-4
+
+
+def test_no_bound_hides_what_python_fcl_tells_at_all_moments(plan, rng):
+    """Both agents and the cube on random ways: nearest pairs as without any bound."""
+    for who, begin in (("giver", 0.0), ("receiver", 1.0)):
+        plan["motions"].append(
+            {"name": "wave", "who": who, "joints": ["turn"],
+             "times": [begin + 0.5 * k for k in range(4)],
+             "positions": [[0.0], *rng.uniform(-2.5, 2.5, (3, 1)).tolist()]}
+        )  # fmt: skip
+    plan["scenery"] += [
+        {"name": f"post {k}", "type": "box", "size": [0.02, 0.02, 0.02],
+         "pose": at(*rng.uniform([-0.1, 0.06, -0.3], [0.6, 0.2, 0.3]))}
+        for k in range(6)
+    ]  # fmt: skip
+    asked = check._Check(plan, check.STEP)
+    found, world, now = asked.run(), asked.world, asked.at
+    kinds = {kind: f"{kind[0]} - {kind[1]}" for kind in check._KINDS[:3]}
+    assert found["tests"] < 0.2 * len(now.times) * sum(
+        len(world.pairs(kind)[0]) for kind in kinds
+    )
+    checked = 0
+    for kind, name in kinds.items():
+        least = check.CAP
+        for a, b in zip(*world.pairs(kind), strict=True):
+            R, p = now.relative(a, b, np.arange(len(now.times)))
+            tests = check._Tests(world)
+            for k in range(len(now.times)):
+                least = min(least, tests.distance(kind, a, b, R[k], p[k], 0.0))
+        got = found["distances"].get(name, {"distance_m": check.CAP})["distance_m"]
+        assert got <= least + 5e-4  # round solids: python-fcl errs by that much
+        assert got >= least - check.STEP
+        checked += least < check.CAP
+    assert checked >= 2
+
+
+def test_the_gap_of_two_boxes_is_never_too_large(plan, rng):
+    plan["scenery"] = [
+        {"name": f"post {k}", "type": "box", "size": rng.uniform(0.01, 0.4, 3).tolist(),
+         "pose": at()}
+        for k in range(2)
+    ]  # fmt: skip
+    world = check._World(plan)
+    tests, apart = check._Tests(world), 0
+    a, b = (k for k, who in enumerate(world.whose) if who == "scenery")
+    for _ in range(100):
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        R *= np.sign(np.linalg.det(R))
+        p = rng.uniform(-0.4, 0.4, 3)
+        gap = world.gap(a, b, R[None], p[None])[0]
+        assert gap <= tests.distance(("scenery", "scenery"), a, b, R, p, 0.0) + 1e-6
+        apart += gap > 0.0
+    assert apart > 30
+
+
+def test_its_links_stand_where_ours_do(rng):
+    import handover
+    from handover.scenes.body import agent_body
+
+    scene = handover.load_scene("kneeling", 0)
+    record = plan_file.plan_record(scene, [], [plan_file.Hold(
+        "world", "", scene.T_world_start, 0.0, None)])  # fmt: skip
+    body = agent_body(scene.giver.agent.source)
+    low, high = np.array([body.limits[name] for name in body.joints]).T
+    drawn = dict(zip(body.joints, rng.uniform(low, high).tolist(), strict=True))
+    record["giver"]["joints"] = drawn
+    links = check._World(record).at(np.zeros(1)).links
+    base = np.array(record["giver"]["T_world_base"])
+    for link, T in body.frames(drawn).items():
+        R, p = links["giver", link]
+        np.testing.assert_allclose(R[0], (base @ T)[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(p[0], (base @ T)[:3, 3], atol=1e-9)
+
+
 def test_it_imports_nothing_of_ours():
     tree = ast.parse(Path(check.__file__).read_text())
     names = {
