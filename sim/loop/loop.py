@@ -48,6 +48,7 @@ class LoopSettings:
             its beginning is soon behind the robot.
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
+        once: Stay at the last work place, which ends the trip; else go round.
     """
 
     rate_hz: float = 100.0
@@ -59,6 +60,7 @@ class LoopSettings:
     keep_paths: int = 0
     improve: int = 4
     execution: str = "kinematic"
+    once: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
@@ -226,6 +228,9 @@ class Loop:
         executor = self.executor
         off = difference(self.robot, executor.set_point.q, self.places[self.place])
         if executor.at_rest and np.abs(off).max() <= ARRIVED:
+            if self.settings.once and self.place == len(self.places) - 1:
+                self.trips = 1
+                return
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
             self.planner.set_goals([self.places[self.place]])
