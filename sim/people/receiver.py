@@ -46,7 +46,9 @@ class PlannedReceiver:
         receiver = record["receiver"]
         self._model = agent_model(receiver["urdf"])
         self._joints = dict(receiver["joints"])
-        self._moves = motion_of(record, "receiver", REACH)
+        moves = motion_of(record, "receiver", REACH)
+        self._names, self._times = tuple(moves["joints"]), np.array(moves["times"])
+        self._rows = np.array(moves["positions"], float)
         carry = motion_of(record, "giver", "carry")
         self._begin = carry["times"][0] + early_s  # of the run, on the plan's clock
         T_world_base = np.array(receiver["T_world_base"])
@@ -56,7 +58,7 @@ class PlannedReceiver:
         self._a, self._b, self._radius = capsules_of(self._model)
         self._body = np.array([part.body for part in self._model.parts])
         self.name = f"plan {record['scene']['name']} {record['scene']['seed']}"
-        begin, end = (self._moves["times"][k] - self._begin for k in (0, -1))
+        begin, end = self._times[[0, -1]] - self._begin
         self.reach_s = max(0.0, float(begin)), max(0.0, float(end))
         self.duration_s = max(_SHORTEST, self.reach_s[1] + _AFTER)
         self.notes = _notes(early_s, stands, T_world_base)
@@ -64,12 +66,11 @@ class PlannedReceiver:
 
     def capsules(self, t: float) -> np.ndarray:
         """Return the receiver at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        now, moves = t + self._begin, self._moves
-        rows = np.array(moves["positions"], float).T
-        joints = self._joints | {
-            name: float(np.interp(now, moves["times"], row))
-            for name, row in zip(moves["joints"], rows, strict=True)
-        }
+        now, times = t + self._begin, self._times
+        k = int(np.clip(np.searchsorted(times, now), 1, len(times) - 1))
+        share = np.clip((now - times[k - 1]) / (times[k] - times[k - 1]), 0.0, 1.0)
+        row = self._rows[k - 1] + share * (self._rows[k] - self._rows[k - 1])
+        joints = self._joints | dict(zip(self._names, row.tolist(), strict=True))
         frames = self._model.frames(joints)[self._body]
         R = self._T[:3, :3] @ frames[:, :9].reshape(-1, 3, 3)
         p = frames[:, 9:] @ self._T[:3, :3].T + self._T[:3, 3]
@@ -83,7 +84,7 @@ class PlannedReceiver:
         """
         begin, end = self.reach_s
         times = np.arange(begin, end + 1.0 / _RATE_HZ, 1.0 / _RATE_HZ)
-        rows = np.array([self.capsules(t)[:, :6] for t in times]).reshape(-1, 2, 3)
+        rows = np.array([self.capsules(t)[:, :6] for t in times])
         rows = rows.reshape(len(times), -1, 3)
         far = np.linalg.norm(np.diff(rows, axis=0), axis=2).max(initial=0.0)
         return float(_FASTER * far * _RATE_HZ)

@@ -47,7 +47,14 @@ class PlanTask:
             BadInput: No such file, or no plan.
         """
         assert live is None and request.plan is not None
-        self.request, self.record = request, read_plan(request.plan)
+        self.request = request
+        try:
+            self.record = read_plan(request.plan)
+        except KeyError as error:
+            raise BadInput(
+                f"the plan {request.plan} lacks {error}; make it again with `odm "
+                "handover plan SCENE --json FILE`"
+            ) from error
 
     def person(self) -> PlannedReceiver:
         """Return the receiver."""
