@@ -31,8 +31,8 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
         live: Who moves the person of `--motion keyboard`; see `sim.keyboard`.
 
     Returns:
-        The figures as plain data: "run", "alone", "targets" or "plan", "notes", "setting",
-        "map_hash"; of a live run, see `Live.figures`.
+        The figures as plain data: "run", "alone", "targets" or "plan", "notes",
+        "setting", "map_hash"; of a live run, see `Live.figures`.
 
     Raises:
         BadInput: A person, plan, rate, time or recording that cannot be.
