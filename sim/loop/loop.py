@@ -49,6 +49,7 @@ class LoopSettings:
         execution: "kinematic": at speed limits, stopping at once; "timed": within
             limits of acceleration and jerk, with a braking test in every frame.
         yields: Whether a timed robot gets out of the way of who comes at it.
+        once: Stay at the last work place, which ends the trip; else go round.
     """
 
     rate_hz: float = 100.0
@@ -61,6 +62,7 @@ class LoopSettings:
     improve: int = 4
     execution: str = "kinematic"
     yields: bool = True
+    once: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that make no loop."""
@@ -229,6 +231,9 @@ class Loop:
         executor = self.executor
         off = difference(self.robot, executor.set_point.q, self.places[self.place])
         if executor.at_rest and np.abs(off).max() <= ARRIVED:
+            if self.settings.once and self.place == len(self.places) - 1:
+                self.trips = 1
+                return
             self.trips += 1
             self.place = (self.place + 1) % len(self.places)
             self.planner.set_goals([self.places[self.place]])

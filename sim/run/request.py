@@ -119,6 +119,24 @@ class RunRequest:
         metavar="R",
         limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
+    plan: Path | None = flag(
+        None,
+        "Hand over as a plan says whose giver is the map's robot; its receiver moves "
+        "as planned. See docs/handover.md.",
+        metavar="JSON",
+    )
+    early: float | None = flag(
+        None,
+        "The receiver reaches so much sooner, in s (--plan); below 0: later.",
+        limits=Limits(-600.0, 600.0, "s"),
+    )
+    elsewhere: float | None = flag(
+        None,
+        "The receiver stands up to so far from there, in m, and turned by up to a "
+        "degree for each cm, drawn by --seed (--plan).",
+        metavar="M",
+        limits=Limits(0.0, 0.5, "m"),
+    )
     scene: Path | None = flag(
         None,
         "What else stands around, besides the map's scenery: a MoveIt .scene or a "
@@ -141,6 +159,7 @@ class RunRequest:
         from roadmap.errors import BadInput  # not above: --help should be quick
 
         trouble = self._of_the_person() or self._of_the_targets() or self._of_the_page()
+        trouble = trouble or self._of_the_plan()
         if trouble:
             raise BadInput(trouble)
         if self.scene is not None:
@@ -196,6 +215,18 @@ class RunRequest:
             return "the keys move the right arm; leave --side out"
         return ""
 
+    def _of_the_plan(self) -> str:
+        """Return what is wrong with the plan's options, "" for nothing."""
+        if self.plan is None:
+            given = [n for n in ("early", "elsewhere") if getattr(self, n) is not None]
+            return f"--{given[0]} goes with --plan JSON; add that" if given else ""
+        if self.motion != "sweep" or self.meets or self.carry is not None:
+            return (
+                "with --plan the plan says who moves, where to and what is held; leave "
+                "--motion, --targets and --carry out"
+            )
+        return ""
+
     def _of_the_page(self) -> str:
         """Return what is wrong with the page's options, "" for nothing."""
         if self.view:
@@ -242,7 +273,7 @@ class RunRequest:
         """Return a file that was named itself, or by --out; None: neither."""
         if chosen is not None or self.out is None:
             return chosen
-        return self.out / f"{self.motion}{ending}"
+        return self.out / f"{'plan' if self.plan else self.motion}{ending}"
 
 
 def check_object(name: str) -> None:

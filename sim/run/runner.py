@@ -13,11 +13,13 @@ from sim.people.human_motion import HumanMotion
 from sim.record import check_recording_path, recording
 from sim.run.meet import MeetTask
 from sim.run.places import DEMO, Live, PlacesTask
+from sim.run.planned import PlanTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
 from sim.terminal.output import stdout_to_stderr, write_text
 from sim.terminal.progress import Bars, silence
 
+Task = PlacesTask | MeetTask | PlanTask
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
 
@@ -29,14 +31,14 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
         live: Who moves the person of `--motion keyboard`; see `sim.keyboard`.
 
     Returns:
-        The figures as plain data: "run", "alone" or "targets", "notes", "setting",
-        "map_hash"; of a live run, see `Live.figures`.
+        The figures as plain data: "run", "alone", "targets" or "plan", "notes",
+        "setting", "map_hash"; of a live run, see `Live.figures`.
 
     Raises:
-        BadInput: A person, rate, time or recording that cannot be.
+        BadInput: A person, plan, rate, time or recording that cannot be.
         BadMap: There is no map.
     """
-    task = (MeetTask if request.meets else PlacesTask)(request, live)
+    task = task_of(request, live)
     person = task.person()
     settings = settings_of(request, person)
     if request.record is not None:
@@ -81,6 +83,13 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     return data
 
 
+def task_of(request: RunRequest, live: Live | None) -> Task:
+    """Return what the robot is to do: follow a plan, meet the person, or go round."""
+    if request.plan is not None:
+        return PlanTask(request, live)
+    return (MeetTask if request.meets else PlacesTask)(request, live)
+
+
 @contextmanager
 def watched(
     request: RunRequest, loop: Loop, cell_map: CellMap
@@ -114,6 +123,7 @@ def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
         rate_hz=request.rate,
         execution=request.execution,
         yields=not request.no_yield,
+        once=request.plan is not None,
         keep_paths=0 if request.live else DEMO.keep_paths,
     )
 
@@ -192,7 +202,7 @@ def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) ->
 
 
 def _show(
-    task: PlacesTask | MeetTask,
+    task: Task,
     result: RunResult | None,
     figures: dict,
     lines: list[str],
