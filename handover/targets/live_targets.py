@@ -223,6 +223,12 @@ class LiveTargets:
             self._touched,
         )
 
+    def put_off(self) -> None:
+        """Try other targets first: the robot cannot get on to the one it pursues."""
+        if self._pursued is not None:
+            self.choice.put_off(self._pursued.key)
+            self._pursued = None
+
     # --- inside ----------------------------------------------------------------
 
     def _depth(self) -> int:

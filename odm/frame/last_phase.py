@@ -73,7 +73,12 @@ class LastPhase:
         self._number = np.flatnonzero(~may), np.flatnonzero(may)
 
     def hit(
-        self, cover: Cover, q: np.ndarray, dq: np.ndarray, extra: float = 0.0
+        self,
+        cover: Cover,
+        q: np.ndarray,
+        dq: np.ndarray,
+        extra: float = 0.0,
+        escape: bool = False,
     ) -> tuple[int, int, float] | None:
         """Test q + t dq; return (sphere, point, metres too near), None where free.
 
@@ -84,6 +89,7 @@ class LastPhase:
             q: (dof,) start [rad or m].
             dq: (dof,) displacement.
             extra: More distance, for braking [m].
+            escape: What is nearer at q already only must not come nearer.
         """
         kept, arm, radii, bare = self._protected_spheres(cover)
         tests = (
@@ -93,7 +99,9 @@ class LastPhase:
         tolerance = self.frame.cell_map.motion_tolerance
         for spheres, far, near, of, k in tests:
             test = CloseTest(spheres, far + extra, tolerance, cover.work, near + extra)
-            if not test.clear(q, dq, self._clouds[k], solids=self._solids[k]):
+            if escape:
+                test.anchor(q)
+            if not test.clear(q, dq, self._clouds[k], escape, self._solids[k]):
                 found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
                 if point <= FIRST_SOLID:

@@ -216,18 +216,21 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
 
     The best targets are tried from many starts each. The robot must be within its
     limits, clear of itself and the scenery, and keep 2 cm from the person whose arm is
-    where it takes or offers the object, by the exact distance of solids.
+    where it takes or offers the object, by the exact distance of solids. What it takes
+    must leave the place straight back without touching the scenery.
     """
     body = case.body()
     planner, meet = setup.planner(), setup.meet(body)
     audit = exact_audit(setup.cell_map.robot)
-    grasps = [np.array(setup.obj.T_tool_object)]
+    grasps, held = [np.array(setup.obj.T_tool_object)], []
     if case.direction == "receive":
         grasps = list(quarter_turns(setup.obj.T_tool_object))
+        thing = carried_object(box_of(setup.obj))
+        held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
     for target in meet.best(_TRIED):
         there = body.with_arm(setup.side, target.arm_q).capsules()
-        for grasp in grasps:
+        for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)
             for found in robot.ik(T, setup.rest, attempts=_STARTS, steps=60):
                 q = np.array(found.q)
@@ -236,6 +239,9 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
                 if case.direction == "receive":
                     before = straight_back(planner, T, q, BACK)
                     if before is None or audit(before, there) < _APART:
+                        continue
+                    way = planner.frame.difference(q, before)
+                    if not held[k].motion_free(q, way):  # the object would not pass
                         continue
                 return InReach(target, q)
     return None

@@ -17,7 +17,7 @@ from handover.human.human import Human
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
-from odm.execution.executor import Executor
+from odm.execution.executor import BRAKED, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
 from odm.frame.last_phase import gripper_links
@@ -185,7 +185,8 @@ class Handover:
         self._watcher = Watcher()
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
-        self._reaches = Reaches(self.planner, index, grasps, s.back)
+        thing = None if self._give else self._carried
+        self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
         self._taken: Reach | None = None
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
@@ -293,6 +294,8 @@ class Handover:
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
         self._expect(threat, labels, len(everything))
         self.view.classes, people = classes, len(rows)
+        self.view.person = everything[: len(rows)]
+        self.view.offered = 0 if self._give else len(everything) - len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
@@ -407,7 +410,26 @@ class Handover:
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
             "steady": self._lasts("steady", still, seen.dt, s.steady_s),
+            "between": self._lasts(
+                "between",
+                seen.object_speed < s.still_speed and self._is_between(T),
+                seen.dt,
+                s.steady_s,
+            ),
         }
+
+    def _is_between(self, T: np.ndarray | None) -> bool:
+        """Whether an object is where a grasp would have it, while the robot stands."""
+        if T is None or self.holding or not self.executor.at_rest:
+            return False
+        T_tool = tool_pose(self.planner.robot, self.executor.set_point.q)
+        T_tool_object = np.linalg.inv(T_tool) @ T
+        s = self.settings
+        for grasp in self.grasps:
+            off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
+            if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
+                return True
+        return False
 
     def _object_moved(self, T: np.ndarray | None) -> bool:
         """Whether the object has left the place that its grasps were found for."""
@@ -472,6 +494,8 @@ class Handover:
             self._pull.forget()
             self._line = None
             steps = [Step("close"), Step("grip", CLOSED), Step("take")]
+            if signal == "between":
+                steps, self._taken = steps[1:], None
         elif state == table.RETREAT:
             steps = self._retreating(signal)
         elif state == table.PUT_DOWN:
@@ -575,6 +599,12 @@ class Handover:
             targets.look(seen.frame.human, q)
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
+        executor = self.executor
+        stands = np.abs(executor.set_point.dq).max() < _MOVES
+        stuck = executor.state == BRAKED and stands
+        if self._lasts("stuck", stuck, seen.dt, self.settings.stuck_s):
+            targets.put_off()  # the person is in its way: another target first
+            self._clock["stuck"] = 0.0
         return answer
 
     def _change_hands(self) -> None:
@@ -600,8 +630,12 @@ class Handover:
 
     def _take(self) -> None:
         """Have the object in the hand, in the map, too."""
+        T = None if self._last is None else self._last.frame.T_base_object
         if self._taken is not None and not self._give:
             self._T_tool_object = self._taken.T_tool_object
+        elif self.state == table.CLOSE and T is not None:  # as it was put there
+            T_tool = tool_pose(self.planner.robot, self.executor.set_point.q)
+            self._T_tool_object = np.linalg.inv(T_tool) @ T
         self.planner.attach(self._carried, self._T_tool_object)
         self.holding = True
         if self.state != table.CLOSE:
@@ -717,6 +751,12 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
         )
+
+
+def _turned(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the angle between two poses [rad]."""
+    cosine = 0.5 * (np.trace(one[:3, :3].T @ other[:3, :3]) - 1.0)
+    return float(np.arccos(min(1.0, max(-1.0, cosine))))
 
 
 def _only(threat: Threat, these: np.ndarray) -> Threat:
