@@ -46,7 +46,7 @@ from sim.story.settings import StorySettings
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_RANKED = 3  # targets are ranked in every third frame, at 33 Hz
+_CALM, _BUSY = 3, 1  # what may be bettered between frames: in others, and in costly ones
 _GRAVITY = 9.81  # [m/s2]
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
@@ -194,7 +194,8 @@ class Handover:
         self._begun: float | None = None  # when the step began [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
-        self._frames = 0
+        self._light = True  # whether nothing costly was done in this frame
+        self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         self._placeless = False  # there is no place to put the object down
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
@@ -259,7 +260,7 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             executor.limit_speed(self._limit.share(motion, t, full, person))
         executor.update(self.answer, commit, seen.threat)
-        self.planner.improve(4, executor.next_commit())
+        self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
         executor.advance()
         self._change_hands()
         row = self.machine.step(self._signals(seen), frame.now)
@@ -280,11 +281,11 @@ class Handover:
             self.view.phase = None if self._step.kind == "goal" else "receive"
         rows = human.capsules() if frame.capsules is None else frame.capsules
         labels = human.labels if frame.labels is None else frame.labels
+        hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not self.holding and not frame.holds
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
-        hand = np.flatnonzero(labels == _HANDS[self._side])
         if self.view.phase == "give":
             classes[hand] = CONTACT
         if self.view.phase == "receive":
@@ -292,15 +293,17 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        self._expect(threat, labels, len(everything))
+        self._expect(threat, arm)
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
+        self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
         self.view.offered = 0 if self._give else len(everything) - len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
-            rest[: len(rows)] = ~np.isin(labels, ARMS[self._side])
+            rest[arm] = False
             threat, self.view.classes = _only(threat, rest), classes[rest]
+            self.view.meant = np.zeros(0, np.int64)  # left out already
             people = int(rest[: len(rows)].sum())
         last = self._last
         dt = self.executor.period if last is None else frame.now - last.frame.now
@@ -308,13 +311,20 @@ class Handover:
         speed = self._speed_of_object(frame, dt)
         return _Seen(frame, there, classes, threat, people, gap, speed, dt)
 
-    def _expect(self, threat: Threat | None, labels: np.ndarray, n: int) -> None:
-        """Tell the planner where the arm that takes part will be."""
-        if threat is None:
+    def _parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which capsules are the hand, and the arm, that takes part."""
+        known = self._arms
+        if known is None or known[0] != labels.tobytes():
+            hand = np.flatnonzero(labels == _HANDS[self._side])
+            arm = np.flatnonzero(np.isin(labels, ARMS[self._side]))
+            known = self._arms = labels.tobytes(), hand, arm
+        return known[1], known[2]
+
+    def _expect(self, threat: Threat | None, arm: np.ndarray) -> None:
+        """Tell the planner where the arm that takes part will be, while it plans."""
+        if threat is None or self._step.kind in ("stand", "grip"):
             return
-        arm = np.zeros(n, bool)
-        arm[: len(labels)] = np.isin(labels, ARMS[self._side])
-        likely = _only(threat, arm).likely(*_EXPECTED) if arm.any() else None
+        likely = _only(threat, arm).likely(*_EXPECTED) if len(arm) else None
         if likely is not None:
             self.planner.expect(likely)
 
@@ -572,6 +582,7 @@ class Handover:
     def _plan(self, seen: _Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
         step = self._step
+        self._light = True
         if self._begun is None:
             self._begun = seen.frame.now
         if step.kind == "targets":
@@ -585,6 +596,8 @@ class Handover:
         if step.kind == "close":
             return self._close_in(seen, q)
         if step.kind == "grip":
+            if self.fingers != step.value:  # what is held makes goals be joined anew
+                self._set_goals([self._rest])
             self.fingers = step.value
             sensed = seen.frame.holds if step.value == CLOSED else seen.frame.opened
             if sensed:
@@ -592,11 +605,10 @@ class Handover:
         return self._stand(seen, q)
 
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
-        """Go to the best target; they are ranked in every third frame."""
+        """Go to the best target."""
         targets = self.targets
-        self._frames += 1
-        if self._frames % _RANKED == 1 or not targets.counts["set_goals"]:
-            targets.look(seen.frame.human, q)
+        targets.look(seen.frame.human, q)
+        self._light = False
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
@@ -707,8 +719,10 @@ class Handover:
         if self._object_moved(T) and slow and self.state == table.APPROACH:
             reaches.begin(T, q)
             self._taken = None
-        reaches.work()
-        found = sorted(reaches.found, key=lambda r: self._far(q, r.q_before))
+        else:
+            self._prepare()
+        found = [r for r in reaches.found if self.planner.is_prepared(r.q_before)]
+        found.sort(key=lambda r: self._far(q, r.q_before))
         if not found:
             return self._go(seen, q, [self._rest])
         answer = self._go(seen, q, [r.q_before for r in found])
@@ -716,6 +730,16 @@ class Handover:
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
         return answer
+
+    def _prepare(self) -> None:
+        """Do one costly thing: join a goal to the roadmap, else look for another."""
+        waiting = (r.q_before for r in self._reaches.found)
+        goal = next((g for g in waiting if not self.planner.is_prepared(g)), None)
+        self._light = False
+        if goal is not None:
+            self.planner.prepare_goal(goal)
+        else:
+            self._reaches.work()
 
     def _far(self, q: np.ndarray, other: np.ndarray) -> float:
         """Return how far a configuration is, in steps: small changes do not count."""

@@ -10,6 +10,8 @@ as long as nothing comes nearer to it; pads, which may touch it, apart. From the
 a retreat keeps what it always keeps.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from odm.checks import OBJECT
@@ -30,6 +32,8 @@ class PhasePlanner:
         classes: (k,) class of each of the shapes that are told.
         offered: How many of those, the last ones, are what somebody holds out.
         person: (k, 7) the person's capsules in this frame [m].
+        meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
+            part, and the object. Nobody evades them then; all else is evaded as ever.
     """
 
     def __init__(self, planner: ReactivePlanner) -> None:
@@ -39,6 +43,7 @@ class PhasePlanner:
         self.classes = np.zeros(0, np.int8)
         self.offered = 0
         self.person = np.zeros((0, 7))
+        self.meant = np.zeros(0, np.int64)
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -74,6 +79,19 @@ class PhasePlanner:
         there.shape_classes = np.full(len(there), OBJECT, np.int8)
         told = (path, extra, there, "receive")
         return self.planner.blocked_leg(*told, escape=True)
+
+    def evasion(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray | Obstacles]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a motion that evades what comes; see `ReactivePlanner.evasion`."""
+        if self.phase is not None:
+            rest = np.ones(len(self.classes), bool)
+            rest[self.meant] = False
+            coming = [(t, Obstacles(capsules=w.capsules[rest])) for t, w in coming]
+        return self.planner.evasion(q, coming, speed_scale)
 
     def separation(self, q: np.ndarray) -> float:
         """Return the distance from the person, without what they hold out [m]."""

@@ -1,5 +1,6 @@
 """`odm bench story`: random people take things from the robot and give things to it."""
 
+import gc
 import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
@@ -134,6 +135,8 @@ def _played(job: tuple) -> dict:
         _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach))
         play(StoryPlay(_KEPT["setup"], StoryCase("give")), 1.0)  # compiled from here on
         play(StoryPlay(_KEPT["setup"], StoryCase("receive")), 1.0)
+        gc.collect()
+        gc.freeze()  # a collection of all that was loaded would be some frame's
     run = StoryPlay(_KEPT["setup"], case)
     whole = 60.0 if name else seconds
     result = play(run, whole)
