@@ -23,6 +23,7 @@ from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+_IDLE = 3  # times as many choices between two rankings
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -140,6 +141,7 @@ class LiveTargets:
             upper = np.where(robot.continuous, np.inf, robot.upper)
             self.rest = np.clip(np.array(q, float), lower, upper)
         self.counts["frames"] += 1
+        self._blocked = 0 if self._pursued is not None else self._blocked + 1
         self._changed = False
         if not self._rank(human):
             return
@@ -177,7 +179,8 @@ class LiveTargets:
                 self._take_ranked(meet.ranked())
                 self._chosen = 0
             return False
-        if self._chosen < s.choices:
+        # more of them while there is nothing to go to: each may find a configuration
+        if self._chosen < s.choices * (1 if self._pursued is not None else _IDLE):
             self._chosen += 1
             return True
         meet.update(self._as_judged(human))
@@ -269,7 +272,6 @@ class LiveTargets:
     def _depth(self) -> int:
         """Return how many targets to consider: more, the longer it is blocked."""
         ranked, choice = self.settings.ranked, self.settings.choice
-        self._blocked = 0 if self._pursued is not None else self._blocked + 1
         more = self._blocked // (choice.untried_frames * choice.goals)
         return ranked * min(1 + more, self.settings.deepest)
 

@@ -121,8 +121,8 @@ class StorySetup:
     def planner(self) -> ReactivePlanner:
         """Return a planner that knows nothing yet, and what stands on the table."""
         settings = PlannerSettings(
-            goal_connections=6,
-            start_connections=4,
+            goal_connections=3,
+            start_connections=3,
             confirmations=2,
             cached_goals=32,
             finger_pads=self.pads,

@@ -49,7 +49,7 @@ class StorySettings:
     steady_s: float = 0.15
     leave_s: float = 1.0
     blocked_s: float = 1.5
-    stuck_s: float = 0.7
+    stuck_s: float = 0.4
     grip_s: float = 0.6
     wait_s: float = 15.0
     fetch_s: float = 20.0
