@@ -166,7 +166,6 @@ class Reaches:
                 return True
         return False
 
-
     def _can_leave(self, grasp: int, q: np.ndarray, before: np.ndarray) -> bool:
         """Whether the straight way back is free with the object in the hand."""
         if self._thing is None:

@@ -28,8 +28,9 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.transforms import check_pose
 from sim.story import machine as table
-from sim.story.distance import capsule_gap
+from sim.story.distance import capsule_gap, moved_rods
 from sim.story.grasping import (
+    KEPT,
     Reach,
     Reaches,
     box_of,
@@ -46,7 +47,10 @@ from sim.story.settings import StorySettings
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_CALM, _BUSY = 3, 1  # what may be bettered between frames: in others, and in costly ones
+_CALM, _BUSY = (
+    3,
+    1,
+)  # what may be bettered between frames: in others, and in costly ones
 _GRAVITY = 9.81  # [m/s2]
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
@@ -188,6 +192,7 @@ class Handover:
         thing = None if self._give else self._carried
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
         self._taken: Reach | None = None
+        self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
         self._at = 0  # which step
@@ -336,10 +341,7 @@ class Handover:
             T = T @ self._T_tool_object
         if T is None:
             return None
-        rows = np.array(self._obj.capsules)
-        for at in (slice(0, 3), slice(3, 6)):
-            rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
-        return rows
+        return moved_rods(self._obj.capsules, T)
 
     def _speed_of_object(self, frame: StoryFrame, dt: float) -> float:
         last = self._last
@@ -438,6 +440,7 @@ class Handover:
         for grasp in self.grasps:
             off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
             if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
+                self._put = T_tool_object
                 return True
         return False
 
@@ -642,12 +645,10 @@ class Handover:
 
     def _take(self) -> None:
         """Have the object in the hand, in the map, too."""
-        T = None if self._last is None else self._last.frame.T_base_object
         if self._taken is not None and not self._give:
             self._T_tool_object = self._taken.T_tool_object
-        elif self.state == table.CLOSE and T is not None:  # as it was put there
-            T_tool = tool_pose(self.planner.robot, self.executor.set_point.q)
-            self._T_tool_object = np.linalg.inv(T_tool) @ T
+        elif self.state == table.CLOSE:
+            self._T_tool_object = self._put
         self.planner.attach(self._carried, self._T_tool_object)
         self.holding = True
         if self.state != table.CLOSE:
@@ -721,7 +722,7 @@ class Handover:
             self._taken = None
         else:
             self._prepare()
-        found = [r for r in reaches.found if self.planner.is_prepared(r.q_before)]
+        found = [r for r in reaches.found if self._is_ready(r.q_before)]
         found.sort(key=lambda r: self._far(q, r.q_before))
         if not found:
             return self._go(seen, q, [self._rest])
@@ -734,12 +735,17 @@ class Handover:
     def _prepare(self) -> None:
         """Do one costly thing: join a goal to the roadmap, else look for another."""
         waiting = (r.q_before for r in self._reaches.found)
-        goal = next((g for g in waiting if not self.planner.is_prepared(g)), None)
+        goal = next((g for g in waiting if not self._is_ready(g)), None)
         self._light = False
         if goal is not None:
             self.planner.prepare_goal(goal)
         else:
             self._reaches.work()
+
+    def _is_ready(self, goal: np.ndarray) -> bool:
+        """Whether to set a goal costs little, or cannot be made to."""
+        few = self.planner.settings.cached_goals < 2 * KEPT
+        return few or self.planner.is_prepared(goal)
 
     def _far(self, q: np.ndarray, other: np.ndarray) -> float:
         """Return how far a configuration is, in steps: small changes do not count."""

@@ -14,7 +14,7 @@ from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
-from sim.story.distance import ball_gaps, capsule_gap
+from sim.story.distance import ball_gaps, capsule_gap, moved_rods
 from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.machine import StoryEvent
@@ -191,6 +191,7 @@ class StoryPlay:
         self._rng = np.random.default_rng([case.seed, 77])
         self._T_object = np.array(setup.T_place) if fetch else None
         self._audit = exact_audit(setup.cell_map.robot)
+        self.speed = 0.0  # of the fastest point [m/s]
         self.index, self.result = 0, StoryResult(case, self.known is not None)
         self._centers = sphere_centers(planner.robot, setup.rest)
         self._stood, self._fell = True, False
@@ -302,7 +303,7 @@ class StoryPlay:
             result.object_contacts += self._object_touches(moment)
         centers = sphere_centers(self.planner.robot, moment.q)
         speed = np.linalg.norm(centers - self._centers, axis=1).max() * RATE
-        self._centers = centers
+        self._centers, self.speed = centers, float(speed)
         if moment.separation <= 0.0:
             result.contacts += speed > STANDS
             result.standing_contacts += speed <= STANDS
@@ -328,10 +329,7 @@ class StoryPlay:
         arm["left"] = (Part.LEFT_HAND, Part.LEFT_FOREARM)
         others = ~np.isin(moment.frame.human.labels, arm[self.setup.side])
         T = moment.T_object
-        for row in self.setup.obj.capsules:
-            rod = row.copy()
-            rod[:3] = T[:3, :3] @ row[:3] + T[:3, 3]
-            rod[3:6] = T[:3, :3] @ row[3:6] + T[:3, 3]
+        for rod in moved_rods(self.setup.obj.capsules, T):
             if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
                 return True
         return False
