@@ -95,12 +95,13 @@ def tell_story(
     files = []
     if request.record is not None:
         files.append(write_record(record, request.record))
-    film = request.film or request.out / FILM
-    with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map)
-    with world, Bars("writing the film"):
-        film.parent.mkdir(parents=True, exist_ok=True)
-        files.append(write_story_film(record, cell_map.robot, world, film))
+    film = request.film or (None if live else request.out / FILM)
+    if film is not None:  # who moved the person has seen it
+        with stdout_to_stderr():  # pybullet greets and warns on stdout
+            world, _ = open_world(cell_map)
+        with world, Bars("writing the film"):
+            film.parent.mkdir(parents=True, exist_ok=True)
+            files.append(write_story_film(record, cell_map.robot, world, film))
     found = figures_of(result) | {
         "files": [str(f) for f in files],
         "header": header(cell_map),
@@ -194,6 +195,9 @@ def figures_of(result: StoryResult) -> dict:
         "stops": int(result.stops),
         "path_changes": int(result.path_changes),
         "fastest_near_m_s": float(result.fastest_near),
+        "acceleration": float(result.acceleration),
+        "jerk": float(result.jerk),
+        "beyond": int(result.beyond),
         "cpu_s": percentiles(np.array(result.cpu_s)),
     }
 
