@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +14,7 @@ from sim.draw.world import SimulatorMissing
 from sim.loop.run_result import percentiles
 from sim.people.mocap import load_mocap
 from sim.people.whole_person import RecordedPerson
-from sim.record import write_record
+from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.film import write_story_film
@@ -92,16 +93,9 @@ def tell_story(
     tell(True)
     wrist.close()
     record = recorder.record()
-    files = []
-    if request.record is not None:
-        files.append(write_record(record, request.record))
+    # who moved the person has seen it
     film = request.film or (None if live else request.out / FILM)
-    if film is not None:  # who moved the person has seen it
-        with stdout_to_stderr():  # pybullet greets and warns on stdout
-            world, _ = open_world(cell_map)
-        with world, Bars("writing the film"):
-            film.parent.mkdir(parents=True, exist_ok=True)
-            files.append(write_story_film(record, cell_map.robot, world, film))
+    files = _written(record, cell_map, request.record, film)
     found = figures_of(result) | {
         "files": [str(f) for f in files],
         "header": header(cell_map),
@@ -111,6 +105,22 @@ def tell_story(
     for file in files:
         say(str(file))
     return found
+
+
+def _written(
+    record: RunRecord, cell_map: CellMap, recording: Path | None, film: Path | None
+) -> list[Path]:
+    """Write what was asked for; return the files."""
+    files = []
+    if recording is not None:
+        files.append(write_record(record, recording))
+    if film is not None:
+        with stdout_to_stderr():  # pybullet greets and warns on stdout
+            world, _ = open_world(cell_map)
+        with world, Bars("writing the film"):
+            film.parent.mkdir(parents=True, exist_ok=True)
+            files.append(write_story_film(record, cell_map.robot, world, film))
+    return files
 
 
 def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:

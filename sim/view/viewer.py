@@ -233,7 +233,7 @@ class Viewer:
         moment = Moment(
             time_s=time_s,
             q=np.array(q, float),
-            capsules=NOBODY if capsules is None else np.asarray(capsules, float),
+            capsules=np.asarray(NOBODY if capsules is None else capsules, float),
             state=state,
             reason=doing or self._reason,
             separation=float(separation),
