@@ -25,6 +25,7 @@ from roadmap.jit_options import BARE, FULL
 
 # what is counted: positions opened, bytes compared, grips bounded, hand poses solved
 POSITIONS, BYTES, GRIPS, SOLVED = range(4)
+GRIP_WORK, SOLVED_WORK = 0.1, 0.9  # in hundreds of compared bytes
 
 
 class Entries(NamedTuple):
@@ -89,15 +90,16 @@ def put(top, key, e, g, value, n):
 
 
 @njit(**FULL)
-def search(task, warm):
-    """Fill the `top` of a search with the best entries that are not removed.
+def begin(task, warm, order):
+    """Look at the entries of `warm`, then order the positions by their bounds.
 
     Args:
         task: See `Search`.
-        warm: (m,) entries to begin with: the last best.
+        warm: (m,) entries to begin with: the last best. They are `seen` from now on.
+        order: (positions,) written: those that may count, the best bound first.
 
     Returns:
-        How many there are.
+        How many entries `top` has, and how many positions are in order.
     """
     person, hands, cells = task.scene
     bounds, top = task.bounds, task.top
@@ -117,21 +119,47 @@ def search(task, warm):
     position_bounds(person, hands, cells, bounds)
     n_open = 0
     floor = top.value[k - 1] if n == k else 0.0
-    order = np.empty(whole.shape[0], np.int64)
     for p in range(whole.shape[0]):
         if whole[p] >= floor:
             order[n_open] = p
             n_open += 1
-    order = order[:n_open]
-    order = order[np.argsort(-whole[order])]
-    for p in order:
+    order[:n_open] = order[:n_open][np.argsort(-whole[order[:n_open]])]
+    return n, n_open
+
+
+@njit(**FULL)
+def go_on(task, order, at, n, budget):
+    """Open the next positions, until the work counted passes the budget.
+
+    Args:
+        task: See `Search`.
+        order: (m,) positions in the order of their bounds.
+        at: Which of them is next.
+        n: How many entries `top` has.
+        budget: Work, see `done_of`; no less than a position is opened.
+
+    Returns:
+        Which position is next, m where the search is over, and how many entries.
+    """
+    top, whole, counts = task.top, task.bounds.whole, task.scratch.counts
+    k, m = top.value.shape[0], order.shape[0]
+    most = done_of(counts) + budget
+    while at < m:
         floor = top.value[k - 1] if n == k else 0.0
-        if whole[p] < floor:
+        if whole[order[at]] < floor:
+            return m, n
+        n = _open(task, order[at], n)
+        at += 1
+        if done_of(counts) >= most:
             break
-        n = _open(task, p, n)
-    for i in range(warm.shape[0]):
-        seen[warm[i]] = False
-    return n
+    return at, n
+
+
+@njit(**BARE)
+def done_of(counts):
+    """Return the work of a search so far, in hundreds of compared bytes, about."""
+    compared = 0.01 * counts[BYTES] + 0.2 * counts[POSITIONS]
+    return compared + GRIP_WORK * counts[GRIPS] + SOLVED_WORK * counts[SOLVED]
 
 
 @njit(**BARE)

@@ -3,14 +3,16 @@
 [Vahrenkamp2016, III-C and Algorithm 1]; what a target is: `docs/workspace.md`.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from handover.human.human import Human
 from handover.meet import _meet as kernels
-from handover.meet._meet_search import Entries, Search, search
+from handover.meet._meet_search import Entries, Search, begin, go_on
 from handover.meet.constraints import allowed
 from handover.meet.held_object import HeldObject, checked_grasps
 from handover.meet.meet_tables import (
@@ -59,6 +61,15 @@ class Target:
     arm_q: np.ndarray
     grasp: int
     key: int
+
+
+class _Pass(NamedTuple):
+    """A ranking that has begun: positions in order, which is next, how many found."""
+
+    task: Search
+    order: np.ndarray
+    at: int
+    n: int
 
 
 class InteractionWorkspace:
@@ -114,6 +125,8 @@ class InteractionWorkspace:
         self._state: ArmState | None = None
         self._top = top_of(1)
         self._warm = np.zeros(0, np.int64)
+        self._order = np.zeros(len(self._cells.points), np.int64)
+        self._pass: _Pass | None = None
         self.update(human)
 
     def __len__(self) -> int:
@@ -121,8 +134,12 @@ class InteractionWorkspace:
         return int(((self.build() >= 0) & ~self._removed).sum())
 
     def update(self, human: Human) -> None:
-        """Take another pose of the person: place, gaze, arms."""
+        """Take another pose of the person: place, gaze, arms.
+
+        A ranking that has begun is given up.
+        """
         s = self.settings
+        self._give_up()
         state = state_of(human, s, self.human, self._state)
         arm, T = human.arm(s.side), human.T_world_shoulder(s.side)
         mirror = -1.0 if s.side == "left" else 1.0
@@ -166,16 +183,69 @@ class InteractionWorkspace:
 
         The same as the full grid's best k, found without solving it.
         """
+        self.begin(k)
+        self.go_on(math.inf)
+        return self.ranked()
+
+    def begin(self, k: int = 10) -> None:
+        """Begin to look for the best k targets of the person as they are now.
+
+        `go_on` leads it to its end, some work a frame, then `ranked` returns them. A
+        ranking that was begun before is given up.
+        """
         if not 1 <= k <= 100_000:
             raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
+        self._give_up()
         if len(self._top.value) != k:
             self._top = top_of(k)
         self._scratch.counts[:] = 0
         bounds = self._tables.bounds(self._scene.person, self._bounds)
         task = Search(self._scene, self._entries, bounds, self._top, self._scratch)
-        n = search(task, self._warm)
+        n, m = begin(task, self._warm, self._order)
+        self._pass = _Pass(task, self._order[:m], 0, n)
+
+    def go_on(self, budget: float) -> bool:
+        """Go on with a ranking; return whether it is over.
+
+        Args:
+            budget: Work at most, in hundreds of compared bytes; about 1 us each.
+
+        Raises:
+            BadInput: None was begun since the person was told last.
+        """
+        task, order, at, n = self._pass_begun()
+        at, n = go_on(task, order, at, n, float(budget))
+        self._pass = _Pass(task, order, at, n)
+        return at == len(order)
+
+    def ranked(self) -> list[Target]:
+        """Return the best of a ranking that is over, best first; it ends with that.
+
+        Raises:
+            BadInput: None was begun, or it is not over.
+        """
+        _, order, at, n = self._pass_begun()
+        if at < len(order):
+            raise BadInput("the ranking is not over; call go_on until it returns True")
+        self._give_up()
         self._warm = self._top.entry[:n].copy()
         return self._targets(self._warm, self._top.grasp[:n])
+
+    @property
+    def is_ranking(self) -> bool:
+        """Whether a ranking was begun and not fetched by `ranked` yet."""
+        return self._pass is not None
+
+    def _pass_begun(self) -> "_Pass":
+        if self._pass is None:
+            raise BadInput("no ranking was begun for this person; call begin first")
+        return self._pass
+
+    def _give_up(self) -> None:
+        """Have begun no ranking."""
+        if self._pass is not None:
+            self._entries.seen[self._warm] = False
+        self._pass = None
 
     def rated(self, keys: Sequence[int]) -> list[Target | None]:
         """Return the targets of some cells with their quality now, in order of `keys`.
@@ -210,6 +280,7 @@ class InteractionWorkspace:
 
     def forget(self) -> None:
         """Forget the last best targets, with which the next `best` would begin."""
+        self._give_up()
         self._warm = self._warm[:0]
 
     @property

@@ -5,7 +5,7 @@ moves.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+_IDLE = 3  # times as many choices between two rankings
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -98,6 +99,8 @@ class LiveTargets:
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
         self.offers = TargetOffers(planner, self.finder)
         self._targets: dict[int, Target] = {}
+        self._worth: dict[int, float] = {}
+        self._chosen = self.settings.choices  # frames since the last ranking
         self._pursued: Goal | None = None
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
@@ -142,13 +145,13 @@ class LiveTargets:
             upper = np.where(robot.continuous, np.inf, robot.upper)
             self.rest = np.clip(np.array(q, float), lower, upper)
         self.counts["frames"] += 1
-        self.meet.update(human)
-        targets = self.meet.best(self._depth())
-        self._best = targets[0].quality if targets else 0.0
-        self._targets = {t.key: t for t in targets}
+        self._blocked = 0 if self._pursued is not None else self._blocked + 1
+        self._changed = False
+        if not self._rank(human):
+            return
+        targets = list(self._targets.values())
         known = self._known()
         self._worth = {t.key: t.quality for t in known}
-        self._changed = False
         if self._touched:
             return  # whatever the goals are, it cannot leave
         pursued = None if self._pursued is None else self._pursued.key
@@ -164,6 +167,41 @@ class LiveTargets:
             self.counts["set_goals"] += 1
             goals = self._set(goals)
         self.goals = goals
+
+    def _rank(self, human: Human) -> bool:
+        """Rank the targets, or go on with that; return whether there is time to choose.
+
+        A frame of a ranking over several does nothing else that is costly.
+        """
+        s, meet = self.settings, self.meet
+        if not s.rank_budget:
+            meet.update(self._as_judged(human))
+            self._take_ranked(meet.best(self._depth()))
+            return True
+        if meet.is_ranking:
+            if meet.go_on(s.rank_budget):
+                self._take_ranked(meet.ranked())
+                self._chosen = 0
+            return False
+        # more of them while there is nothing to go to: each may find a configuration
+        if self._chosen < s.choices * (1 if self._pursued is not None else _IDLE):
+            self._chosen += 1
+            return True
+        meet.update(self._as_judged(human))
+        meet.begin(self._depth())
+        return False
+
+    def _as_judged(self, human: Human) -> Human:
+        """Return the person from whose arm the way of the hand counts."""
+        if not self.settings.from_rest:
+            return human
+        side = self.meet.settings.side
+        others = {k: v for k, v in human.arms.items() if k != side}
+        return replace(human, arms=others)
+
+    def _take_ranked(self, targets: list[Target]) -> None:
+        self._best = targets[0].quality if targets else 0.0
+        self._targets = {t.key: t for t in targets}
 
     def _choose(
         self, targets: list[Target], known: list[Target], pursued: int | None
@@ -227,12 +265,17 @@ class LiveTargets:
             self._touched,
         )
 
+    def put_off(self) -> None:
+        """Try other targets first: the robot cannot get on to the one it pursues."""
+        if self._pursued is not None:
+            self.choice.put_off(self._pursued.key)
+            self._pursued = None
+
     # --- inside ----------------------------------------------------------------
 
     def _depth(self) -> int:
         """Return how many targets to consider: more, the longer it is blocked."""
         ranked, choice = self.settings.ranked, self.settings.choice
-        self._blocked = 0 if self._pursued is not None else self._blocked + 1
         more = self._blocked // (choice.untried_frames * choice.goals)
         return ranked * min(1 + more, self.settings.deepest)
 

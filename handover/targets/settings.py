@@ -88,6 +88,13 @@ class LiveSettings:
         trusted: Frames for which a test that found no free configuration is trusted.
         lookups: Targets in a frame for which near nodes are looked up: slow once.
         goals_each: Configurations of one target that are goals at once.
+        rank_budget: Work of the ranking in a frame, about 1 us each: it goes on over
+            several frames, of the person as they were when it began. 0: in each frame
+            all of it, some milliseconds.
+        choices: Frames between two rankings, where it goes on over several: in each
+            the targets known are weighed anew, and one costly job is done.
+        from_rest: Whether the way of the person's hand counts from where their arm
+            rests, not from where it is: else the best place follows a hand that moves.
     """
 
     ranked: int = 10
@@ -105,6 +112,9 @@ class LiveSettings:
     trusted: int = 8
     lookups: int = 2
     goals_each: int = 2
+    rank_budget: int = 0
+    choices: int = 3
+    from_rest: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
@@ -122,7 +132,8 @@ class LiveSettings:
             "trusted",
         )
         counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
-        counts |= {"ranked": (1, 100_000, "")}
+        counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
+        counts |= {"rank_budget": (0, 10**9, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
         check_settings(self, lengths | counts, tuple(counts))
 

@@ -91,6 +91,11 @@ class TargetChoice:
         self._take(self._ordered(alive, worth, pursued))
         return Decision(self.keys, wish)
 
+    def put_off(self, key: int) -> None:
+        """Take a cell off the offers for a while, though the planner found a path."""
+        self._shelf[key] = self._frame + self.settings.retry_frames
+        self.keys = tuple(k for k in self.keys if k != key)
+
     def _may_offer(self, alive: list[int], worth: Mapping, bar: float) -> bool:
         """Whether another one may be offered: a place is free, or one had its time."""
         patience, ahead = self.settings.untried_frames, self._ahead(alive, worth, bar)
@@ -134,7 +139,8 @@ class TargetChoice:
         more = [
             key
             for key, quality in ranked
-            if quality <= bar and key not in alive and is_cheap(key)
+            if quality <= bar and key not in alive
+            if self._shelf.get(key, 0) <= self._frame and is_cheap(key)
         ]
         return [*alive, *more[: min(missing, room)]]
 

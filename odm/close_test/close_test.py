@@ -39,6 +39,10 @@ class CloseTest:
         arm, radii, bare, tolerance, work = self.group
         return CloseTest(arm, radii + extra, tolerance, work, bare + extra)
 
+    def anchor(self, q: np.ndarray) -> None:
+        """Remember where the spheres are at q (dof,): an escape begins there."""
+        close.place_anchor(self.group.arm, q, self.group.work)
+
     def clear(
         self,
         q: np.ndarray,

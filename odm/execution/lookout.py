@@ -102,6 +102,15 @@ class Lookout:
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
+        # first all places on its way against all times at once: mostly nothing is near
+        path = np.array([motion.at(t + ahead).q for ahead in _MEETS])
+        if (path == path[0]).all():
+            path = path[:1]
+        person = threat.likely(*_MEETS)
+        if self.planner.blocked_leg(path, -self._closer, person) is None:
+            return False
+        if len(path) == 1:
+            return True
         for ahead in _MEETS:
             q = motion.at(t + ahead).q[None]
             there = threat.likely(ahead)

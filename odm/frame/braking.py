@@ -35,6 +35,7 @@ class PathTest:
         points: np.ndarray | Obstacles | None,
         phase: str | None,
         classes: np.ndarray | None,
+        escape: bool = False,
     ) -> int | None:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
@@ -70,7 +71,7 @@ class PathTest:
         cover = frame.cover()
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
         for k, dq in enumerate(legs):
-            if self.last_phase.hit(cover, path[k], dq, extra) is not None:
+            if self.last_phase.hit(cover, path[k], dq, extra, escape) is not None:
                 return k
         return None
 

@@ -54,6 +54,15 @@ class Carrier:
         self._groups = {"graph": graph, "direct": direct}
         self._loaded_items = PlaceItems(graph, direct, self._largest, closed)
 
+    def test_with(self, thing: object, T_tool_object: np.ndarray) -> StaticTest:
+        """Return the static test of the robot as if it held an object.
+
+        What stands at this place is that of now; nothing is attached.
+        """
+        thing = carried_object(thing).moved(check_pose(T_tool_object, "T_tool_object"))
+        robot = with_payload(self.frame.robot, thing.spheres, thing.shell, [])
+        return self.bare.carrying(robot, fenced=self.frame.cell_map.payload is None)
+
     def attach(self, thing: object, T_tool_object: np.ndarray) -> None:
         """Take an object into the hand; see `ReactivePlanner.attach`."""
         frame = self.frame

@@ -43,6 +43,8 @@ class LastPhase:
         self.frame = frame
         grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)
+        # of one arm, radii and phase; their arrays are held, so that none is reused
+        self._known: tuple[tuple, tuple] | None = None
 
     def look(
         self,
@@ -73,7 +75,12 @@ class LastPhase:
         self._number = np.flatnonzero(~may), np.flatnonzero(may)
 
     def hit(
-        self, cover: Cover, q: np.ndarray, dq: np.ndarray, extra: float = 0.0
+        self,
+        cover: Cover,
+        q: np.ndarray,
+        dq: np.ndarray,
+        extra: float = 0.0,
+        escape: bool = False,
     ) -> tuple[int, int, float] | None:
         """Test q + t dq; return (sphere, point, metres too near), None where free.
 
@@ -84,6 +91,7 @@ class LastPhase:
             q: (dof,) start [rad or m].
             dq: (dof,) displacement.
             extra: More distance, for braking [m].
+            escape: What is nearer at q already only must not come nearer.
         """
         kept, arm, radii, bare = self._protected_spheres(cover)
         tests = (
@@ -93,7 +101,9 @@ class LastPhase:
         tolerance = self.frame.cell_map.motion_tolerance
         for spheres, far, near, of, k in tests:
             test = CloseTest(spheres, far + extra, tolerance, cover.work, near + extra)
-            if not test.clear(q, dq, self._clouds[k], solids=self._solids[k]):
+            if escape:
+                test.anchor(q)
+            if not test.clear(q, dq, self._clouds[k], escape, self._solids[k]):
                 found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
                 if point <= FIRST_SOLID:
@@ -108,6 +118,9 @@ class LastPhase:
     ) -> tuple[np.ndarray, Arm, np.ndarray, np.ndarray]:
         """Return the spheres that may not touch: numbers, arm, radii and bare radii."""
         frame, arm = self.frame, cover.arm
+        of = (arm, cover.radii, cover.bare, frozenset(self._may))
+        if self._known is not None and _same(self._known[0], of):
+            return self._known[1]
         own = gripper_links(frame.robot)
         kept = np.array([n not in self._may for n in cover.links], bool)
         gripper = np.array([n in own for n in cover.links], bool)
@@ -122,7 +135,10 @@ class LastPhase:
             reach=frozen(arm.reach[kept], float),
             body_ptr=frozen(np.searchsorted(arm.body[kept], ends), np.int64),
         )
-        return np.flatnonzero(kept), few, radii, bare
+        found = np.flatnonzero(kept), few, radii, bare
+        copies = (arm, np.copy(cover.radii), np.copy(cover.bare), of[3])
+        self._known = copies, found
+        return found
 
     def _links_that_may(self, phase: str) -> set[str]:
         frame = self.frame
@@ -144,6 +160,16 @@ class LastPhase:
                 "PlannerSettings(finger_pads=...)"
             )
         return pads
+
+
+def _same(known: tuple, of: tuple) -> bool:
+    """Whether arm and phase are those known, and all radii are as they were."""
+    return (
+        known[0] is of[0]
+        and known[3] == of[3]
+        and np.array_equal(known[1], of[1])
+        and np.array_equal(known[2], of[2])
+    )
 
 
 def gripper_links(robot: Robot) -> set[str]:

@@ -85,10 +85,11 @@ class Obstacles:
             "spheres": spheres,
             "cylinders": cylinders,
             "boxes": boxes,
-            "meshes": np.array(poses).reshape(-1, 12),
+            "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
         rows = [
-            _rows(kind, given[kind], w) for kind, w in zip(KINDS, WIDTHS, strict=True)
+            _NO_ROWS[w] if given[kind] is _NONE else _rows(kind, given[kind], w)
+            for kind, w in zip(KINDS, WIDTHS, strict=True)
         ]
         self.counts = np.array([len(part) for part in rows], np.int64)
         self.data = np.concatenate([part.ravel() for part in rows])
@@ -330,6 +331,10 @@ def is_small_hull(mesh: solid.Mesh) -> bool:
     middle = a.mean(axis=0)
     inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
     return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
+
+
+_NONE = 0  # of the default; most frames have capsules and nothing else
+_NO_ROWS = {w: np.zeros((0, w)) for w in (4, 7, 12, 15)}
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:

@@ -864,6 +864,7 @@ class ReactivePlanner:
         points: np.ndarray | Obstacles | None = None,
         phase: str | None = None,
         classes: np.ndarray | None = None,
+        escape: bool = False,
     ) -> int | None:
         """Return the first leg of a path that points block, or None.
 
@@ -880,13 +881,16 @@ class ReactivePlanner:
                 `odm.Obstacles`. None: what is in the frame, where it is.
             phase: As in `is_free`.
             classes: (n,) of `points`, where they are given.
+            escape: In a phase: what is too near where a leg begins only must not come
+                nearer along it.
 
         Raises:
             BadInput: No path, points of another shape, an `extra` below -m, a phase
                 that cannot be, or bad classes.
         """
         self.memory.owner.check()
-        return self._path_test.blocked_leg(path, extra, points, phase, classes)
+        told = (path, extra, points, phase, classes, escape)
+        return self._path_test.blocked_leg(*told)
 
     def evasion(
         self,

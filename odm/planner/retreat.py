@@ -176,7 +176,8 @@ class _Expected(NamedTuple):
         needed = self.duration(dq)
         gap = self.ample
         test = self.frame.close_test
-        for t, (cloud, solids) in zip(self.times, self.there, strict=True):
+        # the last is the nearest, mostly: what is too near is known after one look
+        for t, (cloud, solids) in list(zip(self.times, self.there, strict=True))[::-1]:
             at = q + min(1.0, t / needed) * dq
             gap = min(gap, test.separation(at, cloud, gap, solids))
             if gap <= least:

@@ -73,8 +73,15 @@ def demo(request: DemoRequest) -> None:
 def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
     from sim.run.meet import reach_map_of
+    from sim.story.request import KEYBOARD
     from sim.story.tell import tell_story
 
+    live = None
+    if request.human == KEYBOARD:
+        from sim.keyboard.story import KeyboardStory
+
+        live = KeyboardStory(request.seconds)
+        live.open()
     folder = request.map_dir or _built(load_recipe(STORY), request.threads)
     cell_map = load_map(folder)
     with Bars() as tell:
@@ -84,7 +91,7 @@ def _hand_over(request: DemoRequest) -> None:
 
         found = tell_cycles(request, cell_map, reach)
     else:
-        found = tell_story(request, cell_map, reach)
+        found = tell_story(request, cell_map, reach, live)
     if request.json is not None:
         show_json(found, request.json)
     if found["contacts"] or found.get("whole", 1) < request.cycles:

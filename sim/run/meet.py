@@ -20,6 +20,7 @@ from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
+from handover.targets.settings import LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
@@ -60,10 +61,10 @@ PLANNER = PlannerSettings(
     history_s=0.0,
     cached_goals=32,
 )
-# Half of it dexterity: with a sixth, the best places follow the person's hand, the
-# robot is there for 35 instead of 61 % of the time, and ranking takes six times as
-# long (docs/decisions/0027).
-QUALITY = QualitySettings(online_weight=0.5)
+# The way of the hand counts from where the arm rests, else the best places follow it,
+# and a ranking goes on over several frames (docs/decisions/0027 and 0049).
+QUALITY = QualitySettings()
+LIVE = LiveSettings(rank_budget=1000, from_rest=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +94,8 @@ class MeetSetup:
 
     def live(self, human: Human, side: str) -> LiveTargets:
         """Return a live thread that knows nothing yet."""
-        return LiveTargets(
-            self.planner(), self.meet(human, side), self.rest, self.index
-        )
+        planner, meet = self.planner(), self.meet(human, side)
+        return LiveTargets(planner, meet, self.rest, self.index, LIVE)
 
     def meet(self, human: Human, side: str) -> InteractionWorkspace:
         """Return a workspace of its own."""

@@ -158,8 +158,12 @@ class RunRequest:
         """Refuse options that do not go together, before any work."""
         from roadmap.errors import BadInput  # not above: --help should be quick
 
-        trouble = self._of_the_person() or self._of_the_targets() or self._of_the_page()
-        trouble = trouble or self._of_the_plan()
+        trouble = (
+            self._of_the_person()
+            or self._of_the_targets()
+            or self._of_the_plan()
+            or page_trouble(self.view, self.port, self.host, self.token)
+        )
         if trouble:
             raise BadInput(trouble)
         if self.scene is not None:
@@ -227,21 +231,6 @@ class RunRequest:
             )
         return ""
 
-    def _of_the_page(self) -> str:
-        """Return what is wrong with the page's options, "" for nothing."""
-        if self.view:
-            from sim.view.gate import LOCAL, PORT, listening
-            from sim.view.viewer import check_viewer
-
-            check_viewer()
-            port = PORT if self.port is None else self.port
-            listening(self.host or LOCAL, port).close()  # or it is refused
-            return ""
-        asked = [n for n in ("port", "host", "token") if getattr(self, n) is not None]
-        if not asked:
-            return ""
-        return f"--{asked[0]} goes with --view; add that or leave it out"
-
     @property
     def quiet(self) -> bool:
         """Whether the terminal is left to the JSON."""
@@ -298,3 +287,25 @@ def held_object(name: str) -> "HeldObject":
 
     check_object(name)
     return getattr(handover, name)()
+
+
+def page_trouble(
+    view: bool, port: int | None, host: str | None, token: str | None
+) -> str:
+    """Return what is wrong with a page's options, "" for nothing.
+
+    Raises:
+        PlanningError: There is no viewer, or the port is taken.
+    """
+    if view:
+        from sim.view.gate import LOCAL, PORT, listening
+        from sim.view.viewer import check_viewer
+
+        check_viewer()
+        listening(host or LOCAL, PORT if port is None else port).close()
+        return ""
+    asked = {"port": port, "host": host, "token": token}
+    given = [name for name, value in asked.items() if value is not None]
+    if not given:
+        return ""
+    return f"--{given[0]} goes with --view; add that or leave it out"

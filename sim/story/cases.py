@@ -32,7 +32,9 @@ _APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
 LIVE = LiveSettings(
-    choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4)
+    choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
+    rank_budget=1000,
+    from_rest=True,
 )
 
 
@@ -119,8 +121,8 @@ class StorySetup:
     def planner(self) -> ReactivePlanner:
         """Return a planner that knows nothing yet, and what stands on the table."""
         settings = PlannerSettings(
-            goal_connections=6,
-            start_connections=4,
+            goal_connections=3,
+            start_connections=3,
             confirmations=2,
             cached_goals=32,
             finger_pads=self.pads,
@@ -216,18 +218,21 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
 
     The best targets are tried from many starts each. The robot must be within its
     limits, clear of itself and the scenery, and keep 2 cm from the person whose arm is
-    where it takes or offers the object, by the exact distance of solids.
+    where it takes or offers the object, by the exact distance of solids. What it takes
+    must leave the place straight back without touching the scenery.
     """
     body = case.body()
     planner, meet = setup.planner(), setup.meet(body)
     audit = exact_audit(setup.cell_map.robot)
-    grasps = [np.array(setup.obj.T_tool_object)]
+    grasps, held = [np.array(setup.obj.T_tool_object)], []
     if case.direction == "receive":
         grasps = list(quarter_turns(setup.obj.T_tool_object))
+        thing = carried_object(box_of(setup.obj))
+        held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
     for target in meet.best(_TRIED):
         there = body.with_arm(setup.side, target.arm_q).capsules()
-        for grasp in grasps:
+        for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)
             for found in robot.ik(T, setup.rest, attempts=_STARTS, steps=60):
                 q = np.array(found.q)
@@ -236,6 +241,9 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
                 if case.direction == "receive":
                     before = straight_back(planner, T, q, BACK)
                     if before is None or audit(before, there) < _APART:
+                        continue
+                    way = planner.frame.difference(q, before)
+                    if not held[k].motion_free(q, way):  # the object would not pass
                         continue
                 return InReach(target, q)
     return None

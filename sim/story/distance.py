@@ -28,3 +28,11 @@ def ball_gaps(balls: np.ndarray, capsules: np.ndarray) -> np.ndarray:
     s = np.clip(np.einsum("nki,ki->nk", off, u) / length, 0.0, 1.0)
     far = np.linalg.norm(off - s[..., None] * u, axis=2)
     return far - capsules[:, 6] - balls[:, 3:]
+
+
+def moved_rods(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Return capsules (k, 7) of an object that is at T (4, 4) [m]."""
+    rows = np.array(capsules)
+    for at in (slice(0, 3), slice(3, 6)):
+        rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
+    return rows

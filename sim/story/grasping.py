@@ -6,6 +6,7 @@ import numpy as np
 
 from handover.meet.held_object import HeldObject
 from handover.targets.node_index import NodeIndex
+from odm.close_test.static import StaticTest
 from odm.frame.freedom import check_valid
 from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
@@ -83,6 +84,8 @@ class Reaches:
         index: Nodes of its roadmap by pose of the tool.
         grasps: (n, 4, 4) T_tool_object of the grasps that will do.
         back: Distance before the object [m].
+        thing: The object as `odm.carried_object` makes it, if it is to be taken away
+            from there: robot and scenery must leave room for it; None: it stays.
 
     Attributes:
         found: What is known at the present pose.
@@ -94,9 +97,12 @@ class Reaches:
         index: NodeIndex,
         grasps: np.ndarray,
         back: float,
+        thing: object = None,
     ) -> None:
         """Know nothing."""
         self.planner, self.index, self.back = planner, index, back
+        self._thing = thing
+        self._held: dict[int, StaticTest] = {}  # the robot with it, for each grasp
         self.T_tool_object = np.array(grasps)
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
         self.found: list[Reach] = []
@@ -155,10 +161,22 @@ class Reaches:
             if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
                 continue
             before = straight_back(planner, T, q, self.back)
-            if before is not None:
+            if before is not None and self._can_leave(grasp, q, before):
                 self.found.append(Reach(q, before, self.T_tool_object[grasp]))
                 return True
         return False
+
+    def _can_leave(self, grasp: int, q: np.ndarray, before: np.ndarray) -> bool:
+        """Whether the straight way back is free with the object in the hand."""
+        if self._thing is None:
+            return True
+        planner = self.planner
+        if grasp not in self._held:
+            told = (self._thing, self.T_tool_object[grasp])
+            self._held[grasp] = planner.carrier.test_with(*told)
+        test = self._held[grasp]
+        test.share_place(planner.carrier.bare)
+        return test.motion_free(q, planner.frame.difference(q, before))
 
 
 def _ik(planner: ReactivePlanner, T: np.ndarray, seed: np.ndarray) -> list[np.ndarray]:

@@ -17,7 +17,7 @@ from handover.human.human import Human
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
-from odm.execution.executor import Executor
+from odm.execution.executor import BRAKED, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
 from odm.frame.last_phase import gripper_links
@@ -28,8 +28,9 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.transforms import check_pose
 from sim.story import machine as table
-from sim.story.distance import capsule_gap
+from sim.story.distance import capsule_gap, moved_rods
 from sim.story.grasping import (
+    KEPT,
     Reach,
     Reaches,
     box_of,
@@ -46,7 +47,10 @@ from sim.story.settings import StorySettings
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_RANKED = 3  # targets are ranked in every third frame, at 33 Hz
+_CALM, _BUSY = (
+    3,
+    1,
+)  # what may be bettered between frames: in others, and in costly ones
 _GRAVITY = 9.81  # [m/s2]
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
@@ -185,15 +189,18 @@ class Handover:
         self._watcher = Watcher()
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
-        self._reaches = Reaches(self.planner, index, grasps, s.back)
+        thing = None if self._give else self._carried
+        self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
         self._taken: Reach | None = None
+        self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
-        self._frames = 0
+        self._light = True  # whether nothing costly was done in this frame
+        self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         self._placeless = False  # there is no place to put the object down
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
@@ -258,7 +265,7 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             executor.limit_speed(self._limit.share(motion, t, full, person))
         executor.update(self.answer, commit, seen.threat)
-        self.planner.improve(4, executor.next_commit())
+        self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
         executor.advance()
         self._change_hands()
         row = self.machine.step(self._signals(seen), frame.now)
@@ -279,11 +286,11 @@ class Handover:
             self.view.phase = None if self._step.kind == "goal" else "receive"
         rows = human.capsules() if frame.capsules is None else frame.capsules
         labels = human.labels if frame.labels is None else frame.labels
+        hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not self.holding and not frame.holds
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
-        hand = np.flatnonzero(labels == _HANDS[self._side])
         if self.view.phase == "give":
             classes[hand] = CONTACT
         if self.view.phase == "receive":
@@ -291,13 +298,17 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        self._expect(threat, labels, len(everything))
+        self._expect(threat, arm)
         self.view.classes, people = classes, len(rows)
+        self.view.person = everything[: len(rows)]
+        self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
+        self.view.offered = 0 if self._give else len(everything) - len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
-            rest[: len(rows)] = ~np.isin(labels, ARMS[self._side])
+            rest[arm] = False
             threat, self.view.classes = _only(threat, rest), classes[rest]
+            self.view.meant = np.zeros(0, np.int64)  # left out already
             people = int(rest[: len(rows)].sum())
         last = self._last
         dt = self.executor.period if last is None else frame.now - last.frame.now
@@ -305,13 +316,20 @@ class Handover:
         speed = self._speed_of_object(frame, dt)
         return _Seen(frame, there, classes, threat, people, gap, speed, dt)
 
-    def _expect(self, threat: Threat | None, labels: np.ndarray, n: int) -> None:
-        """Tell the planner where the arm that takes part will be."""
-        if threat is None:
+    def _parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which capsules are the hand, and the arm, that takes part."""
+        known = self._arms
+        if known is None or known[0] != labels.tobytes():
+            hand = np.flatnonzero(labels == _HANDS[self._side])
+            arm = np.flatnonzero(np.isin(labels, ARMS[self._side]))
+            known = self._arms = labels.tobytes(), hand, arm
+        return known[1], known[2]
+
+    def _expect(self, threat: Threat | None, arm: np.ndarray) -> None:
+        """Tell the planner where the arm that takes part will be, while it plans."""
+        if threat is None or self._step.kind in ("stand", "grip"):
             return
-        arm = np.zeros(n, bool)
-        arm[: len(labels)] = np.isin(labels, ARMS[self._side])
-        likely = _only(threat, arm).likely(*_EXPECTED) if arm.any() else None
+        likely = _only(threat, arm).likely(*_EXPECTED) if len(arm) else None
         if likely is not None:
             self.planner.expect(likely)
 
@@ -323,10 +341,7 @@ class Handover:
             T = T @ self._T_tool_object
         if T is None:
             return None
-        rows = np.array(self._obj.capsules)
-        for at in (slice(0, 3), slice(3, 6)):
-            rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
-        return rows
+        return moved_rods(self._obj.capsules, T)
 
     def _speed_of_object(self, frame: StoryFrame, dt: float) -> float:
         last = self._last
@@ -407,7 +422,27 @@ class Handover:
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
             "steady": self._lasts("steady", still, seen.dt, s.steady_s),
+            "between": self._lasts(
+                "between",
+                seen.object_speed < s.still_speed and self._is_between(T),
+                seen.dt,
+                s.steady_s,
+            ),
         }
+
+    def _is_between(self, T: np.ndarray | None) -> bool:
+        """Whether an object is where a grasp would have it, while the robot stands."""
+        if T is None or self.holding or not self.executor.at_rest:
+            return False
+        T_tool = tool_pose(self.planner.robot, self.executor.set_point.q)
+        T_tool_object = np.linalg.inv(T_tool) @ T
+        s = self.settings
+        for grasp in self.grasps:
+            off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
+            if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
+                self._put = T_tool_object
+                return True
+        return False
 
     def _object_moved(self, T: np.ndarray | None) -> bool:
         """Whether the object has left the place that its grasps were found for."""
@@ -472,6 +507,8 @@ class Handover:
             self._pull.forget()
             self._line = None
             steps = [Step("close"), Step("grip", CLOSED), Step("take")]
+            if signal == "between":
+                steps, self._taken = steps[1:], None
         elif state == table.RETREAT:
             steps = self._retreating(signal)
         elif state == table.PUT_DOWN:
@@ -548,6 +585,7 @@ class Handover:
     def _plan(self, seen: _Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
         step = self._step
+        self._light = True
         if self._begun is None:
             self._begun = seen.frame.now
         if step.kind == "targets":
@@ -561,6 +599,8 @@ class Handover:
         if step.kind == "close":
             return self._close_in(seen, q)
         if step.kind == "grip":
+            if self.fingers != step.value:  # what is held makes goals be joined anew
+                self._set_goals([self._rest])
             self.fingers = step.value
             sensed = seen.frame.holds if step.value == CLOSED else seen.frame.opened
             if sensed:
@@ -568,13 +608,18 @@ class Handover:
         return self._stand(seen, q)
 
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
-        """Go to the best target; they are ranked in every third frame."""
+        """Go to the best target."""
         targets = self.targets
-        self._frames += 1
-        if self._frames % _RANKED == 1 or not targets.counts["set_goals"]:
-            targets.look(seen.frame.human, q)
+        targets.look(seen.frame.human, q)
+        self._light = False
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
+        executor = self.executor
+        stands = np.abs(executor.set_point.dq).max() < _MOVES
+        stuck = executor.state == BRAKED and stands
+        if self._lasts("stuck", stuck, seen.dt, self.settings.stuck_s):
+            targets.put_off()  # the person is in its way: another target first
+            self._clock["stuck"] = 0.0
         return answer
 
     def _change_hands(self) -> None:
@@ -602,6 +647,8 @@ class Handover:
         """Have the object in the hand, in the map, too."""
         if self._taken is not None and not self._give:
             self._T_tool_object = self._taken.T_tool_object
+        elif self.state == table.CLOSE:
+            self._T_tool_object = self._put
         self.planner.attach(self._carried, self._T_tool_object)
         self.holding = True
         if self.state != table.CLOSE:
@@ -673,8 +720,10 @@ class Handover:
         if self._object_moved(T) and slow and self.state == table.APPROACH:
             reaches.begin(T, q)
             self._taken = None
-        reaches.work()
-        found = sorted(reaches.found, key=lambda r: self._far(q, r.q_before))
+        else:
+            self._prepare()
+        found = [r for r in reaches.found if self._is_ready(r.q_before)]
+        found.sort(key=lambda r: self._far(q, r.q_before))
         if not found:
             return self._go(seen, q, [self._rest])
         answer = self._go(seen, q, [r.q_before for r in found])
@@ -682,6 +731,21 @@ class Handover:
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
         return answer
+
+    def _prepare(self) -> None:
+        """Do one costly thing: join a goal to the roadmap, else look for another."""
+        waiting = (r.q_before for r in self._reaches.found)
+        goal = next((g for g in waiting if not self._is_ready(g)), None)
+        self._light = False
+        if goal is not None:
+            self.planner.prepare_goal(goal)
+        else:
+            self._reaches.work()
+
+    def _is_ready(self, goal: np.ndarray) -> bool:
+        """Whether to set a goal costs little, or cannot be made to."""
+        few = self.planner.settings.cached_goals < 2 * KEPT
+        return few or self.planner.is_prepared(goal)
 
     def _far(self, q: np.ndarray, other: np.ndarray) -> float:
         """Return how far a configuration is, in steps: small changes do not count."""
@@ -717,6 +781,12 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
         )
+
+
+def _turned(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the angle between two poses [rad]."""
+    cosine = 0.5 * (np.trace(one[:3, :3].T @ other[:3, :3]) - 1.0)
+    return float(np.arccos(min(1.0, max(-1.0, cosine))))
 
 
 def _only(threat: Threat, these: np.ndarray) -> Threat:

@@ -46,6 +46,7 @@ SIGNALS = {
     "near": "the person's hand is at the object",
     "gone": "the hand went away again",
     "steady": "the object has been held still",
+    "between": "the object is held still between the open fingers",
     "held": "the fingers hold the object",
     "free": "the fingers hold the object, and the person does not hold on to it",
     "missed": "the fingers are closed on nothing",
@@ -89,8 +90,10 @@ GIVE = (
 )
 
 RECEIVE = (
+    Row(APPROACH, "between", CLOSE, "the object was put between the fingers"),
     Row(APPROACH, "arrived", WAIT, "before the object"),
     Row(APPROACH, "late", RETREAT, "nothing was held out in reach in time", True),
+    Row(WAIT, "between", CLOSE, "the object was put between the fingers"),
     Row(WAIT, "left", APPROACH, "the person left", True),
     Row(WAIT, "moved", APPROACH, "the object moved: it follows"),
     Row(WAIT, "steady", CLOSE, "the object is held still"),

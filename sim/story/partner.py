@@ -201,7 +201,7 @@ class Partner:
         if t.withdraws_at and now - begin > t.withdraws_at * (end - begin):
             self.traits = replace(t, withdraws_at=0.0)  # once
             self._aim, self._back_until = None, now + t.withdrawn_s
-            self._go(now, self._rest)
+            self._withdraw(now)
             return
         there = now >= end and self._then is None
         if there and np.abs(self.arm - target).max() < _AT:
@@ -230,7 +230,7 @@ class Partner:
         if self._aim is not None and t.withdraws_at and now > end + t.withdraws_at:
             self.traits = replace(t, withdraws_at=0.0)
             self._aim, self._back_until = None, now + t.withdrawn_s
-            self._go(now, self._rest)
+            self._withdraw(now)
         if self._back_until is not None and now >= self._back_until:
             self._back_until = None
         if t.lets_go == "early" and fingers == "closed" and not held and self.holds:
@@ -249,19 +249,23 @@ class Partner:
         self._withdraw(now)
 
     def _withdraw(self, now: float) -> None:
-        """Draw the hand back to the body, then let the arm hang."""
-        before = self._drawn_back(self.human.T_world_hand(self.side), self.arm)
-        if before is None:
-            self._go(now, self._rest)
-            return
-        self._go(now, before)
-        self._then = self._rest
+        """Draw the hand back to the body, then let the arm hang, round the robot."""
+        T, ways = self.human.T_world_hand(self.side), [[self._rest]]
+        for back in (2.0 * _BACK, _BACK):
+            before = self._drawn_back(T, self.arm, back)
+            if before is not None:
+                ways.insert(0, [before, self._rest])
+        first, *then = next((w for w in ways if self._passes(w)), ways[0])
+        self._go(now, first)
+        self._then = then[0] if then else None
 
-    def _drawn_back(self, T_world_hand: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    def _drawn_back(
+        self, T_world_hand: np.ndarray, q: np.ndarray, back_m: float = _BACK
+    ) -> np.ndarray | None:
         """Return (7,) near q with the hand drawn back to the shoulder; None: none."""
         T = np.array(T_world_hand)
         back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
-        T[:3, 3] += _BACK * back / np.linalg.norm(back)
+        T[:3, 3] += back_m * back / np.linalg.norm(back)
         found = self.body.arm_ik(self.side, T).q
         if not len(found):
             return None
@@ -288,16 +292,25 @@ class Partner:
             return
 
     def _passes(self, legs: list[np.ndarray]) -> bool:
-        """Whether the arm keeps off the robot, as it stands, on its way."""
+        """Whether the arm keeps off the robot, as it stands, on its way.
+
+        Where it is nearer than that already, as beside the fingers that hold what it
+        has taken, it must not come nearer.
+        """
         begin = self.arm
+        least = min(_KEEPS, self._gap_at(begin) - 0.002)
         for q in legs:
             for share in np.linspace(0.1, 1.0, 10):
-                there = self.body.with_arm(self.side, begin + share * (q - begin))
-                rows = there.capsules()[np.isin(there.labels, ARMS[self.side])]
-                if len(self.balls) and ball_gaps(self.balls, rows).min() < _KEEPS:
+                if self._gap_at(begin + share * (q - begin)) < least:
                     return False
             begin = q
         return True
+
+    def _gap_at(self, q: np.ndarray) -> float:
+        """Return how far the robot is from the arm at q (7,) [m]."""
+        there = self.body.with_arm(self.side, q)
+        rows = there.capsules()[np.isin(there.labels, ARMS[self.side])]
+        return float(ball_gaps(self.balls, rows).min()) if len(self.balls) else np.inf
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

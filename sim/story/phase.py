@@ -3,12 +3,22 @@
 On the way everything is heeded by everything. In the last phase of a give the payload
 may touch the receiving hand, of a receive the finger pads the object
 (`odm.frame.last_phase`); the arm keeps its whole clearance from both, always.
+
+An object that somebody pushes against a robot that waits for it is no part of the
+person: a retreat may begin within its clearance, and even in touch with the cover,
+as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
+a retreat keeps what it always keeps.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from odm.checks import OBJECT
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
+from roadmap.kinematics.forward import sphere_centers
+from sim.story.distance import ball_gaps
 
 
 class PhasePlanner:
@@ -20,6 +30,10 @@ class PhasePlanner:
     Attributes:
         phase: "give", "receive" or None.
         classes: (k,) class of each of the shapes that are told.
+        offered: How many of those, the last ones, are what somebody holds out.
+        person: (k, 7) the person's capsules in this frame [m].
+        meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
+            part, and the object. Nobody evades them then; all else is evaded as ever.
     """
 
     def __init__(self, planner: ReactivePlanner) -> None:
@@ -27,6 +41,9 @@ class PhasePlanner:
         self.planner = planner
         self.phase: str | None = None
         self.classes = np.zeros(0, np.int8)
+        self.offered = 0
+        self.person = np.zeros((0, 7))
+        self.meant = np.zeros(0, np.int64)
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -40,10 +57,51 @@ class PhasePlanner:
     ) -> int | None:
         """Return the first blocked leg; see `ReactivePlanner.blocked_leg`."""
         if self.phase is None or points is None:
+            m = self.planner.cell_map.safety.m
+            if self.offered and points is not None and extra < 1e-9 - m:
+                return self._leg_of_retreat(path, extra, points)
             return self.planner.blocked_leg(path, extra, points)
         times = len(points) // max(1, len(self.classes))  # several moments at once
         points.shape_classes = np.tile(self.classes, times)
         return self.planner.blocked_leg(path, extra, points, phase=self.phase)
+
+    def _leg_of_retreat(
+        self, path: np.ndarray, extra: float, points: Obstacles
+    ) -> int | None:
+        """Return the first leg that is no way out: all clearance is taken off."""
+        n = len(points) // max(1, len(self.classes))
+        rows = np.array(points.capsules).reshape(n, -1, 7)
+        people = rows[:, : -self.offered].reshape(-1, 7)
+        leg = self.planner.blocked_leg(path, extra, Obstacles(capsules=people))
+        if leg is not None:
+            return leg
+        there = Obstacles(capsules=rows[:, -self.offered :].reshape(-1, 7))
+        there.shape_classes = np.full(len(there), OBJECT, np.int8)
+        told = (path, extra, there, "receive")
+        return self.planner.blocked_leg(*told, escape=True)
+
+    def evasion(
+        self,
+        q: np.ndarray,
+        coming: Sequence[tuple[float, np.ndarray | Obstacles]],
+        speed_scale: float,
+    ) -> np.ndarray | None:
+        """Return a motion that evades what comes; see `ReactivePlanner.evasion`."""
+        if self.phase is not None:
+            rest = np.ones(len(self.classes), bool)
+            rest[self.meant] = False
+            coming = [(t, Obstacles(capsules=w.capsules[rest])) for t, w in coming]
+        return self.planner.evasion(q, coming, speed_scale)
+
+    def separation(self, q: np.ndarray) -> float:
+        """Return the distance from the person, without what they hold out [m]."""
+        if not self.offered:
+            return self.planner.separation(q)
+        robot = self.planner.static.robot
+        if not len(self.person):
+            return np.inf
+        balls = np.column_stack([sphere_centers(robot, q), robot.spheres[:, 3]])
+        return float(ball_gaps(balls[robot.moving], self.person).min())
 
     def line_free(self, q: np.ndarray, q_end: np.ndarray, there: Obstacles) -> bool:
         """Whether a straight motion passes all four tests, by the rules of the phase.

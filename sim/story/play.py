@@ -14,7 +14,7 @@ from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
-from sim.story.distance import ball_gaps, capsule_gap
+from sim.story.distance import ball_gaps, capsule_gap, moved_rods
 from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.machine import StoryEvent
@@ -29,6 +29,7 @@ STANDS = 1e-3  # [m/s] slower than this it stands
 CLOSING_S = 0.25  # [s] of the fingers, from open to closed
 _LOOSE = 0.4  # share of that at which they do not hold any more
 _BETWEEN = 0.025  # [m] an object so near to where it is grasped is between the fingers
+_ROUNDING = 1e-6  # of a share
 _EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked for
 
 
@@ -38,7 +39,7 @@ class StoryMoment:
 
     Attributes:
         now: Time [s].
-        q, dq: (dof,) the set-point.
+        q, dq, ddq: (dof,) the set-point.
         capsules: (k, 7) the person [m].
         state, reason: Of the story.
         fingers: How far they are open, 0 to 1.
@@ -55,6 +56,7 @@ class StoryMoment:
     now: float
     q: np.ndarray
     dq: np.ndarray
+    ddq: np.ndarray
     capsules: np.ndarray
     state: str
     reason: str
@@ -88,6 +90,9 @@ class StoryResult:
         closest: Smallest separation [m].
         stops, path_changes: How often.
         fastest_near: Fastest point of the robot within 0.3 m of the person [m/s].
+        acceleration, jerk: The largest share of a joint's limit that was used, through
+            every replan and release; the jerk is the mean of a frame.
+        beyond: Frames in which one of them was more than its limit.
         cpu_s: Of each frame [s].
     """
 
@@ -106,6 +111,9 @@ class StoryResult:
     stops: int = 0
     path_changes: int = 0
     fastest_near: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+    beyond: int = 0
     cpu_s: list[float] = field(default_factory=list)
 
     @property
@@ -191,9 +199,11 @@ class StoryPlay:
         self._rng = np.random.default_rng([case.seed, 77])
         self._T_object = np.array(setup.T_place) if fetch else None
         self._audit = exact_audit(setup.cell_map.robot)
+        self.speed = 0.0  # of the fastest point [m/s]
         self.index, self.result = 0, StoryResult(case, self.known is not None)
         self._centers = sphere_centers(planner.robot, setup.rest)
         self._stood, self._fell = True, False
+        self._ddq = np.zeros(planner.robot.dof)
 
     def step(self) -> StoryMoment:
         """Go on by one frame."""
@@ -270,6 +280,7 @@ class StoryPlay:
             now=now,
             q=q,
             dq=np.array(executor.set_point.dq),
+            ddq=np.array(executor.set_point.ddq),
             capsules=capsules,
             state=story.state,
             reason=story.reason if story.answer.status == "holding" else "",
@@ -302,7 +313,7 @@ class StoryPlay:
             result.object_contacts += self._object_touches(moment)
         centers = sphere_centers(self.planner.robot, moment.q)
         speed = np.linalg.norm(centers - self._centers, axis=1).max() * RATE
-        self._centers = centers
+        self._centers, self.speed = centers, float(speed)
         if moment.separation <= 0.0:
             result.contacts += speed > STANDS
             result.standing_contacts += speed <= STANDS
@@ -312,6 +323,7 @@ class StoryPlay:
         result.stops += stands and not self._stood
         self._stood = stands
         result.path_changes += moment.status == "replanned"
+        self._note_limits(moment)
         handed = table.RELEASE if self.case.direction == "give" else table.CLOSE
         if result.handed_s is None and self.index:
             last = story.events[-1] if story.events else None
@@ -323,15 +335,23 @@ class StoryPlay:
         result.state, result.outcome = story.state, story.outcome
         result.reason, result.events = story.reason, story.events
 
+    def _note_limits(self, moment: StoryMoment) -> None:
+        """Note how much of the joints' limits a frame used."""
+        robot, result = self.planner.robot, self.result
+        rate = RATE * (moment.ddq - self._ddq)
+        self._ddq = moment.ddq
+        used = float(np.abs(moment.ddq / robot.max_acceleration).max())
+        jerk = float(np.abs(rate / robot.max_jerk).max())
+        result.acceleration = max(result.acceleration, used)
+        result.jerk = max(result.jerk, jerk)
+        result.beyond += max(used, jerk) > 1.0 + _ROUNDING
+
     def _object_touches(self, moment: StoryMoment) -> bool:
         arm = {"right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM)}
         arm["left"] = (Part.LEFT_HAND, Part.LEFT_FOREARM)
         others = ~np.isin(moment.frame.human.labels, arm[self.setup.side])
         T = moment.T_object
-        for row in self.setup.obj.capsules:
-            rod = row.copy()
-            rod[:3] = T[:3, :3] @ row[:3] + T[:3, 3]
-            rod[3:6] = T[:3, :3] @ row[3:6] + T[:3, 3]
+        for rod in moved_rods(self.setup.obj.capsules, T):
             if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
                 return True
         return False

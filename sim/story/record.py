@@ -82,7 +82,7 @@ class StoryRecorder:
             "escape": np.zeros(n, np.uint8),
             "q": q,
             "dq": dq,
-            "ddq": np.zeros_like(q),
+            "ddq": np.array([m.ddq for m in moments]),
             "separation": np.array([m.separation for m in moments]),
             "joint_speed": np.abs(dq).max(axis=1),
             "point_speed": np.zeros(n),

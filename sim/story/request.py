@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim.run.request import page_trouble
 from sim.terminal.checks import FILM, PICTURES, SECONDS, Writes
 from sim.terminal.flags import Json, Seed, Threads, argument, flag
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
 FINGERLESS = "armar3"
+MOCAP, KEYBOARD = "mocap", "keyboard"
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class DemoRequest:
     )
     human: str | None = flag(
         None,
-        "Who moves the person (handover): a script that reaches and pulls, or a "
-        "recording (--file).",
-        metavar="scripted|mocap",
+        "Who moves the person (handover): a script that reaches and pulls, a "
+        "recording (--file), or keys, which move the arm that takes.",
+        metavar="scripted|mocap|keyboard",
     )
     file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
     seed: Seed = 0
@@ -53,6 +55,14 @@ class DemoRequest:
         None, "Whose fingers hold the tools (maintenance).", metavar="panda|armar3"
     )
     cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1)
+    view: bool = flag(
+        False, "Watch the hand-over on a page in the browser, as it goes.", "--view"
+    )
+    port: int | None = flag(None, "Of the page (--view); 0: any.  [8080]")
+    host: str | None = flag(
+        None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
+    )
+    token: str | None = flag(None, "That others have to know (--view); see odm view.")
     json: Json = None
 
     def __post_init__(self) -> None:
@@ -77,23 +87,26 @@ class DemoRequest:
         only = ("direction", "human", "file", "reach", "map_dir", "record", "film")
         if self.story == WORK:
             given = [n for n in only if getattr(self, n) is not None]
+            given += ["view"] if self.view else []
             if given:
                 word = given[0].replace("map_dir", "map")
                 return f"--{word} goes with `odm demo handover`; leave it out"
             return ""
         if self.direction not in (None, "give", "receive"):
             return f"--direction is {self.direction!r}: choose give or receive"
-        if self.human not in (None, "scripted", "mocap"):
-            return f"--human is {self.human!r}: choose scripted or mocap"
+        if self.human not in (None, "scripted", MOCAP, KEYBOARD):
+            return f"--human is {self.human!r}: choose scripted, mocap or keyboard"
+        if self.human == KEYBOARD and self.direction == "receive":
+            return "the keys' person takes, and cannot give: leave --direction out"
         if (self.human == "mocap") != (self.file is not None):
             return "--human mocap and --file F go together; give both or neither"
         if self.human == "mocap" and self.direction == "receive":
             return "a recorded person takes, and cannot give: leave --direction out"
-        return ""
+        return page_trouble(self.view, self.port, self.host, self.token)
 
     def _trouble_of_the_cycle(self) -> str:
-        for name in ("direction", "human", "file"):
-            if getattr(self, name) is not None:
+        for name in ("direction", "human", "file", "view", "port", "host", "token"):
+            if getattr(self, name):
                 return (
                     f"--{name} goes with `odm demo handover`, a maintenance cycle "
                     "gives and takes; leave it out"

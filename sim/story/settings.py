@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from odm.execution.speed_limit import SpeedSettings
 from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
@@ -21,8 +23,13 @@ class StorySettings:
         follow: The robot follows an object that has moved by this [m].
         still_speed: An object slower than this is held still [m/s].
         steady_s: ... for so long, before the robot closes in [s].
+        between: An object whose middle is so near to where a grasp would have it is
+            between the fingers [m],
+        between_rad: ... if it is turned from there by no more than this [rad].
         leave_s: Without a place in reach for so long, the person has left [s].
         blocked_s: Without a certified motion for so long, another way is taken [s].
+        stuck_s: A robot that has to stand on its way to a target for so long goes to
+            another one first [s].
         grip_s: After so long the fingers have closed on the object or on nothing [s].
         wait_s: Patience in any state beside the person, and for the place [s].
         fetch_s: For fetching the object [s].
@@ -37,9 +44,12 @@ class StorySettings:
     back: float = 0.10
     follow: float = 0.02
     still_speed: float = 0.10
+    between: float = 0.02
+    between_rad: float = 0.35
     steady_s: float = 0.15
     leave_s: float = 1.0
     blocked_s: float = 1.5
+    stuck_s: float = 0.4
     grip_s: float = 0.6
     wait_s: float = 15.0
     fetch_s: float = 20.0
@@ -57,10 +67,12 @@ class StorySettings:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
             )
-        lengths = ("near", "gone", "back", "follow")
-        times = ("steady_s", "leave_s", "blocked_s", "grip_s", "wait_s", "fetch_s")
+        lengths = ("near", "gone", "back", "follow", "between")
+        times = ("steady_s", "leave_s", "blocked_s", "stuck_s", "grip_s")
+        times += ("wait_s", "fetch_s")
         ranges = {name: (0.001, 2.0, "m") for name in lengths}
         ranges |= {name: (0.001, 3600.0, "s") for name in times}
+        ranges["between_rad"] = (0.001, np.pi, "rad")
         check_settings(self, ranges | {"still_speed": (0.001, 10.0, "m/s")})
         if self.gone < self.near:
             raise BadInput(

@@ -1,7 +1,10 @@
 """`odm demo handover`: plays one hand-over, tells what happened, writes it down."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -11,15 +14,16 @@ from sim.draw.world import SimulatorMissing
 from sim.loop.run_result import percentiles
 from sim.people.mocap import load_mocap
 from sim.people.whole_person import RecordedPerson
-from sim.record import write_record
+from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
+from sim.story.page import StoryPage
 from sim.story.partner import PartnerTraits, RecordedPartner
-from sim.story.play import StoryPlay, StoryResult, play
+from sim.story.play import StoryMoment, StoryPlay, StoryResult, play
 from sim.story.record import StoryRecorder
-from sim.story.request import DemoRequest
+from sim.story.request import KEYBOARD, MOCAP, DemoRequest
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
 from sim.terminal.output import stdout_to_stderr
@@ -28,13 +32,33 @@ from sim.terminal.progress import Bars
 FILM = "handover.gif"
 
 
-def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
+class LivePerson(Protocol):
+    """A person whom a user moves while the story is played.
+
+    Attributes:
+        person: With `human(t)`.
+    """
+
+    person: object
+
+    def play(self, run: StoryPlay, hear: Callable[[StoryMoment], None]) -> StoryResult:
+        """Play a run, at the clock's pace."""
+        ...
+
+
+def tell_story(
+    request: DemoRequest,
+    cell_map: CellMap,
+    reach: ReachMap,
+    live: LivePerson | None = None,
+) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
     Args:
         request: What was asked for.
         cell_map: The map, of a robot with fingers.
         reach: Its reach map.
+        live: Who moves the person of `--human keyboard`; see `sim.keyboard.story`.
 
     Returns:
         Plain data: what came of it, times, figures, files.
@@ -43,31 +67,35 @@ def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict
     say: Callable[[str], None] = (lambda text: None) if quiet else print
     setup = setup_of(cell_map, reach)
     wrist, note = wrist_of(setup)
-    run = _run_of(request, setup, wrist)
+    run = _run_of(request, setup, wrist, live)
     say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
     recorder, told = StoryRecorder(run), 0
 
-    def hear(moment: object) -> None:
+    def tell(now: bool) -> None:
         nonlocal told
-        recorder.add(moment)
-        for event in run.story.events[told:]:
+        for event in run.story.events[told:] if now else ():
             say(line_of(event))
-        told = len(run.story.events)
+            told += 1
 
     with Bars("playing the hand-over"):
         play(StoryPlay(setup, run.case), 1.0)  # so that everything is compiled
-    result = play(run, request.seconds, hear)
+    with _page(request, run, live is None) as shown:
+
+        def hear(moment: StoryMoment) -> None:
+            recorder.add(moment)
+            tell(live is None)  # the screen is the keys' picture
+            shown(moment)
+
+        if live is None:
+            result = play(run, request.seconds, hear)
+        else:
+            result = live.play(run, hear)
+    tell(True)
     wrist.close()
     record = recorder.record()
-    files = []
-    if request.record is not None:
-        files.append(write_record(record, request.record))
-    film = request.film or request.out / FILM
-    with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map)
-    with world, Bars("writing the film"):
-        film.parent.mkdir(parents=True, exist_ok=True)
-        files.append(write_story_film(record, cell_map.robot, world, film))
+    # who moved the person has seen it
+    film = request.film or (None if live else request.out / FILM)
+    files = _written(record, cell_map, request.record, film)
     found = figures_of(result) | {
         "files": [str(f) for f in files],
         "header": header(cell_map),
@@ -79,6 +107,22 @@ def tell_story(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict
     return found
 
 
+def _written(
+    record: RunRecord, cell_map: CellMap, recording: Path | None, film: Path | None
+) -> list[Path]:
+    """Write what was asked for; return the files."""
+    files = []
+    if recording is not None:
+        files.append(write_record(record, recording))
+    if film is not None:
+        with stdout_to_stderr():  # pybullet greets and warns on stdout
+            world, _ = open_world(cell_map)
+        with world, Bars("writing the film"):
+            film.parent.mkdir(parents=True, exist_ok=True)
+            files.append(write_story_film(record, cell_map.robot, world, film))
+    return files
+
+
 def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:
     """Return pybullet's wrist where there is one, and a sentence that says which."""
     try:
@@ -88,10 +132,25 @@ def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:
         return PlainWrist(setup.obj), "forces at the wrist are added up (no pybullet)"
 
 
-def _run_of(request: DemoRequest, setup: StorySetup, wrist: Wrist) -> StoryPlay:
+@contextmanager
+def _page(
+    request: DemoRequest, run: StoryPlay, paced: bool
+) -> Iterator[Callable[[StoryMoment], None]]:
+    """Yield who shows each moment on a page in the browser, or nobody."""
+    if not request.view:
+        yield lambda moment: None
+        return
+    told = (request.port, request.host, request.token, paced)
+    with StoryPage(run, *told) as page:
+        yield page.hear
+
+
+def _run_of(
+    request: DemoRequest, setup: StorySetup, wrist: Wrist, live: LivePerson | None
+) -> StoryPlay:
     direction = request.direction or "give"
-    if request.human == "mocap":
-        person = RecordedPerson(load_mocap(request.file))
+    if request.human in (MOCAP, KEYBOARD):
+        person = live.person if live else RecordedPerson(load_mocap(request.file))
         traits = PartnerTraits()
         case = StoryCase(direction, request.seed, traits=traits)
         partner = RecordedPartner(person, setup.side, setup.obj, traits)
@@ -146,6 +205,9 @@ def figures_of(result: StoryResult) -> dict:
         "stops": int(result.stops),
         "path_changes": int(result.path_changes),
         "fastest_near_m_s": float(result.fastest_near),
+        "acceleration": float(result.acceleration),
+        "jerk": float(result.jerk),
+        "beyond": int(result.beyond),
         "cpu_s": percentiles(np.array(result.cpu_s)),
     }
 

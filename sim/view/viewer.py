@@ -18,7 +18,7 @@ from roadmap.errors import BadInput, PlanningError
 from sim.draw.standing import all_triangles
 from sim.view.gate import LOCAL, PORT, is_local, listening, new_token
 from sim.view.mailbox import HAND, READY, Mailbox
-from sim.view.moment import NOBODY, Happenings, Moment, state_of
+from sim.view.moment import NOBODY, ON_THE_WAY, Event, Happenings, Moment, state_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -197,6 +197,8 @@ class Viewer:
         targets: np.ndarray | None = None,
         separation: float = np.inf,
         time_s: float | None = None,
+        told: Sequence[str] = (),
+        doing: str = "",
     ) -> None:
         """Show a frame, about 0.1 ms; nothing that it could wait for.
 
@@ -211,6 +213,8 @@ class Viewer:
                 one pursued.
             separation: Distance of robot and person [m].
             time_s: When [s]; None: by the frame's number, else by the clock.
+            told: What happened in this frame, for the time line.
+            doing: What it does, in words; "": why it does not move, if it does not.
         """
         now = time.perf_counter()
         q = getattr(frame, "q", None) if q is None else q
@@ -220,6 +224,7 @@ class Viewer:
         separation = min(separation, getattr(frame, "separation", np.inf))
         time_s = self._time(frame, now) if time_s is None else time_s
         state = self._take(frame, answer, separation, time_s)
+        self._happenings.events += [Event(time_s, ON_THE_WAY, text) for text in told]
         if now - self._written < EVERY_S:
             return
         self._written = now
@@ -228,9 +233,9 @@ class Viewer:
         moment = Moment(
             time_s=time_s,
             q=np.array(q, float),
-            capsules=NOBODY if capsules is None else np.asarray(capsules, float),
+            capsules=np.asarray(NOBODY if capsules is None else capsules, float),
             state=state,
-            reason=self._reason,
+            reason=doing or self._reason,
             separation=float(separation),
             path=self._path,
             before=self._before,

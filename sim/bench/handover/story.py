@@ -1,5 +1,6 @@
 """`odm bench story`: random people take things from the robot and give things to it."""
 
+import gc
 import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
@@ -134,6 +135,8 @@ def _played(job: tuple) -> dict:
         _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach))
         play(StoryPlay(_KEPT["setup"], StoryCase("give")), 1.0)  # compiled from here on
         play(StoryPlay(_KEPT["setup"], StoryCase("receive")), 1.0)
+        gc.collect()
+        gc.freeze()  # a collection of all that was loaded would be some frame's
     run = StoryPlay(_KEPT["setup"], case)
     whole = 60.0 if name else seconds
     result = play(run, whole)
@@ -158,6 +161,9 @@ def _rows(runs: list[dict], direction: str) -> list[dict]:
     fast = max(r["fastest_near_m_s"] for r in these)
     stops = float(np.mean([r["stops"] for r in these]))
     changes = float(np.mean([r["path_changes"] for r in these]))
+    beyond = float(sum(r["beyond"] for r in these))
+    used = [100.0 * max(r[k] for r in these) for k in ("acceleration", "jerk")]
+    most = f"at most {used[0]:.0f} % of acceleration, {used[1]:.0f} % of jerk"
     return [
         value_row(f"{direction}: handed over", share, "%", note, least=SUCCESS),
         value_row(f"{direction}: contact, it moved", contacts, "frames", most=0.0),
@@ -169,6 +175,7 @@ def _rows(runs: list[dict], direction: str) -> list[dict]:
         value_row(f"{direction}: fastest within 30 cm of the person", fast, "m/s"),
         value_row(f"{direction}: stops a run", stops, ""),
         value_row(f"{direction}: new paths a run", changes, ""),
+        value_row(f"{direction}: beyond the limits", beyond, "frames", most, most=0.0),
         value_row(
             f"{direction}: explained, of those not handed over",
             100.0 * explained / len(told) if told else np.nan,

@@ -20,6 +20,7 @@ from handover import (
 from handover.meet import _meet_bounds as bounds
 from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.reach.robot_cells import robot_cells
+from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
 
@@ -99,6 +100,35 @@ def test_best_first_finds_the_best_of_the_full_grid(obj, share, meet_of, rng):
         assert answer(targets) == best_of_all(meet, 10)
         found += len(targets)
     assert found > 50
+
+
+def test_a_ranking_over_many_frames_finds_the_same(meet_of, rng):
+    meet = meet_of(somebody(rng), wrench(), 8)
+    most = 0
+    for k in range(4):
+        meet.update(somebody(rng))
+        meet.begin(10)
+        calls = 1
+        while not meet.go_on(5.0):
+            calls += 1
+            meet.rated(meet.keys[:3])  # in between
+        assert answer(meet.ranked()) == best_of_all(meet, 10)
+        most = max(most, calls)
+        meet.begin(10)  # given up, half done, for somebody else
+        meet.go_on(5.0)
+    assert most > 5
+    meet.update(somebody(rng))
+    assert answer(meet.best(10)) == best_of_all(meet, 10)
+
+
+def test_a_ranking_that_was_not_begun_or_is_not_over_is_refused(meet_of, rng):
+    meet = meet_of(somebody(rng), wrench(), 8)
+    with pytest.raises(BadInput, match="no ranking was begun"):
+        meet.go_on(1.0)
+    meet.begin(10)
+    if not meet.go_on(0.0):
+        with pytest.raises(BadInput, match="not over"):
+            meet.ranked()
 
 
 @pytest.mark.parametrize(("share", "slack"), [(0.5, 0.02), (5 / 6, 0.0333)])

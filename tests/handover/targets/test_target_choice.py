@@ -75,6 +75,17 @@ def test_a_pursued_target_that_is_none_any_more_is_dropped_at_once(pursuing):
     assert decide(pursuing, {2: 0.45}, pursued=1).keys == (2,)
 
 
+def test_one_put_off_makes_room_for_others_and_comes_again(pursuing):
+    pursuing.put_off(1)
+    assert decide(pursuing, {1: 0.5, 2: 0.45}, pursued=None).keys == (2,)
+    seen = []
+    for _ in range(SETTINGS.retry_frames + SETTINGS.untried_frames):
+        keys = decide(pursuing, {1: 0.5, 2: 0.45}, 2, is_cheap=anything).keys
+        seen.append(1 in keys)
+    assert not any(seen[: SETTINGS.retry_frames - 1])  # no spare, either
+    assert seen[-1]
+
+
 def test_without_any_target_nothing_is_offered(pursuing):
     decision = decide(pursuing, {}, pursued=1)
     assert decision.keys == () and decision.wish is None

@@ -178,6 +178,22 @@ def test_the_gripper_keeps_a_centimetre_whatever_the_clearance(cell_map):
         assert not planner.is_free(Q, Q)
 
 
+def test_what_is_too_near_may_be_left_and_not_approached(planner):
+    """With `escape` the palm leaves an object that touches it; else it may not move."""
+    q, bend = np.array([0.4, -0.8, 0.4]), np.array([0.1, -0.2, 0.1])
+    shapes = odm.Obstacles.of([ball(planner, -0.07, q=q)])
+    shapes.shape_classes = np.full(1, odm.OBJECT, np.int8)
+    free = [
+        planner.blocked_leg(
+            np.array([q, q + way]), 0.0, shapes, "receive", None, escape
+        )
+        is None
+        for way in (bend, -bend)
+        for escape in (False, True)
+    ]
+    assert free == [False, True, False, False]
+
+
 def test_the_search_heeds_all_classes(planner):
     """Classes change no answer of a frame: only the last centimetres are exempt."""
     goal = np.array([0.8, -0.3, 0.2])

@@ -67,6 +67,13 @@ def test_a_thing_is_taken_and_put_down():
     assert states == wanted and machine.ended
 
 
+def test_what_is_put_between_the_fingers_is_taken_where_it_lies():
+    for begin in (m.APPROACH, m.WAIT):
+        states, machine = walk("receive", ["between", "free"], begin)
+        assert states == [m.CLOSE, m.RETREAT]
+        assert not any(event.failure for event in machine.events)
+
+
 FAILURES = [  # what goes wrong, and the way back
     ("give", m.APPROACH, ["lost", "away"], [m.RETREAT, m.DONE]),
     ("give", m.WAIT, ["lost", "away"], [m.RETREAT, m.DONE]),

@@ -12,6 +12,7 @@ import sim
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import Executor
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
 
@@ -27,7 +28,9 @@ def maps(meet_maps):
     return cell_map, handover.load_reach_map(meet_maps[1]), index
 
 
-def story_of(maps, direction="give", pads=("flange",), node=None, **settings):
+def story_of(
+    maps, direction="give", pads=("flange",), node=None, before=0.1, **settings
+):
     """Return a story, its person and what it is about, before the first frame."""
     cell_map, reach, index = maps
     planner = odm.ReactivePlanner(
@@ -45,7 +48,9 @@ def story_of(maps, direction="give", pads=("flange",), node=None, **settings):
     tools = index.T_base_tool[:, :3, 3]
     q = np.array(index.nodes[np.abs(tools - [0.2, 0.0, 0.6]).sum(axis=1).argmin()])
     if node is not None:  # right before the place that its tool has there
-        q = straight_back(planner, index.T_base_tool[node], index.nodes[node], 0.1)
+        q = np.array(index.nodes[node])
+        if before:
+            q = straight_back(planner, index.T_base_tool[node], q, before)
     executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, PERIOD)
     settings = sim.StorySettings(direction=direction, **settings)
     return sim.Handover(planner, targets, executor, settings), human
@@ -138,12 +143,12 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
     assert story.outcome == "handed over"
 
 
-def receive(maps, held_at, seconds=14.0, tug=0.0, **settings):
+def receive(maps, held_at, seconds=14.0, tug=0.0, before=0.1, **settings):
     """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
     index = maps[2]
     off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
     node = int(off.argmin())
-    story, human = story_of(maps, "receive", node=node, **settings)
+    story, human = story_of(maps, "receive", node=node, before=before, **settings)
     T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
 
     def look(story, now, opened, closed):
@@ -160,6 +165,40 @@ def test_what_is_held_out_is_taken_and_kept_where_there_is_no_place(maps):
     assert states == ["wait", "close", "retreat", "put_down", "kept"]
     assert story.outcome == "handed over" and story.holding
     assert story.planner.attached is not None
+
+
+def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
+    story, states = receive(maps, lambda story: True, before=0.0)
+    assert states == ["close", "retreat", "put_down", "kept"]
+    assert story.outcome == "handed over" and story.events[0].signal == "between"
+
+
+def test_an_object_pushed_against_the_hand_is_left_and_never_pressed(maps):
+    """Within its clearance nothing is free but what comes nearer to nothing of it."""
+    story, human = story_of(maps, "receive")
+    view, q = story.view, story.executor.set_point.q
+    T = tool_pose(story.planner.robot, q)
+    rod = np.zeros(7)
+    rod[:3], rod[3:6] = T[:3, 3] + 0.02 * T[:3, 2], T[:3, 3] + 0.1 * T[:3, 2]
+    rod[6] = 0.02
+    T_object = T @ story.targets.meet.obj.T_tool_object
+    frame = sim.StoryFrame(0.0, human, None, True, False, T_object)
+    story.update(frame)  # tells the view who is there, and what is held out
+    rows = np.vstack([human.capsules(), np.tile(rod, (view.offered, 1))])
+    there, m = odm.Obstacles(capsules=rows), story.planner.cell_map.safety.m
+    assert view.separation(q) > 0.2 > story.planner.cell_map.safety.m
+    free = {}
+    for name, far in (("away", -0.03), ("into it", 0.03)):
+        T_end = np.array(T)
+        T_end[:3, 3] += far * T[:3, 2]
+        end = np.array(story.planner.robot.ik(T_end, q, attempts=1)[0].q)
+        path = np.array([q, end])
+        free[name] = view.blocked_leg(path, -m, there) is None
+        assert view.blocked_leg(path, 0.0, there) is not None  # on any other motion
+    assert free == {"away": True, "into it": False}
+    rows[0, :6], rows[0, 6] = rod[:6], 0.03  # a part of the person in its place
+    path = np.array([q, q])
+    assert view.blocked_leg(path, -m, odm.Obstacles(capsules=rows)) == 0
 
 
 def test_a_giver_who_holds_on_gets_it_back(maps):

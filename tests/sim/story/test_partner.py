@@ -90,6 +90,13 @@ def test_still_capsules_of_no_length_have_a_distance():
         ({"direction": "give"}, "--direction goes with `odm demo handover`"),
         ({"story": "handover", "direction": "up"}, "choose give or receive"),
         ({"story": "handover", "human": "mocap"}, "--file F go together"),
+        ({"story": "handover", "human": "puppet"}, "scripted, mocap or keyboard"),
+        (
+            {"story": "handover", "human": "keyboard", "direction": "receive"},
+            "takes, and cannot give",
+        ),
+        ({"story": "work", "view": True}, "--view goes with `odm demo handover`"),
+        ({"story": "handover", "port": 9}, "--port goes with --view"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(options, told):

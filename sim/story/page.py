@@ -1,0 +1,99 @@
+"""The page beside `odm demo handover`: each moment, at the clock's pace."""
+
+import sys
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+from sim.draw.standing import scene_of
+from sim.story.distance import moved_rods
+from sim.story.play import RATE, StoryMoment, StoryPlay
+from sim.view.gate import LOCAL, PORT
+from sim.view.viewer import Viewer
+
+_TARGETS, _TARGETS_EVERY = 10, 10  # that are drawn, and frames from time to time
+_LATE_S = 0.1
+
+
+class StoryPage:
+    """A story that is watched; a context manager.
+
+    Args:
+        run: The run; not begun.
+        port, host, token: See `sim.Viewer`.
+        paced: Whether `hear` waits for the clock; False: somebody else does.
+    """
+
+    def __init__(
+        self,
+        run: StoryPlay,
+        port: int | None = None,
+        host: str | None = None,
+        token: str | None = None,
+        paced: bool = True,
+    ) -> None:
+        """Open the page and say where."""
+        self._run, self._paced = run, paced
+        cell_map = run.setup.cell_map
+        self.viewer = Viewer(
+            cell_map,
+            host=host or LOCAL,
+            port=PORT if port is None else port,
+            token=token,
+            rate_hz=RATE,
+            label=f"{cell_map.robot.name}: {run.case.direction}",
+            standing=scene_of(run.planner),
+        )
+        self._rows = np.zeros((0, 5))
+        self._told = 0  # events
+        self._begun: float | None = None
+        print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
+
+    def __enter__(self) -> "StoryPage":
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the page."""
+        self.viewer.close()
+
+    def hear(self, moment: StoryMoment) -> None:
+        """Show a moment, and wait until the clock has come as far."""
+        rows, story = moment.capsules, self._run.story
+        if moment.T_object is not None:
+            thing = moved_rods(self._run.setup.obj.capsules, moment.T_object)
+            rows = np.vstack([rows, thing])
+        frame = SimpleNamespace(
+            q=moment.q,
+            answer=story.answer,
+            capsules=rows,
+            separation=moment.separation,
+            pace=moment.pace,
+            brake=story.executor.reason,
+            wall_s=moment.cpu_s,
+        )
+        told = [f"{e.state}: {e.reason}" for e in story.events[self._told :]]
+        self._told = len(story.events)
+        state = f"{moment.state}: {story.reason}"
+        targets = self._targets(round(moment.now * RATE))
+        happened = {"targets": targets, "time_s": moment.now}
+        self.viewer.show(frame, **happened, told=told, doing=state)
+        if self._paced:
+            self._wait(moment.now)
+
+    def _wait(self, due: float) -> None:
+        now = time.perf_counter()
+        if self._begun is None or now - self._begun - due > _LATE_S:
+            self._begun = now - due  # what was lost is not made up for
+        time.sleep(max(0.0, self._begun + due - now))
+
+    def _targets(self, index: int) -> np.ndarray:
+        if index % _TARGETS_EVERY == 0:
+            live = self._run.story.targets
+            rows = [
+                [*t.T_world_tool[:3, 3], t.quality, t.key == live.pursuit.key]
+                for t in live.targets[:_TARGETS]
+            ]
+            self._rows = np.array(rows, float).reshape(-1, 5)
+        return self._rows
