@@ -1,13 +1,22 @@
 """What a thing in the scene closes: its cells first, then the close test, item by item.
 
 An item that shares no cell with the thing is free of it. Of the others, nodes and then
-edges pass the close test; an edge whose node is closed is closed with it.
+edges pass the close test; an edge whose node is closed at once is closed with it.
 """
 
 from numba import njit
 
-from odm.close_test._close import displacement, motion_clear
-from odm.obstacles._cloud import N_OCCUPIED
+from odm.close_test._close import (
+    begin_intervals,
+    bodies_at_solids,
+    body_at,
+    displacement,
+    is_finite,
+    motion_clear,
+    prepare_motion,
+)
+from odm.obstacles._cloud import N_LISTED, N_OCCUPIED
+from roadmap.kinematics._forward import body_frames
 
 NEAR, SHUT = 1, 2  # marks of an item: it shares a cell; it is closed for good
 
@@ -54,15 +63,32 @@ def items_near(direct, graph, cloud, mark, found):
 def shut_nodes(clearance, graph, cloud, solids, items, mark, still):
     """Mark the nodes of `items` that the close test finds too near as SHUT.
 
-    `still` (dof,) is 0.
+    What the test of a motion would say of a node that stands still, prepared once for
+    all of them. `still` (dof,) is 0.
     """
     n_nodes = graph.adj_ptr.shape[0] - 1
+    arm, work = clearance.arm, clearance.work
+    points, shapes = cloud.counts[N_LISTED] > 0, solids.count[0] > 0
+    known = prepare_motion(clearance, still)
+    begin_intervals(arm, work)
+    mask = work.masks[0]
     for k in range(items.shape[0]):
         v = items[k]
-        if v < n_nodes and not motion_clear(
-            clearance, graph.nodes[v], still, cloud, solids, False
-        ):
+        if v >= n_nodes:
+            continue
+        if not (known and is_finite(graph.nodes[v], still)):
             mark[v] = SHUT
+            continue
+        body_frames(arm.tree_i, arm.tree_f, graph.nodes[v], work.frames[0])
+        if shapes and not bodies_at_solids(clearance, mask, 0.0, solids, False):
+            mark[v] = SHUT
+        elif points:
+            for b in range(1, mask.shape[0]):
+                if mask[b] and body_at(
+                    clearance, b, work.frames[0, b], 0.0, cloud, False
+                ):
+                    mark[v] = SHUT
+                    break
 
 
 @njit(cache=True, nogil=True)
@@ -88,13 +114,16 @@ def split_edges(graph, items, mark, open_):
 
 
 @njit(cache=True, nogil=True)
-def edges_clear(clearance, graph, cloud, solids, items, continuous, dq, clear):
-    """Write to `clear` (k,) which of these edges the close test finds free."""
+def items_clear(clearance, graph, cloud, solids, items, continuous, dq, clear):
+    """Write to `clear` (k,) which of these items the close test finds free."""
     n_nodes = graph.adj_ptr.shape[0] - 1
     for k in range(items.shape[0]):
         e = items[k] - n_nodes
-        q = graph.nodes[graph.edges[e, 0]]
-        displacement(q, graph.nodes[graph.edges[e, 1]], continuous, dq)
+        a = b = items[k]  # a node is a motion that stands still
+        if e >= 0:
+            a, b = graph.edges[e, 0], graph.edges[e, 1]
+        q = graph.nodes[a]
+        displacement(q, graph.nodes[b], continuous, dq)
         clear[k] = motion_clear(clearance, q, dq, cloud, solids, False)
 
 

@@ -23,6 +23,7 @@ from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
 from roadmap.errors import BadInput
 
+NODES_AT_ONCE = 400  # of what a thing comes near to: 3 us each, the others wait
 _FINE = 0.35  # share of rho that a mesh is cut to before it is thinned
 
 
@@ -175,7 +176,8 @@ class _Closed(NamedTuple):
     Attributes:
         thing: Where it stands.
         items: (k,) nodes and edges that it closes for good, ascending.
-        edges: (e,) edges that share a cell with it: closed until they are tested.
+        waiting: (e,) items that share a cell with it, nodes first: closed until they
+            are tested.
         free: (e,) which of these were tested and found free.
         tested: (1,) how many were tested, from the first on.
         cloud: Its points for the close test.
@@ -183,7 +185,7 @@ class _Closed(NamedTuple):
 
     thing: Standing
     items: np.ndarray
-    edges: np.ndarray
+    waiting: np.ndarray
     free: np.ndarray
     tested: np.ndarray
     cloud: Cloud
@@ -192,9 +194,10 @@ class _Closed(NamedTuple):
 class PlaceItems:
     """Which nodes and edges of a roadmap are closed by what stands at the place.
 
-    Each thing closes what shares a cell with it, at once; the close test then opens
-    the edges that it proves free, some now, the others by `settle`. So nothing is ever
-    open that is not proved free, and in the end nothing is closed for its cells alone.
+    Each thing closes what shares a cell with it, at once. Nodes are tested at once,
+    too, up to `NODES_AT_ONCE` of them; the others, and all edges, wait for `settle`,
+    which opens what the close test proves free. So nothing is ever open that is not
+    proved free, and in the end nothing is closed for its cells alone.
 
     Args:
         graph, direct: The roadmap's cells; `graph.closed` is written.
@@ -220,8 +223,8 @@ class PlaceItems:
 
     @property
     def waiting(self) -> int:
-        """How many edges are closed by cells alone, and still to be tested."""
-        return sum(len(c.edges) - int(c.tested[0]) for c in self._things.values())
+        """How many items are closed by cells alone, and still to be tested."""
+        return sum(len(c.waiting) - int(c.tested[0]) for c in self._things.values())
 
     def follow(self, things: dict[str, Standing]) -> None:
         """Close what these things block, and nothing else; only changes cost time."""
@@ -237,25 +240,25 @@ class PlaceItems:
         self.follow({})
 
     def settle(self, most: int | None = None) -> int:
-        """Test edges that wait, `most` of them; return how many still do."""
+        """Test items that wait, `most` of them; return how many still do."""
         for name in sorted(self._things):
             closed = self._things[name]
-            begin, n = int(closed.tested[0]), len(closed.edges)
+            begin, n = int(closed.tested[0]), len(closed.waiting)
             end = n if most is None else min(n, begin + most)
             self._test(closed, end)
             most = None if most is None else most - (end - begin)
         return self.waiting
 
     def _test(self, closed: _Closed, end: int) -> None:
-        """Test the edges of a thing up to number `end`; open those that are free."""
+        """Test the items of a thing up to number `end`; open those that are free."""
         begin = int(closed.tested[0])
         if end <= begin:
             return
-        edges, free = closed.edges[begin:end], closed.free[begin:end]
+        items, free = closed.waiting[begin:end], closed.free[begin:end]
         joints, dq = self._static.robot.continuous, np.empty_like(self._still)
-        kernels.edges_clear(*self._test_of(closed), edges, joints, dq, free)
+        kernels.items_clear(*self._test_of(closed), items, joints, dq, free)
         closed.tested[0] = end
-        self._step(edges[free], -1)
+        self._step(items[free], -1)
 
     def motions_clear(
         self, name: str, q: np.ndarray, dq: np.ndarray, static: StaticTest
@@ -271,12 +274,12 @@ class PlaceItems:
         return clear
 
     def tested(self) -> np.ndarray:
-        """Return (k,) how many edges were tested of each thing, by name."""
+        """Return (k,) how many items were tested of each thing, by name."""
         of = [int(self._things[name].tested[0]) for name in sorted(self._things)]
         return np.array(of, np.int64)
 
     def go_to(self, tested: np.ndarray) -> None:
-        """Have tested just as many edges of each thing, no more."""
+        """Have tested just as many items of each thing, no more."""
         things = {name: closed.thing for name, closed in self._things.items()}
         if (self.tested() > tested).any():
             self.forget()
@@ -302,18 +305,21 @@ class PlaceItems:
         nothing = np.zeros(0, np.int32), np.zeros(0, np.bool_), np.zeros(1, np.int64)
         closed = _Closed(thing, items, *nothing, cloud)
         clearance, _, _, solids = self._test_of(closed)
-        kernels.shut_nodes(clearance, graph, cloud, solids, items, mark, self._still)
+        now = items[:NODES_AT_ONCE]
+        kernels.shut_nodes(clearance, graph, cloud, solids, now, mark, self._still)
+        nodes = items[len(now) : np.searchsorted(items, len(graph.nodes))]
         n = kernels.split_edges(graph, items, mark, self._found)
-        edges = self._found[:n].copy()
+        waiting = np.concatenate([nodes, self._found[:n]])
         shut = items[mark[items] == kernels.SHUT]
         mark[items] = 0
         self._step(shut, 1)
-        self._step(edges, 1)
-        return closed._replace(items=shut, edges=edges, free=np.zeros(n, np.bool_))
+        self._step(waiting, 1)
+        free = np.zeros(len(waiting), np.bool_)
+        return closed._replace(items=shut, waiting=waiting, free=free)
 
     def _let_go(self, closed: _Closed) -> None:
         self._step(closed.items, -1)
-        self._step(closed.edges[~closed.free], -1)
+        self._step(closed.waiting[~closed.free], -1)
 
     def _step(self, items: np.ndarray, step: int) -> None:
         if step > 0:

@@ -19,7 +19,8 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 # motions that a goal, or a start, has at once; the others follow by `attach_more`
-_GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
+GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
+POSE_AT_ONCE = 4  # of a goal by pose, whose inverse kinematics take time, too
 _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
@@ -105,8 +106,16 @@ class Attacher:
 
     # --- goals -----------------------------------------------------------------
 
-    def set_goals(self, goals: np.ndarray, costs: np.ndarray | None) -> None:
-        """Attach goals; the path in use stays where its goal does."""
+    def set_goals(
+        self,
+        goals: np.ndarray,
+        costs: np.ndarray | None,
+        at_once: int = GOAL_AT_ONCE,
+    ) -> None:
+        """Attach goals; the path in use stays where its goal does.
+
+        Each new one is joined by up to `at_once` motions, the others follow.
+        """
         if self.is_stale:  # what is known of the goals was known of another hand
             self.goals, self.is_stale = self.goals[:0], False
         m, path = self.frame.memory, self.path
@@ -123,7 +132,7 @@ class Attacher:
             known = old.get(q.tobytes())
             if known is None:
                 if not self.kept.restore(m.goals, g):
-                    self._attach_goal(g, q)
+                    self._attach_goal(g, q, at_once)
                     self.kept.keep(m.goals, g)
             else:
                 self._take_over(g, known, before)
@@ -165,7 +174,7 @@ class Attacher:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
 
-    def _attach_goal(self, g: int, q: np.ndarray) -> None:
+    def _attach_goal(self, g: int, q: np.ndarray, at_once: int = GOAL_AT_ONCE) -> None:
         """Join a goal to the roadmap, by few motions at first."""
         m = self.frame.memory
         goals, roadmap = m.goals, self.roadmap
@@ -195,7 +204,7 @@ class Attacher:
             self._for_goals, self._for_goals
         )
         goals.number[g] = 0
-        while not goals.number[g] and self._more_of_goal(g, _GOAL_AT_ONCE):
+        while not goals.number[g] and self._more_of_goal(g, at_once):
             pass
 
     def _more_of_goal(self, g: int, most: int) -> int:

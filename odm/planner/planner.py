@@ -45,7 +45,7 @@ from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import sample_capsules
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
-from odm.planner.attaching import Attacher
+from odm.planner.attaching import GOAL_AT_ONCE, POSE_AT_ONCE, Attacher
 from odm.planner.connect import Connector
 from odm.planner.decision import MOVES, Decision
 from odm.planner.explain import Reasons, start_trouble
@@ -289,12 +289,13 @@ class ReactivePlanner:
         self._memory.owner.check()
         if poses is None:
             report, goals, costs = self._valid_goals(goals, costs)
+            at_once = GOAL_AT_ONCE
         else:
             report = self._goals_at(goals, costs, poses, tolerance, most)
-            goals, costs = np.array(report.goals), None
+            goals, costs, at_once = np.array(report.goals), None, POSE_AT_ONCE
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return report
-        self.attacher.set_goals(goals, costs)
+        self.attacher.set_goals(goals, costs, at_once)
         self.smoother.look_straight()
         self.decision.new_goals = True
         return report

@@ -89,6 +89,7 @@ class PoseGoals:
         self._tool = ToolKinematics(frame.robot)
         self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, _STEPS)
         self._near = NearPoses(self._tool.tools(self._nodes))
+        self._turns = bool(frame.robot.continuous.any())
 
     def solve(
         self, poses: Sequence[np.ndarray], tolerance: object, most: int | None
@@ -108,9 +109,10 @@ class PoseGoals:
             if why is not None:
                 refused.append(Refused(k, why))
             free = self._free(qs)
+            ranks = iter(self._ranks(qs[free]))
             for q, is_free in zip(qs, free.tolist(), strict=True):
                 if is_free:
-                    found.append((self._rank(q), k, q))
+                    found.append((next(ranks), k, q))
                 else:
                     refused.append(self._refused(k, q))
         if not found:
@@ -141,15 +143,14 @@ class PoseGoals:
         """Return distinct (k, dof) within limits that reach a pose; or why not."""
         pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
         near = self._near.nearest(pose, min(SEEDS, len(self._nodes)))
-        kept: list[np.ndarray] = []
+        kept, n = np.empty((_ENOUGH, self._robot.dof)), 0
         best, at = (np.inf, np.inf), self._nodes[near[0]]
-        lower, upper = self._robot.lower, self._robot.upper
         starts = self._nodes[near]
         if np.isfinite(self._frame.q).all():
             starts = np.vstack([self._frame.q, starts])
         long = list(starts[:_LONG])  # from there once more, if all were too short
         for k, start in enumerate([*starts, *long]):
-            if len(kept) >= _ENOUGH or (kept and k >= len(starts)):
+            if n == _ENOUGH or (n and k >= len(starts)):
                 break
             q = np.array(start)
             if k < len(starts):
@@ -157,19 +158,30 @@ class PoseGoals:
             else:
                 _, off, turned = self._tool.reach(pose, q)
             if off <= tolerance[0] and turned <= tolerance[1]:
-                turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
-                q = np.where(self._robot.continuous, q - turns, q)
-                inside = self._robot.continuous | ((lower <= q) & (q <= upper))
-                if inside.all() and not any(self._same(q, other) for other in kept):
-                    kept.append(q)
+                q = self._in_half_a_turn(q)
+                if self._is_inside(q) and not self._is_known(q, kept[:n]):
+                    kept[n] = q
+                    n += 1
             elif off + 0.3 * turned < sum(best):
                 best, at = (off, 0.3 * turned), q
-        if kept:
-            return np.array(kept), None
-        return np.empty((0, len(lower))), self._why(T, best, at)
+        return kept[:n], None if n else self._why(T, best, at)
 
-    def _same(self, q: np.ndarray, other: np.ndarray) -> bool:
-        return bool(np.abs(difference(self._robot, q, other)).max() < _SAME)
+    def _in_half_a_turn(self, q: np.ndarray) -> np.ndarray:
+        """Return q with its continuous joints within half a turn either way."""
+        if not self._turns:
+            return q
+        turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
+        return np.where(self._robot.continuous, q - turns, q)
+
+    def _is_inside(self, q: np.ndarray) -> bool:
+        robot = self._robot
+        inside = (robot.lower <= q) & (q <= robot.upper)
+        return bool((inside | robot.continuous).all())
+
+    def _is_known(self, q: np.ndarray, others: np.ndarray) -> bool:
+        """Return whether one of `others` (k, dof) is the same solution as q."""
+        off = difference(self._robot, q, others) if self._turns else others - q
+        return bool((np.abs(off).max(axis=1) < _SAME).any())
 
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""
@@ -201,14 +213,15 @@ class PoseGoals:
             return Refused(k, str(error), frozen(q, np.float64))
         return Refused(k, "it is not free, by less than can be told", q)
 
-    def _rank(self, q: np.ndarray) -> tuple[bool, float]:
-        """Return whether the frame blocks a configuration, and the way to it."""
+    def _ranks(self, qs: np.ndarray) -> list[tuple[bool, float]]:
+        """Return whether the frame blocks each of qs (k, dof), and the way to it."""
         frame = self._frame
         known = frame.number > 0 and frame.trouble is None
-        blocked = known and not frame.motion_clear(q, np.zeros_like(q))
-        here = frame.q if np.isfinite(frame.q).all() else np.zeros_like(q)
-        way = difference(self._robot, here, q) * frame.cell_map.roadmap.weights
-        return blocked, float(np.linalg.norm(way))
+        still = np.zeros(self._robot.dof)
+        here = frame.q if np.isfinite(frame.q).all() else still
+        way = difference(self._robot, here, qs) * frame.cell_map.roadmap.weights
+        blocked = [known and not frame.motion_clear(q, still) for q in qs]
+        return list(zip(blocked, np.linalg.norm(way, axis=1).tolist(), strict=True))
 
 
 def _checked_tolerance(tolerance: object) -> tuple[float, float]:

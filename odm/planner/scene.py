@@ -17,7 +17,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
-PER_TEST = 4  # edges that `improve` tests for each test in its budget
+PER_TEST = 4  # items that `improve` tests for each test in its budget
 LONGEST_NAME = 200
 STATIC = "the scenery set by set_static"
 _SHAPES = (Box, Capsule, Cylinder, Mesh, Sphere)
@@ -44,9 +44,10 @@ class Scene:
     They never move by themselves; what does belongs into `step`. Poses are in the
     world, which is the base frame until `set_base`. A change costs what the cells of
     its own object cost: at once, the nodes that are too near are closed, and all edges
-    that share a cell with the object. These edges are tested one by one between frames,
-    by `ReactivePlanner.improve`, or by `settle`, and those found free are opened; until
-    then the object blocks a little more than it must, never less.
+    that share a cell with the object. These edges (and nodes beyond the first few
+    hundred) are tested one by one between frames, by `ReactivePlanner.improve`, or by
+    `settle`, and those found free are opened; until then the object blocks a little
+    more than it must, never less.
 
     Args:
         frame: Base, grid and covering radius count.
@@ -198,7 +199,7 @@ class Scene:
             self._changed(None, True)
 
     def settle(self, most: int | None = None) -> int:
-        """Test edges that are closed by an object's cells alone.
+        """Test nodes and edges that are closed by an object's cells alone.
 
         Args:
             most: How many, 10 to 60 us each; None: all.
@@ -213,7 +214,7 @@ class Scene:
 
     @property
     def waiting(self) -> int:
-        """How many edges are closed by an object's cells alone, to be tested yet."""
+        """How many items are closed by an object's cells alone, to be tested yet."""
         return self._carrier.items.waiting
 
     # --- what stands there ---------------------------------------------------------

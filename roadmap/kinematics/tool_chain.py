@@ -1,5 +1,7 @@
 """The joints between a robot's base and its tool in a row, and descents along them."""
 
+import math
+
 import numpy as np
 
 from roadmap.errors import BadInput
@@ -105,6 +107,7 @@ class ToolDescent:
         self._trial = np.empty(len(self.rows))
         ratio = min(max(rotation / position, 1.0 / _MOST), _MOST)
         self._scale = _SCALE * np.array([1.0, ratio])
+        self._scales, self._rows = np.repeat(self._scale, 3), np.array(self.rows)
         least = min(position / self._scale[0], rotation / self._scale[1])
         self._goal = float(least), float(steps)
 
@@ -115,11 +118,12 @@ class ToolDescent:
             Position error [m] and rotation error [rad] that are left.
         """
         work, limits = self._work, self.chain.limits
-        work.q[:] = np.clip(q[self.rows], limits[:, 0], limits[:, 1])
+        np.maximum(q[self._rows], limits[:, 0], out=work.q)
+        np.minimum(work.q, limits[:, 1], out=work.q)
         descend(self.chain, target, self._scale, self._goal, work, self._trial)
-        q[self.rows] = work.q
-        left = work.error.reshape(2, 3) * self._scale[:, None]
-        return tuple(np.linalg.norm(left, axis=1).tolist())
+        q[self._rows] = work.q
+        x, y, z, u, v, w = (self._scales * work.error).tolist()
+        return math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
 
 
 def _z_to(axis: np.ndarray) -> np.ndarray:

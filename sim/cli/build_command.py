@@ -234,6 +234,7 @@ def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:
         },
         "folder_bytes": sum(f.stat().st_size for f in target.iterdir()),
         "components": cell_map.built.get("components", []),
+        "n_components": cell_map.built.get("n_components", 1),
         "seconds": round(seconds, 2),
         "hash": cell_map.hash,
     }
@@ -241,15 +242,15 @@ def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:
 
 def _show(facts: dict) -> None:
     per_edge = facts["bytes_per_edge"]
-    parts = facts["components"]
+    parts = facts["n_components"]
     print(
         f"{facts['nodes']:,} nodes and {facts['edges']:,} edges in "
         f"{facts['seconds']:.1f} s, {bytes_text(facts['folder_bytes'])}: "
         f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, "
         f"{per_edge['block_major']:.0f} in the block-major one"
     )
-    if len(parts) > 1:
-        print(f"{len(parts)} components of {sum(parts):,} nodes; the largest was kept")
+    if parts > 1:
+        print(f"the largest of {parts} components was kept; the others are left out")
     print(f"map {facts['hash'][:12]} in {facts['map']}")
 
 

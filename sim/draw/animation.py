@@ -10,7 +10,7 @@ from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, best_stretch, write_gif
 from sim.draw.standing import balls_of
 from sim.draw.style import FAINT, INK, TEAL
-from sim.draw.viewpoint import Camera, clearest
+from sim.draw.viewpoint import Camera, clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
 CAME = "the person came to the standing robot"
@@ -52,7 +52,8 @@ def write_animation(
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
     hiding = None if still is None else balls_of(still)
     bodies = [_bodies(result, robot, i) for i in moments]
-    camera = clearest(settings.camera(), bodies, hiding)
+    own = np.vstack([robot_balls for robot_balls, _ in bodies])
+    camera = clearest(framed(settings.camera(), own), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     return write_gif([painter.paint(result, i) for i in shown], path, settings)
 

@@ -67,6 +67,8 @@ class Camera:
         return self.far * self.near / (self.far - (self.far - self.near) * buffer)
 
 
+FAR_PLANE, STEP_BACK, MOST_STEPS = 3.0, 1.1, 12
+CUT, SPILL = 0.25, 0.05  # shares of a body outside: too large; allowed then
 TURNS = np.radians([0, -30, 30, -60, 60, -90, 90, -120, 120, -150, 150, 180])
 FAR_TURN = 0.04  # a turn by half a circle must show so much more to be worth it
 
@@ -103,6 +105,41 @@ def clearest(
         ]
         found.append(np.mean(seen) - FAR_TURN * abs(turn) / np.pi)
     return _turned(camera, TURNS[int(np.argmax(found))])
+
+
+def framed(camera: Camera, balls: np.ndarray) -> Camera:
+    """Return the camera, farther away where a body is too large for the picture.
+
+    Args:
+        camera: Where it stands by choice; kept where the body fits.
+        balls: (n, 4) the body, at some moments [m].
+    """
+    if not len(balls) or _outside(camera, balls) <= CUT:
+        return camera
+    low, high = balls[:, :3].min(axis=0), balls[:, :3].max(axis=0)
+    middle = 0.5 * (low + high)
+    step = np.subtract(camera.eye, camera.target)
+    for _ in range(MOST_STEPS):
+        away = float(np.linalg.norm(step))
+        found = replace(
+            camera,
+            eye=tuple((middle + step).tolist()),
+            target=tuple(middle.tolist()),
+            far=max(camera.far, away + FAR_PLANE),
+        )
+        if _outside(found, balls) <= SPILL:
+            break
+        step = STEP_BACK * step
+    return found
+
+
+def _outside(camera: Camera, balls: np.ndarray) -> float:
+    """Return which share of balls (n, 4) reaches out of the picture."""
+    pixels, distance = camera.project(balls[:, :3])
+    r = balls[:, 3] * camera.pixels_per_metre(distance)
+    size = np.array([camera.width, camera.height])
+    inside = ((pixels >= r[:, None]) & (pixels <= size - r[:, None])).all(axis=1)
+    return float(np.mean(~inside))
 
 
 def _turned(camera: Camera, turn: float) -> Camera:

@@ -16,6 +16,7 @@ from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
 from roadmap.robot.description import Description, read_description
 from roadmap.robot.known import known_robot, robot_file
+from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
@@ -76,8 +77,9 @@ class World:
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
         try:
-            with _without(INERTIA):
-                self._robot = self._call("loadURDF", path, useFixedBase=True)
+            with _without(INERTIA), tempfile.TemporaryDirectory() as folder:
+                drawn = _lit(path, Path(folder))
+                self._robot = self._call("loadURDF", drawn, useFixedBase=True)
         except self._bullet.error as error:  # such as a visual mesh that is not there
             self.close()
             raise BadRobot(f"pybullet cannot draw {path}: {error}") from error
@@ -282,6 +284,53 @@ def _without(noise: re.Pattern) -> Iterator[None]:
             heard.seek(0)
             said = noise.sub(b"", heard.read())
             sys.stderr.write(said.decode(errors="replace"))
+
+
+def _lit(path: str, folder: Path) -> str:
+    """Return a URDF with meshes that light falls on: this one, or a copy in `folder`.
+
+    Some STL files hold no normals, and such meshes would be drawn black.
+    """
+    text, names = Path(path).read_text(encoding="utf-8"), {}
+    for name in sorted(set(re.findall(r'filename\s*=\s*"([^"]+)"', text))):
+        try:
+            names[name] = find_mesh(name, Path(path), (), "it")
+        except BadRobot:
+            return path  # the library says which it misses, or knows where it is
+    mended = {}
+    for name, file in names.items():
+        data = (
+            with_normals(file.read_bytes()) if file.suffix.lower() == ".stl" else None
+        )
+        if data is not None:
+            mended[name] = folder / f"{len(mended)}.stl"
+            mended[name].write_bytes(data)
+    if not mended:
+        return path
+    for name, file in (names | mended).items():
+        text = text.replace(f'"{name}"', f'"{file.absolute()}"')
+    copy = folder / Path(path).name
+    copy.write_text(text, encoding="utf-8")
+    return str(copy)
+
+
+_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+
+
+def with_normals(data: bytes) -> bytes | None:
+    """Return a binary STL file with its normals, None where it has them already."""
+    n = int.from_bytes(data[80:84], "little")
+    if not n or len(data) != 84 + n * _STL.itemsize:
+        return None  # text, or damaged
+    rows = np.frombuffer(data, _STL, n, 84).copy()
+    if (np.abs(rows["normal"]).max(axis=1) > 1e-6).all():
+        return None
+    a, b, c = np.moveaxis(rows["corners"].astype(float), 1, 0)
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    up = np.where(length > 1e-18, normal / np.maximum(length, 1e-18), [0.0, 0.0, 1.0])
+    rows["normal"] = up + 0.0  # no -0
+    return data[:84] + rows.tobytes()
 
 
 def _redirected(target: int) -> dict[int, int]:

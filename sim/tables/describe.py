@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 
+MOST_PAIRS, MOST_LINKS = 12, 24  # told one by one; a humanoid has hundreds
 TAX_LINES, TAX_EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
 
 
@@ -169,9 +170,9 @@ def _show_lists(console: object, facts: dict) -> None:
     console.print(
         f"[bold]Self-collision[/]: {facts['self_pairs']} pairs of links tested"
     )
-    for a, b, reason in facts["dropped_pairs"]:
-        console.print(f"  not tested: {a} and {b}, {reason}")
-    for note in facts["notes"]:
+    for line in pair_lines(facts["dropped_pairs"]):
+        console.print(f"  not tested: {line}", soft_wrap=True)
+    for note in folded(facts["notes"]):
         console.print(f"[bold]Note[/]: {note}", soft_wrap=True)
     scenery, built = facts["scenery"], facts["built"]
     names = ", ".join(scenery["names"]) or "none"
@@ -187,14 +188,46 @@ def _show_lists(console: object, facts: dict) -> None:
             soft_wrap=True,
         )
     versions = ", ".join(f"{k} {v}" for k, v in built.get("versions", {}).items())
+    parts = built.get("n_components", 1)
+    kept = f"the largest of {parts} components was kept; " if parts != 1 else ""
     console.print(
         f"[bold]Built[/] in {built.get('seconds')} s from {built.get('drawn')} drawn "
         f"configurations, {built.get('free_edges')} of {built.get('candidate_edges')} "
-        f"edges free, {built.get('n_components')} components; {versions}",
+        f"edges free; {kept}{versions}",
         soft_wrap=True,
     )
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
+
+
+def pair_lines(pairs: list[list[str]]) -> list[str]:
+    """Return a line for each pair of links, or one for many of the same reason."""
+    reasons: dict[str, list[str]] = {}
+    for a, b, reason in pairs:
+        reasons.setdefault(reason, []).append(f"{a} and {b}")
+    lines = []
+    for reason, found in reasons.items():
+        if len(found) > MOST_PAIRS:
+            found = [f"{len(found)} pairs such as {found[0]} (--json lists them all)"]
+        lines += [f"{pair}, {reason}" for pair in found]
+    return lines
+
+
+def folded(notes: list[str]) -> list[str]:
+    """Return the notes, what is said of many links in one line."""
+    of: dict[str, list[str]] = {}
+    for note in notes:
+        link, mark, rest = note.partition(": ")
+        link, rest = (link, rest) if mark and " " not in link else ("", note)
+        of.setdefault(rest, []).append(link)
+    return [
+        f"{links[0]}: {rest}"
+        if len(links) == 1 and links[0]
+        else f"{len(links)} links, {', '.join(links)}: {rest}"
+        if links[0]
+        else rest
+        for rest, links in of.items()
+    ]
 
 
 def _safety_table(safety: dict[str, float]) -> "Table":
@@ -249,10 +282,12 @@ def _joint_table(robot: dict) -> "Table":
 
 
 def _cover_table(cover: list[dict]) -> "Table":
-    title = "Sphere cover, worst links first"
+    more = max(0, len(cover) - MOST_LINKS)
+    rest = f"; {more} more links: --json" if more else ""
+    title = f"Sphere cover, worst links first{rest}"
     numbers = ("spheres", "sticks out \\[mm]", "on average \\[mm]")
     table = _table(title, "link", "", *numbers)
-    for row in sorted(cover, key=lambda row: -row["excess"]):
+    for row in sorted(cover, key=lambda row: -row["excess"])[:MOST_LINKS]:
         cells = f"{1000 * row['excess']:.1f}", f"{1000 * row['protrusion']:.1f}"
         kind = "" if row["moving"] else "base"
         table.add_row(row["link"], kind, str(row["spheres"]), *cells)

@@ -89,6 +89,7 @@ PICTURE = Writes((".png",), "picture", ("matplotlib",))
 FILM = Writes((".gif",), "film", ("matplotlib", "PIL"))
 PICTURES = Writes(what="pictures", needs=("matplotlib", "PIL"), folder=True)
 FOLDER = Writes(folder=True)
+_OF_FILES = {".csv", ".gif", ".jpg", ".json", ".mp4", ".npz", ".pdf", ".png", ".toml"}
 FINITE = Limits()
 POSITIVE = Limits(0.0, above=True)
 SECONDS = Limits(0.0, 86_400.0, "s", above=True)
@@ -167,6 +168,11 @@ def check_target(word: str, path: Path, writes: Writes) -> None:
             )
     if not writes.folder and path.is_dir():
         raise Refused(f"{word} {path} is a folder; name a file in it")
+    if writes.folder and path.suffix.lower() in _OF_FILES and not path.is_dir():
+        raise Refused(
+            f"{word} {path}: a folder is made there, and that is the name of a file; "
+            f"name it {path.stem}"
+        )
     if writes.folder and path.exists() and not path.is_dir():
         raise Refused(f"{word} {path} is a file; name a folder")
     place = path if writes.folder else path.parent

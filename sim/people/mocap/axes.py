@@ -77,7 +77,7 @@ def up_axis(
     """Return "y" or "z", and a sentence where it was guessed.
 
     The trunk tells; where the person stoops too much for that, the skeleton's rest
-    pose does, and at last the custom of BVH, "y".
+    pose does, and at last the custom of the format: BVH "y", Vicon's tracks "z".
 
     Args:
         tracks: The recording.
@@ -92,8 +92,6 @@ def up_axis(
         if up not in ("y", "z"):
             raise BadMocap(f"no up axis {up!r}; choose y or z")
         return up, ""
-    if tracks.up is not None:
-        return tracks.up, ""
     for places, what in ((joints, "trunk"), (rest, "rest pose")):
         direction = _spine(places)
         if direction is None or not np.abs(direction).max() > DECISIVE:
@@ -105,7 +103,14 @@ def up_axis(
                 f"{'-' if direction[axis] < 0 else ''}{'xyz'[axis]}, and up is y or z;"
                 " give the up axis, or turn the recording"
             )
-        return "xyz"[axis], f"{'xyz'[axis]} is up, as the {what} tells"
+        told = f"{'xyz'[axis]} is up, as the {what} tells"
+        if tracks.up is None:
+            return "xyz"[axis], told
+        return "xyz"[axis], "" if "xyz"[axis] == tracks.up else (
+            f"{told}; of such a file it is {tracks.up} as a rule"
+        )
+    if tracks.up is not None:
+        return tracks.up, ""
     return "y", "y taken as up, as is usual: the trunk does not tell"
 
 

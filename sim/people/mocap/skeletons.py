@@ -75,6 +75,16 @@ BUILT_IN = {
         left="left",
         right="right",
     ),
+    "Vicon Plug-in Gait": _names(
+        "SACR|C7|LFHD", "{s}SHO|{s}ELB|{s}WRA", "{s}ANK", "{s}FIN", left="L", right="R"
+    ),
+    "VRM": _names(
+        "J_Bip_C_Hips|J_Bip_C_Neck|J_Bip_C_Head",
+        "J_Bip_{s}_UpperArm|J_Bip_{s}_LowerArm|J_Bip_{s}_Hand",
+        "J_Bip_{s}_Foot",
+        left="L",
+        right="R",
+    ),
     "Unreal": _names(
         "pelvis|neck_01|head",
         "upperarm_{s}|lowerarm_{s}|hand_{s}",
@@ -168,7 +178,8 @@ def _best(tracks: Tracks) -> tuple[dict[str, str], str]:
         raise BadMocap(
             f"no arm is known in {tracks.source}, which holds {_listed(tracks)}; write "
             "a mapping file with lines such as "
-            'right_shoulder = "...", right_elbow = "...", right_hand = "..."'
+            'right_shoulder = "...", right_elbow = "...", right_hand = "..." and give '
+            "it as mapping (--mapping FILE)"
         )
     label = max(found, key=lambda name: len(found[name]))
     return found[label], label

@@ -30,6 +30,26 @@ def test_chunks_give_the_same_bytes_and_are_gone_on_with(chain, robot_map, tmp_p
         assert store.found >= found
 
 
+def test_a_cluster_gives_the_same_bytes(chain, tmp_path):
+    few = ReachSettings(cell=0.4, rotations=72, samples=1_000, seed=3)
+    distributed = pytest.importorskip("distributed")
+    from roadmap.cluster import Cluster
+
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=":0",
+        protocol="tcp://",
+    ) as local:
+        store, there = ChunkStore(tmp_path / "chunks"), local.scheduler_address
+        with Cluster(scheduler=there, store=store) as workers:
+            found = build_reach_map(chain, few, 1, None, workers)
+        done = {len(worker.state.log) > 0 for worker in local.workers.values()}
+    assert done == {True} and len(list(store.folder.iterdir())) >= 10
+    assert_same(build_reach_map(chain, few, 1), found)
+
+
 def test_a_position_that_raises_is_named(chain, monkeypatch):
     import handover.reach.reach_chunks as chunks
 

@@ -4,7 +4,7 @@ import numpy as np
 from small import AWAY, HOME, NOBODY, draw_arm
 
 import odm
-from odm.planner.attaching import _GOAL_AT_ONCE, _START_AT_ONCE
+from odm.planner.attaching import _START_AT_ONCE, GOAL_AT_ONCE
 from odm.planner.settings import PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
 
@@ -34,7 +34,7 @@ def test_few_motions_are_joined_at_once_and_all_between_frames(small_map):
     planner = odm.ReactivePlanner(small_map, settings=PLAIN)
     m = planner.memory
     planner.set_goals([AWAY])
-    assert m.goals.number[0] <= _GOAL_AT_ONCE
+    assert m.goals.number[0] <= GOAL_AT_ONCE
     planner.step(NOBODY, q=HOME)
     assert m.start_connections.count[0] <= _START_AT_ONCE
     # the straight motion has its cells at once: the toll on cells is what calms

@@ -31,7 +31,7 @@ def attached(planner, monkeypatch):
     monkeypatch.setattr(
         planner.attacher,
         "_attach_goal",
-        lambda g, q: (done.append(q.tobytes()), attach(g, q))[1],
+        lambda g, q, *few: (done.append(q.tobytes()), attach(g, q))[1],
     )
     return done
 

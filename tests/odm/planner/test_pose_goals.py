@@ -6,6 +6,7 @@ from small import AWAY, HOME, NOBODY, draw_valid
 
 import odm
 from odm.audit.exact import ExactRobot
+from odm.planner.attaching import GOAL_AT_ONCE, POSE_AT_ONCE
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -157,3 +158,15 @@ def test_one_bad_goal_among_good_ones_is_told_and_left_out(small_map):
     with pytest.raises(BadConfiguration, match="goal 1 is out of limits"):
         planner.set_goals([bad, -bad])
     assert planner.set_goals([HOME]).refused == ()
+
+
+def test_a_pose_has_few_motions_at_once_and_the_others_between_frames(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    planner.step(NOBODY, q=HOME)
+    planner.set_goals(poses=[tool_pose(planner.robot, AWAY)])
+    number = planner.memory.goals.number
+    assert 0 < number[0] <= POSE_AT_ONCE < GOAL_AT_ONCE
+    assert planner.step(NOBODY, q=HOME).path.size
+    while planner.attacher.waits:
+        planner.improve(4)
+    assert number[0] > POSE_AT_ONCE

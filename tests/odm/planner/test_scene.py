@@ -12,6 +12,7 @@ from shapes_drawn import (
 from small import AWAY, HOME, NOBODY, POST, draw_valid
 
 import odm
+from odm.frame import place
 from odm.obstacles.shapes import Mesh
 from odm.planner.saved_memory import differences
 from roadmap.errors import BadInput
@@ -164,6 +165,24 @@ def test_improving_tests_what_waits(small_map):
     for _ in range(40):
         planner.improve(budget=8)
     assert planner.scene.waiting == 0
+
+
+@pytest.mark.parametrize("at_once", [0, 5, 400])
+def test_nodes_beyond_the_first_wait_closed_and_come_to_the_same(
+    small_map, monkeypatch, at_once
+):
+    monkeypatch.setattr(place, "NODES_AT_ONCE", at_once)
+    planner = odm.ReactivePlanner(small_map)
+    planner.scene.add("wall", WALL, OVER)
+    planner.scene.add("ball", odm.Sphere(0.1), pose_of([0.3, 0, 0.4], np.zeros(3)))
+    closed, exact = planner.memory.graph.closed, closed_exactly(planner)
+    assert (closed | ~exact).all() and not np.array_equal(closed, exact)
+    waits = planner.scene.waiting
+    assert planner.scene.settle(7) == waits - 7 and (closed | ~exact).all()
+    planner.scene.settle()
+    assert np.array_equal(closed, exact)
+    planner.scene.clear()
+    assert not closed.any()
 
 
 def test_the_same_calls_give_the_same_bytes_and_a_memory_goes_on(small_map, rng):

@@ -200,3 +200,17 @@ def test_a_peer_without_a_path_has_a_row_without_a_length():
     one.wall, one.solved = [1.0, 3.0], [False, False]
     row = peers._row(one)
     assert row[1] == "2" and row[5] == "0 %" and row[6] == "-" and row[8] == "0/0"
+
+
+@pytest.mark.parametrize("collides", [False, True])
+def test_a_contact_that_nothing_beside_it_bears_out_is_none(collides):
+    q = np.array([0.3, -0.2])
+    judge = object.__new__(Judge)
+    judge.motion = np.ones(2)
+    judge.fcl = SimpleNamespace(collides=lambda q: collides)
+
+    def distance(at, obstacles, cap):
+        return SimpleNamespace(distance=0.0 if np.array_equal(at, q) else 0.03)
+
+    judge.exact = SimpleNamespace(distance=distance)
+    assert judge._distance(q, []) == pytest.approx(0.0 if collides else 0.03, abs=1e-6)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.draw.viewpoint import Camera, clearest
+from sim.draw.viewpoint import Camera, clearest, framed
 
 CAMERA = Camera(eye=(0.0, -2.0, 1.0), target=(0.0, 0.0, 0.5))
 
@@ -38,3 +38,16 @@ def test_a_back_that_hides_the_robot_is_gone_round():
 def test_the_one_that_is_seen_worse_counts():
     hidden = [(wall(-0.3), ball(0.0, 0.3))]
     assert clearest(CAMERA, hidden).eye != CAMERA.eye
+
+
+def test_a_body_too_large_for_the_picture_is_seen_from_farther_away():
+    small = np.vstack([ball(0, 0, z) for z in (0.3, 0.5, 0.7)])
+    assert framed(CAMERA, small) is CAMERA and framed(CAMERA, small[:0]) is CAMERA
+    large = np.vstack([ball(x, 0, z) for x in (-1.0, 1.0) for z in (0.0, 1.6)])
+    found = framed(CAMERA, large)
+    pixels, distance = found.project(large[:, :3])
+    assert (pixels > 0).all() and (pixels < [found.width, found.height]).all()
+    assert (distance < found.far).all()
+    away = np.subtract(found.eye, found.target)
+    assert np.linalg.norm(away) > np.linalg.norm([0.0, 2.0, 0.5])
+    assert abs(np.cross(away, np.subtract(CAMERA.eye, CAMERA.target))).max() < 1e-9

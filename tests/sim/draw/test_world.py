@@ -12,7 +12,7 @@ from roadmap import load_robot, tool_pose
 from sim.draw.cover_world import CoverWorld
 from sim.draw.standing import all_triangles
 from sim.draw.viewpoint import Camera
-from sim.draw.world import SimulatorMissing, World, capsule_mesh
+from sim.draw.world import SimulatorMissing, World, capsule_mesh, with_normals
 from sim.loop.loop import exact_audit
 
 CAMERA = Camera(width=160, height=120)
@@ -216,3 +216,31 @@ def test_the_camera_projects_its_target_to_the_middle():
     clip = P @ [0, 0, -far, 1]
     buffer = (clip[2] / clip[3] + 1) / 2
     assert CAMERA.metres(buffer) == pytest.approx(far)
+
+
+def test_meshes_without_normals_are_not_black(tmp_path):
+    pytest.importorskip("pybullet")
+    import trimesh
+
+    data = trimesh.creation.box((0.3, 0.3, 0.3)).export(file_type="stl")
+    bare = bytearray(data)
+    for k in range(12):
+        bare[84 + 50 * k : 96 + 50 * k] = bytes(12)
+    assert with_normals(data) is None and with_normals(b"solid text") is None
+    assert with_normals(bytes(bare)) == data
+    (tmp_path / "box.stl").write_bytes(bare)
+    solid = '<geometry><mesh filename="box.stl"/></geometry>'
+    look = '<material name="w"><color rgba="1 1 1 1"/></material>'
+    urdf = tmp_path / "box.urdf"
+    urdf.write_text(
+        f"""<robot name="box"><link name="base"/><link name="box"><visual>{solid}{look}
+        </visual><collision>{solid}</collision></link><joint name="j" type="revolute">
+        <parent link="base"/><child link="box"/><axis xyz="0 0 1"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    )
+    camera = Camera(eye=(1.0, -1.0, 1.0), target=(0, 0, 0), width=80, height=60)
+    with World(urdf, load_robot(urdf, tip="box", cover_excess=0.1)) as world:
+        world.place([0.1], np.zeros((0, 7)))
+        colour, _, empty = world.picture(camera)
+    assert (~empty).sum() > 100
+    assert colour[~empty].min() > 60

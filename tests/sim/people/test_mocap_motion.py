@@ -6,7 +6,7 @@ from handover.human.body import Part
 from odm import sample_capsules
 from roadmap.errors import BadInput
 from sim.draw.human_picture import write_strip
-from sim.people.mocap import MocapSettings, load_mocap
+from sim.people.mocap import BadMocap, MocapSettings, load_mocap
 
 HAND = Part.RIGHT_HAND
 LEGS = {Part.LEFT_LEG, Part.RIGHT_LEG}
@@ -280,6 +280,24 @@ def test_units_and_the_up_axis_are_guessed_and_said(tmp_path, up, metres):
     said = " ".join(motion.notes)
     unit = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inch"}[metres]
     assert f"taken as {unit}: the arm" in said and f"{up} is up" in said
+
+
+def test_tracks_with_y_up_are_no_lying_person(tmp_path):
+    reference = load(tmp_path, person(60))
+    names = dict(hip="SACR", neck="C7", head="LFHD")
+    for side in ("left", "right"):
+        for joint, marker in (("shoulder", "SHO"), ("elbow", "ELB"), ("hand", "WRA")):
+            names[f"{side}_{joint}"] = side[0].upper() + marker
+    turned = {name: p[:, [0, 2, 1]] * [1, 1, -1] for name, p in person(60).items()}
+    path = write_csv(tmp_path / "y.csv", turned, names=names)
+    motion = load_mocap(path)
+    np.testing.assert_allclose(motion.frames, reference.frames, atol=1e-4)
+    assert "y is up, as the trunk tells; of such a file it is z as" in motion.notes[1]
+    assert motion.notes[0].endswith("joints named as by Vicon Plug-in Gait")
+    assert not any(" is up" in note for note in reference.notes)
+    upset = {name: p[:, [2, 0, 1]] for name, p in person(60).items()}
+    with pytest.raises(BadMocap, match="trunk in x.csv points along x, and up is y or"):
+        load_mocap(write_csv(tmp_path / "x.csv", upset))
 
 
 def test_units_and_axis_can_be_given(tmp_path):

@@ -1,0 +1,21 @@
+"""What `odm info` says of robots with many links is still a page."""
+
+from sim.tables.describe import MOST_PAIRS, folded, pair_lines
+
+
+def test_many_pairs_of_one_reason_are_one_line():
+    few = [["a", "b", "joined by a joint"], ["b", "c", "joined by a joint"]]
+    many = [[f"m{k}", "n", "fixed to each other"] for k in range(MOST_PAIRS + 1)]
+    lines = pair_lines([*few, *many])
+    assert lines[:2] == ["a and b, joined by a joint", "b and c, joined by a joint"]
+    told = f"{MOST_PAIRS + 1} pairs such as m0 and n (--json lists them all)"
+    assert lines[2:] == [f"{told}, fixed to each other"]
+    assert len(pair_lines(many[1:])) == MOST_PAIRS
+
+
+def test_what_is_said_of_many_links_is_said_once():
+    notes = ["one: visual hull used", "locked joints: a = 0", "two: visual hull used"]
+    hull, locked = folded(notes)
+    assert hull == "2 links, one, two: visual hull used"
+    assert locked == "locked joints: a = 0"
+    assert folded(notes[:1]) == notes[:1] and folded(["no mark"]) == ["no mark"]
