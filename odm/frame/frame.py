@@ -483,7 +483,7 @@ class Frame:
 
     def _forget_slacks(self) -> None:
         """Forget what motions had to spare: of another robot, or another distance."""
-        self.memory.slacks.pieces[:] = 0
+        self.memory.slacks.chords[:] = 0
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -90,7 +90,7 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
 
 
 def spares(planner):
-    return planner.memory.slacks.pieces.max()
+    return planner.memory.slacks.chords.max()
 
 
 def test_another_distance_or_another_hand_forgets(carrying_map):
