@@ -49,9 +49,7 @@ def piece_spare(arm, frames, bound, half, solids):
             continue
         f, ball = frames[b], arm.bound[b]
         reach = bound[WIDE, b] + bound[SPEED, b] * half
-        x = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        y = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        z = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        x, y, z = place_of(f, ball)
         for k in range(solids.count[0]):
             d = solid_distance(solids, k, x, y, z, reach + spare) - reach
             spare = d if not d >= spare else spare  # a NaN is not free
@@ -61,10 +59,11 @@ def piece_spare(arm, frames, bound, half, solids):
 
 
 @njit(cache=True, nogil=True)
-def chord_spare(arm, bare, frames, bound, dt, solids):
+def chord_spare(arm, bare, frames, bound, dt, solids, first):
     """Return what all spheres have to spare from all shapes along a part of a motion.
 
-    A bound from below, exact to the sag; where it is below LEAST, any such number.
+    A bound from below, exact to the sag; where it is below LEAST, any such number. And
+    the sphere that has the least, -1 where that was told by balls around bodies alone.
 
     Args:
         arm: The robot.
@@ -73,19 +72,28 @@ def chord_spare(arm, bare, frames, bound, dt, solids):
         bound: As of `piece_spare`.
         dt: The part's share of the motion.
         solids: The shapes.
+        first: The sphere that had the least before, or -1: it is measured first, so
+            that farther bodies are told by their balls.
     """
-    spare = FAR
+    spare, least = FAR, -1
+    if first >= 0:
+        b = arm.body[first]
+        sag = bound[BEND, b] * dt * dt / 8.0
+        a = place_of(frames[0, b], arm.spheres[first])
+        c = place_of(frames[1, b], arm.spheres[first])
+        least = first
+        for k in range(solids.count[0]):
+            d = line_distance(solids, k, a, c, bare[first] + sag)
+            spare = d if not d >= spare else spare
+        if not spare >= LEAST:
+            return spare, least
     for b in range(1, frames.shape[1]):
         if bound[WIDE, b] < 0.0:
             continue
         f, g, ball = frames[0, b], frames[1, b], arm.bound[b]
         sag = bound[BEND, b] * dt * dt / 8.0
-        ax = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        ay = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        az = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
-        cx = g[0] * ball[0] + g[1] * ball[1] + g[2] * ball[2] + g[9]
-        cy = g[3] * ball[0] + g[4] * ball[1] + g[5] * ball[2] + g[10]
-        cz = g[6] * ball[0] + g[7] * ball[1] + g[8] * ball[2] + g[11]
+        ax, ay, az = place_of(f, ball)
+        cx, cy, cz = place_of(g, ball)
         half = 0.5 * math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2)
         mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
         reach = bound[WIDE, b] + sag + half
@@ -95,18 +103,22 @@ def chord_spare(arm, bare, frames, bound, dt, solids):
                 spare = min(spare, d)
                 continue
             for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-                s = arm.spheres[i]
-                ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-                ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-                az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-                cx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
-                cy = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
-                cz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
-                d = line_distance(solids, k, (ax, ay, az), (cx, cy, cz), bare[i] + sag)
-                spare = d if not d >= spare else spare
+                a, c = place_of(f, arm.spheres[i]), place_of(g, arm.spheres[i])
+                d = line_distance(solids, k, a, c, bare[i] + sag)
+                if not d >= spare:
+                    spare, least = d, i
             if not spare >= LEAST:
-                return spare
-    return spare
+                return spare, least
+    return spare, least
+
+
+@njit(cache=True, nogil=True)
+def place_of(f, p):
+    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
 
 
 @njit(cache=True, nogil=True)

@@ -25,9 +25,11 @@ from odm.search._state import EDGE_BASE, view
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 1000  # cell lists compared before the direct map decides all items
+# cell lists compared before the direct map decides all items: as long as that takes,
+MANY_TESTS = 1000  # in maps of up to ITEMS nodes and edges, and more in larger ones
 RECENT = 2  # frames in which its counts change little
 RECENT_TESTS = 700  # cell lists compared before it does so then
+ITEMS = 50_000
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 
@@ -319,6 +321,7 @@ def a_star(state, points, starts, only):
     search.tail[0] = NOT_BEGUN
     is_recent = frame - view(state, "direct").frame[0] <= RECENT
     many = RECENT_TESTS if is_recent else MANY_TESTS
+    many = max(many, many * search.memo.shape[0] // ITEMS)
     bound = math.inf  # no longer path is of interest
     popped = 0
     while search.waiting[0] > 0:

@@ -132,14 +132,14 @@ def keep_motion(state, q, dq):
         n *= 2
     slacks.chords[k] = n
     for c in range(n):
-        slacks.spare[k, c] = UNKNOWN
+        slacks.spare[k, c], slacks.nearest[k, c] = UNKNOWN, -1
     for c in range(n + 1):
-        slacks.placed[place_of(slacks, k, c)] = False
+        slacks.placed[row_of(slacks, k, c)] = False
     return k
 
 
 @njit(cache=True, nogil=True)
-def place_of(slacks, k, c):
+def row_of(slacks, k, c):
     """Return the row of the configuration that chord c of motion k begins with."""
     return k * (slacks.spare.shape[1] + 1) + c
 
@@ -148,7 +148,7 @@ def place_of(slacks, k, c):
 def placed(state, k, c):
     """Return the row of where the bodies are as chord c of motion k begins."""
     slacks, arm, work = view(state, "slacks"), view(state, "arm"), view(state, "work")
-    row = place_of(slacks, k, c)
+    row = row_of(slacks, k, c)
     if slacks.placed[row]:
         return row
     a, share = slacks.begin[k], c / slacks.chords[k]
@@ -220,11 +220,14 @@ def measure(state, k, c):
         spare = piece_spare(arm, middle, bound, 0.5 * size / n, solids)
         if spare >= NEAR:
             for i in range(c, c + size):
+                slacks.nearest[k, i] = -1
                 keep_spare(state, k, i, spare)
             return size
     row, _ = placed(state, k, c), placed(state, k, c + 1)
     frames, bare = slacks.frames[row : row + 2], view(state, "robot_state").bare
-    spare = chord_spare(arm, bare, frames, bound, 1.0 / n, solids)
+    first = slacks.nearest[k, c]
+    spare, least = chord_spare(arm, bare, frames, bound, 1.0 / n, solids, first)
+    slacks.nearest[k, c] = least
     keep_spare(state, k, c, spare)
     return 1 if spare >= RESERVE + SAME else 0
 

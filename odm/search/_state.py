@@ -313,6 +313,7 @@ class Slacks(NamedTuple):
     spare: np.ndarray = array("f8", "slacks chords", GOAL)
     since: np.ndarray = array("i8", "slacks chords", GOAL)
     at: np.ndarray = array("i8", "slacks chords", GOAL)
+    nearest: np.ndarray = array("i8", "slacks chords", GOAL)  # sphere, or -1
     # of a motion's configurations between chords: frames of the bodies, if known
     frames: np.ndarray = array("f8", "places bodies 12", FRAME)
     placed: np.ndarray = array("b1", "places", FRAME)

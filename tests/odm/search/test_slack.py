@@ -16,6 +16,7 @@ from small import AWAY, HOME, draw_valid
 import odm
 from odm.close_test._slack import displaced
 from odm.search import _judge as judge
+from odm.search._slack import RESERVE, SAG
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
@@ -87,6 +88,48 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
             shapes = [moved(shape, rng, step) for shape in shapes]
             share += 0.05 * (k % 2)
     assert spared > 60 and blocked > 30 and checked == 25
+
+
+def test_no_sphere_has_less_to_spare_than_its_chord(small_map, planner, rng):
+    """Of long motions, with few chords: the sag counts, and so does the speed."""
+    m, checked, tight, whole = small_map.safety.m, 0, 0, 0
+    slacks = planner.memory.slacks
+    while checked < 60:
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        q = draw_valid(planner, rng)
+        dq = planner.frame.difference(q, draw_valid(planner, rng))
+        planner.step(odm.Obstacles.of(shapes), q=q)
+        table, points = planner.memory.table, planner.points
+        judge.part_free(table, points, NO_ITEM, q, dq)
+        k = int(slacks.asked.argmax())
+        if slacks.asked[k] != planner.memory.numbers.frame[0]:
+            continue
+        n = int(slacks.chords[k])
+        known = np.flatnonzero(slacks.spare[k, :n] > RESERVE)
+        for c in rng.permutation(known)[:3]:
+            begin, part = q + c / n * dq, dq / n
+            gap = smallest_solid_gap(small_map, begin, part, shapes, 9) - m
+            assert slacks.spare[k, c] <= gap + 1e-9
+            by_sphere = slacks.nearest[k, c] >= 0
+            tight += by_sphere and gap - slacks.spare[k, c] < 2.0 * SAG
+            whole += not by_sphere
+            checked += 1
+    assert tight > 5 and whole > 20
+
+
+def test_a_place_is_free_as_a_motion_that_does_not_move(planner, rng):
+    told = 0
+    for k in range(60):
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        points = draw_shape("sphere", rng).T_base_shape[:3, 3:].T if k % 2 else None
+        frame = odm.Obstacles.of(shapes, points=points)
+        q = draw_valid(planner, rng)
+        planner.step(frame, q=q)
+        table, points = planner.memory.table, planner.points
+        rests = judge.close_free(table, points, q, np.zeros_like(q))
+        assert judge.stands_free(table, points, q) == rests
+        told += rests
+    assert 5 < told < 55
 
 
 def spares(planner):
