@@ -61,6 +61,7 @@ from odm.planner.smooth import Smoother
 from odm.search import _expected as expected
 from odm.search import _recent as recent
 from odm.search import _step as codes
+from odm.search._astar import LARGE
 from odm.search.state import Memory
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_number, is_between
@@ -597,6 +598,7 @@ class ReactivePlanner:
         )
         rules.rings[0] = math.ceil(s.history_clearance / self.cell_map.safety.h - 1e-9)
         rules.persistence_frames[0] = s.persistence_frames
+        rules.large[0] = LARGE
 
     def _remembering(self) -> dict[str, Remembers]:
         """Return who owns what is remembered, by name; arrays first, frame last."""

@@ -243,6 +243,7 @@ class Rules(NamedTuple):
     history_s: np.ndarray = array("f8")  # [s]
     rings: np.ndarray = array("i8")  # of cells by which the frame's grow
     persistence_frames: np.ndarray = array("i8")
+    large: np.ndarray = array("i8")  # items beyond which long searches are greedy
 
 
 class Shortcuts(NamedTuple):
