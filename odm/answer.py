@@ -88,6 +88,8 @@ class Answer:
         counted: tuple[bytes, bytes],
         explain: "Explains | None" = None,
         frame: int = 0,
+        stage: str | None = None,
+        held: str | None = None,
     ) -> None:
         """Keep the values; `explain` is asked when the reason or the retreat is.
 
@@ -99,8 +101,8 @@ class Answer:
         self.goal = goal
         self.certified = certified
         self.frame = frame
-        self.stage: str | None = None  # who answers says it
-        self.held: str | None = None
+        self.stage = stage
+        self.held = held
         self._times = times
         self._counted = counted
         self._explain = explain

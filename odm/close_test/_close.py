@@ -417,6 +417,50 @@ def motion_clear(clearance, q, dq, cloud, solids, escape):
 
 
 @njit(cache=True, nogil=True)
+def place_clear(clearance, q, cloud, solids):
+    """Return True if a configuration keeps its distance: `motion_clear` at rest."""
+    arm, radii, bare, _, work = clearance
+    work.found[2] += 1
+    work.found[3] += 1
+    work.found[0], work.found[1] = 0, -1
+    work.value[0] = work.value[1] = 0.0
+    if not is_finite(q, q):
+        return False
+    body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
+    for b in range(1, arm.tree_i.shape[0]):
+        widest, barest = 0.0, 0.0
+        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+            if not (abs(radii[i]) < math.inf and abs(bare[i]) < math.inf):
+                return False
+            widest, barest = max(widest, radii[i]), max(barest, bare[i])
+        f, ball = work.frames[0, b], arm.bound[b]
+        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
+        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
+        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        near = ball[3] + barest
+        for k in range(solids.count[0]):
+            if solid_distance(solids, k, wx, wy, wz, near) >= near:
+                continue
+            for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+                s = arm.spheres[i]
+                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                d = solid_distance(solids, k, cx, cy, cz, bare[i])
+                if d < bare[i]:
+                    work.found[0], work.found[1] = i, FIRST_SOLID - k
+                    work.value[1] = d
+                    return False
+        if cloud.counts[N_LISTED] > 0:
+            work.body_radius[b], work.body_speed[b] = widest, 0.0
+            for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+                work.speed[i] = 0.0
+            if body_at(clearance, b, f, 0.0, cloud, False) == 2:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def chords_clear(clearance, q, dq, top, cloud, solids, escape):
     """Test the bodies of the interval at `top` that are still open, by their chords.
 

@@ -1,9 +1,9 @@
 """How much nearer the shapes may come before a motion that is free may be so no more.
 
-A motion is tested with all spheres grown by a slack. Wherever a sphere has less than
-twice that to spare, the slack becomes half of what it has, and the test goes on: what
-was found free of more is free of less. So the slack that is left is proved for the
-whole motion, and the dichotomy is hardly deeper than that of a test without it.
+A motion is kept in chords: between two configurations of it every sphere stays within a
+sag (|p''| dt^2 / 8) of the straight line from where it is at the one to where it is at
+the other. So what these lines have to spare from the shapes, less the sag, the motion
+has. The configurations are the same in every frame, only the shapes move.
 
 No point of a shape that was moved, turned or grown is farther than `displaced` from
 where the shape was. So no distance from it is less by more than that, and a motion
@@ -14,149 +14,137 @@ import math
 
 from numba import njit
 
-from odm.close_test._close import (
-    FIRST_SOLID,
-    begin_intervals,
-    chords_clear,
-    is_finite,
-    prepare_motion,
-    set_point,
-    split_interval,
+from odm.obstacles._solids import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    chord_keeps,
+    segments_distance2,
+    solid_distance,
 )
-from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, solid_distance
-from roadmap.kinematics._forward import body_frames
 
-MOST = 0.05  # [m] the slack that is tried at first
-SHARE = 0.5  # of what a sphere has to spare
-LEAST = 2e-3  # [m] a smaller slack is none
-IN_THE_WAY = -1.0  # instead of a slack
+NEAR = 0.03  # [m] what has more to spare is not measured more exactly
+LEAST = 1e-3  # [m] what has less to spare is tested anew
+FAR = 10.0  # [m] instead of what is to spare where there is no shape
+SPEED, BEND, WIDE = 0, 1, 2  # rows of what is known of the bodies on a motion
 
 
 @njit(cache=True, nogil=True)
-def grow(clearance, bare, slack):
-    """Let the spheres of `clearance` keep `slack` more than `bare` (n,) from shapes."""
-    arm, grown, work = clearance.arm, clearance.bare, clearance.work
-    for b in range(arm.tree_i.shape[0]):
-        most = 0.0
-        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-            grown[i] = bare[i] + slack
-            most = max(most, grown[i])
-        work.body_bare[b] = most
+def piece_spare(arm, frames, bound, half, solids):
+    """Return what all bodies have to spare from all shapes within `half` of a place.
 
-
-@njit(cache=True, nogil=True)
-def motion_slack(clearance, bare, q, dq, cloud, solids, most):
-    """Return what all spheres have to spare from all shapes on q + t dq [m], or more.
-
-    0: the motion is free, but with less than LEAST. IN_THE_WAY: it is not, as of
-    `motion_clear`, with work.value and work.found. There must be no points.
+    Or a bound below NEAR, where their balls alone do not tell.
 
     Args:
-        clearance: Its `bare` (n,) is scratch.
-        bare: (n,) what the spheres keep from shapes [m].
-        q: (dof,) begin of the motion [rad or m].
-        dq: (dof,) its displacement.
-        cloud: Without points; the chord test takes it.
+        arm: The robot.
+        frames: (bodies, 12) of the configuration in the middle.
+        bound: (3, bodies) SPEED, BEND and WIDE of each body; WIDE is the radius of a
+            ball around what its spheres keep free [m], below 0: it has none.
+        half: Share of the motion from the middle to either end.
         solids: The shapes.
-        most: The slack that is tried at first [m].
     """
-    arm, work, slack = clearance.arm, clearance.work, most
-    work.found[2] += 1
-    grow(clearance, bare, 0.0)
-    if not (is_finite(q, dq) and prepare_motion(clearance, dq)):
-        return IN_THE_WAY
-    top = 0
-    begin_intervals(arm, work)
-    while top >= 0:
-        level, index = work.stack[top, 0], work.stack[top, 1]
-        dt, mask = 1.0 / (1 << level), work.masks[top]
-        t = (index + 0.5) * dt
-        set_point(q, dq, t, work.point)
-        body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
-        work.found[3] += 1
-        slack = bodies_spare(arm, bare, work, mask, 0.5 * dt, solids, slack)
-        if slack < 0.0:
-            work.value[0] = t
-            return IN_THE_WAY
-        open_, chords = open_bodies(work, mask, level)
-        while chords:
-            grow(clearance, bare, slack)
-            verdict = chords_clear(clearance, q, dq, top, cloud, solids, False)
-            if verdict < 2:
-                open_ = open_ or verdict == 1
-                break
-            if slack == 0.0:  # its finest level
-                work.value[0] = t
-                return IN_THE_WAY
-            slack = less(slack)
-        if open_:
-            split_interval(work, top)
-            top += 1
-        else:
-            top -= 1
-    return slack
-
-
-@njit(cache=True, nogil=True)
-def less(spare):
-    """Return the slack that is tried where a sphere has so much to spare."""
-    return SHARE * spare if SHARE * spare >= LEAST else 0.0
-
-
-@njit(cache=True, nogil=True)
-def bodies_spare(arm, bare, work, mask, half, solids, slack):
-    """Test the bodies of `mask` at one configuration; return the slack that is left.
-
-    work.state says of each whether it has that to spare in the whole interval, 0, or is
-    open, 1. Below 0: one is in the way.
-    """
-    for b in range(1, mask.shape[0]):
-        work.state[b] = 0
-        if not mask[b]:
+    spare = FAR
+    for b in range(1, frames.shape[0]):
+        if bound[WIDE, b] < 0.0:
             continue
-        f, ball = work.frames[0, b], arm.bound[b]
-        reach = ball[3] + work.body_bare[b] + work.body_speed[b] * half
-        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
-        open_ = False
+        f, ball = frames[b], arm.bound[b]
+        reach = bound[WIDE, b] + bound[SPEED, b] * half
+        x, y, z = place_of(f, ball)
         for k in range(solids.count[0]):
-            far = reach + slack
-            if solid_distance(solids, k, wx, wy, wz, far) >= far:
+            d = solid_distance(solids, k, x, y, z, reach + spare) - reach
+            spare = d if not d >= spare else spare  # a NaN is not free
+        if not spare >= NEAR:
+            return spare
+    return spare
+
+
+@njit(cache=True, nogil=True)
+def chord_spare(arm, bare, frames, bound, dt, solids, first):
+    """Return what all spheres have to spare from all shapes along a part of a motion.
+
+    A bound from below, exact to the sag; where it is below LEAST, any such number. And
+    the sphere that has the least, -1 where that was told by balls around bodies alone.
+
+    Args:
+        arm: The robot.
+        bare: (n,) what the spheres keep from shapes [m].
+        frames: (2, bodies, 12) of the configurations at both ends.
+        bound: As of `piece_spare`.
+        dt: The part's share of the motion.
+        solids: The shapes.
+        first: The sphere that had the least before, or -1: it is measured first, so
+            that farther bodies are told by their balls.
+    """
+    spare, least = FAR, -1
+    if first >= 0:
+        b = arm.body[first]
+        sag = bound[BEND, b] * dt * dt / 8.0
+        a = place_of(frames[0, b], arm.spheres[first])
+        c = place_of(frames[1, b], arm.spheres[first])
+        least = first
+        for k in range(solids.count[0]):
+            d = line_distance(solids, k, a, c, bare[first] + sag)
+            spare = d if not d >= spare else spare
+        if not spare >= LEAST:
+            return spare, least
+    for b in range(1, frames.shape[1]):
+        if bound[WIDE, b] < 0.0:
+            continue
+        f, g, ball = frames[0, b], frames[1, b], arm.bound[b]
+        sag = bound[BEND, b] * dt * dt / 8.0
+        ax, ay, az = place_of(f, ball)
+        cx, cy, cz = place_of(g, ball)
+        half = 0.5 * math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2)
+        mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
+        reach = bound[WIDE, b] + sag + half
+        for k in range(solids.count[0]):
+            d = solid_distance(solids, k, mx, my, mz, reach + spare) - reach
+            if d >= min(spare, NEAR):
+                spare = min(spare, d)
                 continue
             for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-                s = arm.spheres[i]
-                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-                # of a body that is open, only what lessens the slack is news
-                travel = 0.0 if open_ else work.speed[i] * half
-                far = bare[i] + max(slack + travel, slack / SHARE)
-                d = solid_distance(solids, k, cx, cy, cz, far)
-                if d >= far:
-                    continue
-                if d < bare[i]:
-                    work.found[0] = i
-                    work.found[1] = FIRST_SOLID - k
-                    work.value[1] = d
-                    return IN_THE_WAY
-                slack = min(slack, less(d - bare[i]))
-                # it stays open, though the slack may be less later
-                open_ = open_ or d - bare[i] - travel < slack
-        work.state[b] = 1 if open_ else 0
-    return slack
+                a, c = place_of(f, arm.spheres[i]), place_of(g, arm.spheres[i])
+                d = line_distance(solids, k, a, c, bare[i] + sag)
+                if not d >= spare:
+                    spare, least = d, i
+            if not spare >= LEAST:
+                return spare, least
+    return spare, least
 
 
 @njit(cache=True, nogil=True)
-def open_bodies(work, mask, level):
-    """Leave in `mask` what is open; return whether for halves, whether for chords."""
-    open_ = chords = False
-    for b in range(1, mask.shape[0]):
-        mask[b] = mask[b] and work.state[b] == 1
-        if mask[b]:
-            chords = chords or level >= work.early[b]
-            open_ = open_ or level < work.early[b]
-    return open_, chords
+def place_of(f, p):
+    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
+
+
+@njit(cache=True, nogil=True)
+def line_distance(solids, k, a, c, keep):
+    """Return what the line from a to c has to spare beyond `keep` from solid k [m].
+
+    Three numbers each. Of a capsule it is exact, of others a bound from below.
+    """
+    (ax, ay, az), (cx, cy, cz) = a, c
+    if solids.kind[k] == CAPSULE:
+        row = solids.rows[k]
+        d2 = segments_distance2(
+            (row[0], row[1], row[2]),
+            (row[3], row[4], row[5]),
+            row[7],
+            (ax, ay, az),
+            (cx - ax, cy - ay, cz - az),
+        )
+        return math.sqrt(d2) - row[6] - keep
+    half = 0.5 * math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2)
+    mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
+    need = keep + half + NEAR
+    d = solid_distance(solids, k, mx, my, mz, need) - keep - half
+    if d >= 2.0 * LEAST or not chord_keeps(solids, k, a, c, keep + 2.0 * LEAST):
+        return d
+    return 2.0 * LEAST
 
 
 @njit(cache=True, nogil=True)

@@ -85,7 +85,6 @@ class Carrier:
         robot_state = m.robot_state._replace(
             radii=np.zeros(n),
             bare=np.zeros(n),
-            grown=np.zeros(n),
             motion_bound=motion_bound,
         )
         held = self._closed_groups() if layer is None else self._groups

@@ -14,14 +14,14 @@ import numpy as np
 from odm._groups import new
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import CarriedObject
-from odm.checks import FLOAT, check_classes, check_configuration, check_points
+from odm.checks import check_classes, check_configuration, check_points
 from odm.close_test._arm import Arm, Work
 from odm.close_test._close import FIRST_SOLID
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import IS_SORTED, N_BAD, N_INSIDE, N_OUTSIDE
+from odm.obstacles._cloud import IS_SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
@@ -125,6 +125,10 @@ class Frame:
         self._nothing = grid.new_cloud(0)
         self.obstacles: Obstacles | None = None
         self.heeded = 0
+        # the arrays that came last, as they were found good: they need no second look
+        self._taken, self._taken_shape = self._nothing.xyz, (-1,)
+        self._asked, self._dof = self.q, cell_map.robot.dof
+        self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
         # two buffers: the watch may still need the points of an earlier frame
@@ -166,8 +170,8 @@ class Frame:
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
-        if get_ident() != self.memory.owner.thread:
-            self.memory.owner.check()
+        if get_ident() != self._owner.thread:
+            self._owner.check()
         obstacles = None
         if type(points) is Obstacles:
             obstacles, points = points, points.points
@@ -177,25 +181,17 @@ class Frame:
                     "by kind"
                 )
             classes = obstacles.classes
-        # mostly both are what the compiled frame takes, which is seen at once here
+        # mostly both are what the compiled frame took before, which is seen at once
         if (
-            type(points) is not np.ndarray
-            or points.dtype is not FLOAT
-            or points.ndim != 2
-            or points.shape[1] != 3
-            or not points.flags.carray
+            points is not self._taken
+            or points.shape != self._taken_shape
             or labels is not None
             or covering_radius is not None
         ):
             points = check_points(points, labels, covering_radius, self.rho)
-        if (
-            type(q) is not np.ndarray
-            or q.dtype is not FLOAT
-            or q.shape != self.q.shape
-            or not q.flags.carray
-            or dq is not None
-        ):
-            q = check_configuration(self.robot, q, dq)
+            self._taken, self._taken_shape = points, points.shape
+        if q is not self._asked or len(q) != self._dof or dq is not None:
+            q = self._asked = check_configuration(self.robot, q, dq)
         self.classes = None if classes is None else check_classes(classes, len(points))
         self.obstacles = obstacles
         return points, q
@@ -243,13 +239,16 @@ class Frame:
         if obstacles is not self._known:
             self._know(obstacles)
             memory = self.memory
-        if self.watch.points_inside is self.points:
+        if self.watch.seen_inside and self.watch.points_inside is self.points:
             self._buffer = 1 - self._buffer
         self.heeded = len(points)
         data, counts = obstacles.data, obstacles.counts
         while True:
             room = self._buffers[self._buffer]
             n = kernels.begin_shapes(memory.table, points, data, counts, room)
+            odd = n >= kernels.ODD
+            if odd:
+                n -= kernels.ODD
             if n == kernels.MORE_PATTERNS:
                 self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
                 continue
@@ -271,10 +270,9 @@ class Frame:
             kind, k = memory.patterns.wrong.tolist()
             trouble = obstacles.trouble(kernels.WRONG - n, kind, k)
             n = len(points)
-        self._view_of(min(n, len(room)))
+        if n != len(self.points) or self.points.base is not room:
+            self._view_of(min(n, len(room)))
         marked = perf_counter_ns()
-        counts = memory.cloud.counts
-        odd = counts.item(N_BAD) or counts.item(N_OUTSIDE) > counts.item(N_INSIDE)
         if trouble is None and (odd or stamp is not None or now is not None):
             trouble = self.watch.unfit(self.points, memory.cloud, stamp, now)
         self.trouble = trouble
@@ -483,7 +481,7 @@ class Frame:
 
     def _forget_slacks(self) -> None:
         """Forget what motions had to spare: of another robot, or another distance."""
-        self.memory.slacks.pieces[:] = 0
+        self.memory.slacks.chords[:] = 0
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -48,7 +48,7 @@ class Attacher:
         costs: (g,) of the goals, or None.
         without_cells: Whether the start was attached by a few motions without cells.
         is_stale: Whether the hand has changed, so that goals must be attached anew.
-        start_waits: Whether the start lacks motions yet; see `finish_start`.
+        start_waits: Whether the start lacks motions yet; see `attach_more`.
     """
 
     def __init__(
@@ -263,18 +263,6 @@ class Attacher:
         goals = self.frame.memory.goals
         return [goals.count.item(1), *goals.vertex[: goals.count.item(0)].tolist()]
 
-    def finish_start(self) -> None:
-        """Give the start all its motions."""
-        self.tidy()
-        while self.start_waits:
-            self._more_at_start(self._for_starts)
-
-    def _more_at_start(self, most: int) -> int:
-        """Join the start by more motions."""
-        done = self._more_of_start(most)
-        self.start_waits = done == most
-        return done
-
     def attach_more(self, most: int) -> int:
         """Join the start and the goals, best first, by more motions, `most` in all.
 
@@ -287,7 +275,9 @@ class Attacher:
         m, left = self.frame.memory, most
         n = int(m.goals.count[0])
         if self.start_waits:
-            left -= self._more_at_start(left)
+            done = self._more_of_start(left)
+            self.start_waits = done == left
+            left -= done
         for g in range(n):
             if left > 0 and int(m.goals.vertex[g]) in self._later:
                 left -= self._more_of_goal(g, left)

@@ -41,8 +41,9 @@ JOIN = {
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
 }
 
+_NO_TIME = math.nan
+_SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
 _MORE = 12  # nodes that start and goals are joined with in a frame without a path
-_SETTLES = 2  # frames at the same place: its motions get what they lack
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
@@ -104,12 +105,12 @@ class Decision:
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
         attacher = self.attacher
-        if self.new_goals or attacher.without_cells or attacher.start_waits:
+        if self.new_goals or (attacher.without_cells and not self.path.followed):
             self._join_ahead(q)
-        now = math.nan if now is None else now
+        now = _NO_TIME if now is None else now
         said = step.respond(self._memory.table, points, q, now)
-        code = said % step.SEGMENT
-        if code <= step.PLANNED:
+        code = said % _SEGMENT
+        if code <= _PLANNED:
             return said
         return self._decide(said, code, points, q, now)
 
@@ -171,12 +172,8 @@ class Decision:
             self._numbers.stood[0] = -1
             if stands:
                 self._join(NEW_GOALS, q, STANDS)
-        elif stands and not self.path.followed:
-            if self._numbers.stood.item() + 1 >= _STAYS:
-                self._join(LINGERS, q, STANDS)
-        elif stands and self.attacher.start_waits:
-            if self._numbers.stood.item() + 1 >= _SETTLES:
-                self.attacher.finish_start()
+        elif stands and self._numbers.stood.item() + 1 >= _STAYS:
+            self._join(LINGERS, q, STANDS)
 
     def join_between(self) -> bool:
         """Join the robot anew between frames, where it lingers or a goal has cleared.

@@ -1,8 +1,8 @@
 """ReactivePlanner: the loop's one stateful object; what it owns does the work."""
 
 import math
-import time
 from collections.abc import Mapping, Sequence
+from time import perf_counter_ns
 from typing import NoReturn
 
 import numpy as np
@@ -61,10 +61,15 @@ from odm.planner.smooth import Smoother
 from odm.search import _expected as expected
 from odm.search import _recent as recent
 from odm.search import _step as codes
+from odm.search._astar import LARGE
 from odm.search.state import Memory
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
+
+# what a frame's answer is packed with, which every frame takes apart
+_FOLLOWING, _PLANNED = codes.FOLLOWING, codes.PLANNED
+_SEGMENT, _COUNT, _GOAL = codes.SEGMENT, codes.COUNT, codes.GOAL
 
 
 class ReactivePlanner:
@@ -103,6 +108,7 @@ class ReactivePlanner:
         watch = SensorWatch(s.max_age_s, s.max_range_m)
         frame = self.frame = Frame(cell_map, s.point_capacity, s.finger_pads, watch)
         self._memory, self._numbers = frame.memory, frame.memory.numbers
+        self._step = self._numbers.step
         self.carrier = Carrier(frame)
         self._last_phase = LastPhase(frame)
         self._path_test = PathTest(frame, self._last_phase)
@@ -431,7 +437,7 @@ class ReactivePlanner:
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
-        begun = time.perf_counter_ns()
+        begun = perf_counter_ns()
         frame = self.frame
         if type(points) is PointCloud:
             covering_radius, points = points.covering_radius, points.points
@@ -444,21 +450,18 @@ class ReactivePlanner:
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
         said = self.decision.decide(frame.points, q, now)
-        code = said % codes.SEGMENT
-        if code > codes.PLANNED:
+        code = said % _SEGMENT
+        if code > _PLANNED:
             return self._beyond(q, code, times, closed)
         # the path in use from the robot's segment on, which was just found free
-        begin = said % codes.COUNT // codes.SEGMENT
-        path = self.path
-        corners = path.q[begin : said % codes.GOAL // codes.COUNT].copy()
+        begin, path = said % _COUNT // _SEGMENT, self.path
+        corners = path.q[begin : said % _GOAL // _COUNT].copy()
         corners[0] = q
-        following = code == codes.FOLLOWING or (path.followed and path.is_same)
+        following = code == _FOLLOWING or (path.followed and path.is_same)
         path.followed = True
-        status = FOLLOWING if following else REPLANNED
-        goal = said // codes.GOAL - 1
-        answer = self._answer(status, corners, goal, times, closed, None)
-        answer.stage = stage_of(code, corners)
-        return answer
+        status, stage = FOLLOWING if following else REPLANNED, stage_of(code, corners)
+        goal = said // _GOAL - 1
+        return self._answer(status, corners, goal, times, closed, stage)
 
     def _beyond(
         self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
@@ -477,9 +480,8 @@ class ReactivePlanner:
         following = path.followed and path.is_same
         path.followed = True
         status = FOLLOWING if following else REPLANNED
-        answer = self._answer(status, corners, path.goal, times, closed, None)
-        answer.stage = stage_of(code, corners)
-        return answer
+        stage = stage_of(code, corners)
+        return self._answer(status, corners, path.goal, times, closed, stage)
 
     def _hold(
         self, times: tuple[int, int], closed: bool, trouble: str | None
@@ -487,7 +489,7 @@ class ReactivePlanner:
         self.path.followed = False
         told = self.connector.told
         why = Reasons(self.frame, self.attacher, self._retreat, trouble, told)
-        return self._answer(HOLDING, self._nowhere, None, times, closed, why)
+        return self._answer(HOLDING, self._nowhere, None, times, closed, None, why)
 
     def _answer(
         self,
@@ -496,17 +498,25 @@ class ReactivePlanner:
         goal: int | None,
         times: tuple[int, int],
         closed: bool,
-        why: Reasons | None,
+        stage: str | None,
+        why: Reasons | None = None,
     ) -> Answer:
-        memory, (begun, marked) = self._memory, times
-        counted = (memory.cloud.counts.tobytes(), memory.counted.tobytes())
-        times = (begun, marked, time.perf_counter_ns())
-        certified = WHOLE if closed else VISIBLE
-        number = self._numbers.step.item()
-        self.last = Answer(status, path, goal, certified, times, counted, why, number)
+        memory, held = self._memory, None
         if self.frame.thing is not None:
-            self.last.held = self.held_by
-        return self.last
+            held = self.held_by
+        answer = self.last = Answer(
+            status,
+            path,
+            goal,
+            WHOLE if closed else VISIBLE,
+            (*times, perf_counter_ns()),
+            (memory.cloud.counts.tobytes(), memory.counted.tobytes()),
+            why,
+            self._step.item(),
+            stage,
+            held,
+        )
+        return answer
 
     def improve(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
         """Better the path between two frames; return how many changes were found.
@@ -593,6 +603,7 @@ class ReactivePlanner:
         )
         rules.rings[0] = math.ceil(s.history_clearance / self.cell_map.safety.h - 1e-9)
         rules.persistence_frames[0] = s.persistence_frames
+        rules.large[0] = LARGE
 
     def _remembering(self) -> dict[str, Remembers]:
         """Return who owns what is remembered, by name; arrays first, frame last."""
@@ -919,9 +930,9 @@ class ReactivePlanner:
 
 def stage_of(code: int, path: np.ndarray) -> str:
     """Return what found a path, where a frame came to that code."""
-    if code == codes.FOLLOWING:
+    if code == _FOLLOWING:
         return IN_USE
-    if code != codes.PLANNED:
+    if code != _PLANNED:
         return SEARCH
     return STRAIGHT if len(path) == 2 else ROADMAP
 

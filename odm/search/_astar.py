@@ -6,6 +6,7 @@ vertex is its shortest free path, as in lazy A* (Cohen, Phillips, Likhachev 2014
 Where a search heeds where obstacles have lately been, an entry whose motion enters such
 cells pays a toll when it comes out, and waits anew; so the first that is paid and free
 is the shortest, tolls included, in one search.
+In a large map a long search is content with a path that is not much longer.
 From the goal's side a flood runs along once the search takes longer than usual: a
 goal (or a start) that is walled in is known when the smaller side is exhausted.
 """
@@ -25,9 +26,14 @@ from odm.search._state import EDGE_BASE, view
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
-MANY_TESTS = 1000  # cell lists compared before the direct map decides all items
+# cell lists compared before the direct map decides all items: as long as that takes,
+MANY_TESTS = 1000  # in maps of up to ITEMS nodes and edges, and more in larger ones
 RECENT = 2  # frames in which its counts change little
 RECENT_TESTS = 700  # cell lists compared before it does so then
+ITEMS = 50_000
+# in maps of more items than LARGE, a search that has closed so many vertices counts
+# what is left GREED times: its path is so much longer than the shortest, at most
+GREEDY_AFTER, LARGE, GREED = 200, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 
@@ -86,6 +92,15 @@ def add_entry(search, node, ref, parent, g, f):
     push(search, search.waiting[0], f, entry)
     search.made[0] = entry + 1
     search.waiting[0] += 1
+
+
+@njit(cache=True, nogil=True)
+def grow_greedy(search):
+    """Order the open list anew, with what is left of each path counted GREED times."""
+    for i in range(search.waiting[0]):
+        f, entry = search.heap_f[i], search.heap_e[i]
+        g = search.e_g[entry]
+        push(search, i, g + GREED * (f - g), entry)
 
 
 @njit(cache=True, nogil=True)
@@ -172,8 +187,11 @@ def enter_goals(state, entry, low, high, bound):
 
 
 @njit(cache=True, nogil=True)
-def expand(state, entry, h, bound):
-    """Add the edges that leave a vertex; False where there is no room for them."""
+def expand(state, entry, h, bound, greed):
+    """Add the edges that leave a vertex; False where there is no room for them.
+
+    What is left of a path beyond them is counted `greed` times.
+    """
     graph, search = view(state, "graph"), view(state, "search")
     frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
     counted = view(state, "stats").counted[0] != 0
@@ -214,7 +232,7 @@ def expand(state, entry, h, bound):
             search.near_run[w] = run
             search.near_g[w] = length
         ref = EDGE_BASE - graph.adj_edge[k]
-        add_entry(search, w, ref, entry, length, length + hw)
+        add_entry(search, w, ref, entry, length, length + greed * hw)
         search.e_paid[search.made[0] - 1] = counted
     return True
 
@@ -319,8 +337,9 @@ def a_star(state, points, starts, only):
     search.tail[0] = NOT_BEGUN
     is_recent = frame - view(state, "direct").frame[0] <= RECENT
     many = RECENT_TESTS if is_recent else MANY_TESTS
+    many = max(many, many * search.memo.shape[0] // ITEMS)
     bound = math.inf  # no longer path is of interest
-    popped = 0
+    popped, greed, large = 0, 1.0, view(state, "rules").large[0]
     while search.waiting[0] > 0:
         if stats.edge_tests[0] > many and stats.counted[0] == 0:
             refresh(state)  # a long search pays for settling all items at once
@@ -359,7 +378,10 @@ def a_star(state, points, starts, only):
         elif popped == BOUND_BY_ALL_AFTER and only >= 0 and bound == math.inf:
             bound = free_bound(state, starts, only)
         enter_goals(state, entry, low, high, bound)
-        if not expand(state, entry, h, bound):
+        if popped == GREEDY_AFTER and search.memo.shape[0] > large:
+            grow_greedy(search)
+            greed = GREED
+        if not expand(state, entry, h, bound, greed):
             break
         if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
             if flood(state, starts, low, high):

@@ -41,6 +41,7 @@ HOPELESS, NO_ENTRY, NO_EXIT, NOTHING, SEARCH = range(5)
 
 # what a frame's shapes may come to, beside how they were taken
 MORE_POINTS, MORE_PATTERNS, WRONG = -1, -2, -3
+ODD = 1 << 40  # added to the number of points where these cannot be used as they are
 
 
 @njit(cache=True, nogil=True)
@@ -95,8 +96,9 @@ def begin_shapes(state, given, data, counts, room):
         room: (m, 3) where all points go.
 
     Returns:
-        Points in all, or MORE_POINTS or MORE_PATTERNS: what there was no room for,
-        nothing was begun; or WRONG - what is wrong with a shape.
+        Points in all, and ODD where some are not finite or most lie outside the grid;
+        or MORE_POINTS or MORE_PATTERNS: what there was no room for, nothing was begun;
+        or WRONG - what is wrong with a shape.
     """
     solids, patterns = view(state, "solids"), view(state, "patterns")
     code = take_solids(data, counts, patterns.base_world, solids, patterns)
@@ -111,8 +113,11 @@ def begin_shapes(state, given, data, counts, room):
     view(state, "numbers").step[0] += 1
     for i in range(given.shape[0]):
         room[i, 0], room[i, 1], room[i, 2] = given[i, 0], given[i, 1], given[i, 2]
-    take_points(state, room[:n], given.shape[0])
-    return n if code == FINE else WRONG - code
+    odd = take_points(state, room[:n], given.shape[0])
+    if code != FINE:
+        return WRONG - code
+    counts = view(state, "cloud").counts
+    return n + ODD if odd > 0 or counts[N_OUTSIDE] > counts[N_INSIDE] else n
 
 
 @njit(cache=True, nogil=True)

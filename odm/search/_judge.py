@@ -3,8 +3,7 @@
 import numpy as np
 from numba import njit
 
-from odm.close_test._arm import Clearance
-from odm.close_test._close import displacement, motion_clear, set_point
+from odm.close_test._close import displacement, place_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
@@ -18,41 +17,15 @@ from odm.search._items import (
     item_free,
     pool_free,
 )
-from odm.search._slack import (
-    find_slack,
-    has_slack,
-    keep_motion,
-    rest_clear,
-)
+from odm.search._slack import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 
 
 @njit(cache=True, nogil=True)
-def near_free(state, cloud, q, dq):
-    """Run the close test of a motion against points and all of the frame's shapes."""
-    robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
+def place_free(state, cloud, q):
+    """Return True if a configuration keeps its distance from points and shapes."""
     view(state, "stats").close[0] += 1
-    clearance = Clearance(
-        view(state, "arm"), robot.radii, robot.bare, tolerance, view(state, "work")
-    )
-    return motion_clear(clearance, q, dq, cloud, view(state, "solids"), False)
-
-
-@njit(cache=True, nogil=True)
-def near_free_again(state, cloud, q, dq):
-    """Run the close test of a motion that later frames may ask for, too.
-
-    Of shapes alone, not every frame tests it anew: see `_slack.py`.
-    """
-    if not has_slack(state):
-        return near_free(state, cloud, q, dq)
-    k = find_slack(state, q, dq)
-    if k >= 0:
-        return rest_clear(state, cloud, k, q, dq)
-    free = near_free(state, cloud, q, dq)
-    if free:
-        keep_motion(state, q, dq)
-    return free
+    return place_clear(clearance_of(state), q, cloud, view(state, "solids"))
 
 
 @njit(cache=True, nogil=True)
@@ -107,9 +80,7 @@ def where_blocked(state, near, q, dq, blocked_at):
     robot = view(state, "robot_state")
     if blocked_at >= 0.0:
         set_point(q, dq, blocked_at, robot.scratch_q)
-        for j in range(q.shape[0]):
-            robot.zero_motion[j] = 0.0
-        if not near_free(state, near, robot.scratch_q, robot.zero_motion):
+        if not place_free(state, near, robot.scratch_q):
             return blocked_at
     if near_free_again(state, near, q, dq):
         return -1.0
@@ -300,10 +271,10 @@ def open_goal(state, points, g, most):
 @njit(cache=True, nogil=True)
 def stands_free(state, points, q):
     """Return True if a configuration itself keeps its distance from the points."""
-    robot = view(state, "robot_state")
-    for j in range(q.shape[0]):
-        robot.zero_motion[j] = 0.0
-    return close_free(state, points, q, robot.zero_motion)
+    cloud = view(state, "cloud")
+    if cloud.counts[IS_SORTED] == 0:
+        sort_points(points, cloud)
+    return place_free(state, cloud, q)
 
 
 @njit(cache=True, nogil=True)

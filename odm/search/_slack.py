@@ -1,8 +1,9 @@
-"""Motions that were free with distance to spare, and where the shapes were then.
+"""Motions that were measured, and where the shapes were then.
 
-A motion is kept in equal pieces, each with what it had to spare in some frame and the
-shapes of that frame. A piece is free while they are not farther from there than that;
-only the others are tested anew, and these are near to a shape.
+A motion is kept in equal chords, each with what it had to spare in some frame and the
+shapes of that frame; see `odm.close_test._slack`. A chord is free while they are not
+farther from there than that; only the others are measured anew, and these are near to a
+shape. What is too near to be measured by chords is left to the close test.
 
 Only what was proved of the very motion counts, or of one that it is the rest of. The
 robot's own distances are those that were kept then: another hand, or other clearance,
@@ -12,17 +13,29 @@ forgets all (`Frame.set_sampling`, `Frame.hand_changed`).
 from numba import njit
 
 from odm.close_test._arm import Clearance
-from odm.close_test._slack import LEAST, MOST, displaced, motion_slack
+from odm.close_test._close import motion_clear, prepare_motion, set_point
+from odm.close_test._slack import (
+    BEND,
+    LEAST,
+    NEAR,
+    SPEED,
+    WIDE,
+    chord_spare,
+    displaced,
+    piece_spare,
+)
 from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation
 from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
+from roadmap.kinematics._forward import body_frames
 
 SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part of it
 # [m] what is left of a slack at least: the ordinary test would free the motion, too
-RESERVE = 1e-3
-UNKNOWN = -1.0  # instead of what a piece has to spare
-PIECE = 0.12  # [m] no point of the robot moves much farther in a piece
+RESERVE = LEAST
+UNKNOWN = -1.0  # instead of what a chord has to spare
+SAG = 2e-3  # [m] of a chord at most, if there are chords enough
+PIECES = 8  # of a motion, which are looked at as a whole first
 
 
 @njit(cache=True, nogil=True)
@@ -35,12 +48,44 @@ def has_slack(state):
 
 
 @njit(cache=True, nogil=True)
+def clearance_of(state):
+    """Return what the close test of a frame works with."""
+    robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
+    arm, work = view(state, "arm"), view(state, "work")
+    return Clearance(arm, robot.radii, robot.bare, tolerance, work)
+
+
+@njit(cache=True, nogil=True)
+def near_free(state, cloud, q, dq):
+    """Run the close test of a motion against points and all of the frame's shapes."""
+    view(state, "stats").close[0] += 1
+    clearance, solids = clearance_of(state), view(state, "solids")
+    return motion_clear(clearance, q, dq, cloud, solids, False)
+
+
+@njit(cache=True, nogil=True)
+def near_free_again(state, cloud, q, dq):
+    """Run the close test of a motion that later frames may ask for, too.
+
+    Of shapes alone, not every frame tests all of it anew.
+    """
+    if not has_slack(state):
+        return near_free(state, cloud, q, dq)
+    k = find_slack(state, q, dq)
+    if k < 0:
+        k = keep_motion(state, q, dq)
+        if k < 0:
+            return near_free(state, cloud, q, dq)
+    return rest_clear(state, cloud, k, q, dq)
+
+
+@njit(cache=True, nogil=True)
 def find_slack(state, q, dq):
     """Return the row of a motion that q + dq is the rest of, or all of; or -1."""
     slacks = view(state, "slacks")
     bound = view(state, "certificates").motion_bound
-    for k in range(slacks.pieces.shape[0]):
-        if slacks.pieces[k] == 0:
+    for k in range(slacks.chords.shape[0]):
+        if slacks.chords[k] == 0:
             continue
         off = 0.0
         for j in range(q.shape[0]):
@@ -50,54 +95,79 @@ def find_slack(state, q, dq):
         if off <= SAME:
             a, b = slacks.begin[k], slacks.end[k]
             share = nearest_share(a, b, q)
-            if share < slacks.known_from[k]:
-                continue
             if motion_deviation(a, b, share, q, bound) <= SAME:
                 return k
     return -1
 
 
 @njit(cache=True, nogil=True)
-def slack_now(state, cloud, q, dq, most):
-    """Test a motion; return what it has to spare [m], below 0: it is not free.
-
-    No more than `most` is looked for [m].
-    """
-    robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
-    view(state, "stats").close[0] += 1
-    clearance = Clearance(
-        view(state, "arm"), robot.radii, robot.grown, tolerance, view(state, "work")
-    )
-    solids = view(state, "solids")
-    return motion_slack(clearance, robot.bare, q, dq, cloud, solids, most)
-
-
-@njit(cache=True, nogil=True)
 def keep_motion(state, q, dq):
-    """Remember a motion that is free now: if it is asked for again, its slack is found.
+    """Keep a motion of which nothing is known yet; return its row.
 
-    Many motions are asked for once, and a slack takes longer than the plain test.
+    It takes the place of the one that was asked for least lately. -1: its numbers are
+    not finite.
     """
-    slacks, bound = view(state, "slacks"), view(state, "certificates").motion_bound
-    k = slacks.next[0]
-    slacks.next[0] = (k + 1) % slacks.pieces.shape[0]
-    far = 0.0
+    slacks, arm, work = view(state, "slacks"), view(state, "arm"), view(state, "work")
+    for j in range(q.shape[0]):
+        if not abs(q[j]) + abs(dq[j]) < 1e6:
+            return -1
+    if not prepare_motion(clearance_of(state), dq):
+        return -1
+    k = 0
+    for i in range(slacks.chords.shape[0]):
+        if slacks.asked[i] < slacks.asked[k]:
+            k = i
     for j in range(q.shape[0]):
         slacks.begin[k, j], slacks.end[k, j] = q[j], q[j] + dq[j]
-        far += abs(dq[j]) * bound[j]
-    n = min(slacks.spare.shape[1], 1 + int(far / PIECE))
-    slacks.pieces[k], slacks.known_from[k] = n, 0.0
-    for p in range(n):
-        slacks.spare[k, p] = UNKNOWN
+    bend = 0.0
+    for b in range(slacks.bound.shape[2]):
+        slacks.bound[k, SPEED, b] = work.body_speed[b]
+        slacks.bound[k, BEND, b] = work.body_bend[b]
+        slacks.bound[k, WIDE, b] = arm.bound[b, 3] + work.body_bare[b]
+        if arm.body_ptr[b + 1] == arm.body_ptr[b]:
+            slacks.bound[k, WIDE, b] = -1.0
+        bend = max(bend, work.body_bend[b])
+    n = 1
+    while n < slacks.spare.shape[1] and bend > 8.0 * SAG * n * n:
+        n *= 2
+    slacks.chords[k] = n
+    for c in range(n):
+        slacks.spare[k, c], slacks.nearest[k, c] = UNKNOWN, -1
+    for c in range(n + 1):
+        slacks.placed[row_of(slacks, k, c)] = False
+    return k
 
 
 @njit(cache=True, nogil=True)
-def keep_piece(state, k, p, slack):
-    """Remember what piece p of motion k has to spare now [m]."""
+def row_of(slacks, k, c):
+    """Return the row of the configuration that chord c of motion k begins with."""
+    return k * (slacks.spare.shape[1] + 1) + c
+
+
+@njit(cache=True, nogil=True)
+def placed(state, k, c):
+    """Return the row of where the bodies are as chord c of motion k begins."""
+    slacks, arm, work = view(state, "slacks"), view(state, "arm"), view(state, "work")
+    row = row_of(slacks, k, c)
+    if slacks.placed[row]:
+        return row
+    a, share = slacks.begin[k], c / slacks.chords[k]
+    for j in range(a.shape[0]):
+        slacks.delta[j] = slacks.end[k, j] - a[j]
+    set_point(a, slacks.delta, share, work.point)
+    body_frames(arm.tree_i, arm.tree_f, work.point, slacks.frames[row])
+    slacks.placed[row] = True
+    work.found[3] += 1
+    return row
+
+
+@njit(cache=True, nogil=True)
+def keep_spare(state, k, c, spare):
+    """Remember what chord c of motion k has to spare now [m]."""
     slacks = view(state, "slacks")
-    slacks.spare[k, p] = slack
-    slacks.since[k, p] = view(state, "numbers").frame[0]
-    slacks.at[k, p] = snapshot(state)
+    slacks.spare[k, c] = max(0.0, spare)
+    slacks.since[k, c] = view(state, "numbers").frame[0]
+    slacks.at[k, c] = snapshot(state)
 
 
 @njit(cache=True, nogil=True)
@@ -105,11 +175,11 @@ def snapshot(state):
     """Return the place where the frame's shapes are kept."""
     slacks, solids = view(state, "slacks"), view(state, "solids")
     now, n = view(state, "numbers").frame[0], slacks.frame.shape[0]
-    last = (slacks.next[1] + n - 1) % n
+    last = (slacks.next[0] + n - 1) % n
     if slacks.frame[last] == now:
         return last
-    s = slacks.next[1]
-    slacks.next[1] = (s + 1) % n
+    s = slacks.next[0]
+    slacks.next[0] = (s + 1) % n
     count = solids.count[0]
     for i in range(count):
         slacks.kind[s, i] = solids.kind[i]
@@ -121,47 +191,92 @@ def snapshot(state):
 
 
 @njit(cache=True, nogil=True)
-def piece_holds(state, k, p):
-    """Return True if what piece p of motion k had to spare keeps it free now."""
+def chord_holds(state, k, c):
+    """Return True if what chord c of motion k had to spare keeps it free now."""
     slacks, now = view(state, "slacks"), view(state, "numbers").frame[0]
-    s = slacks.at[k, p]
-    if slacks.spare[k, p] <= RESERVE or slacks.frame[s] != slacks.since[k, p]:
+    s = slacks.at[k, c]
+    if slacks.spare[k, c] <= RESERVE or slacks.frame[s] != slacks.since[k, c]:
         return False
     if slacks.moved_in[s] != now:
         rows, kinds, count = slacks.rows[s], slacks.kind[s], slacks.count[s]
         slacks.moved[s] = displaced(rows, kinds, count, view(state, "solids"))
         slacks.moved_in[s] = now
-    return slacks.moved[s] + SAME + RESERVE <= slacks.spare[k, p]
+    return slacks.moved[s] + SAME + RESERVE <= slacks.spare[k, c]
+
+
+@njit(cache=True, nogil=True)
+def measure(state, k, c):
+    """Measure chord c of motion k, or the piece that begins with it.
+
+    Returns:
+        How many chords are free from here on; 0: this one may not be.
+    """
+    slacks, solids = view(state, "slacks"), view(state, "solids")
+    arm, bound = view(state, "arm"), slacks.bound[k]
+    n, known = slacks.chords[k], slacks.spare[k, c]
+    size = n // PIECES
+    if size >= 2 and c % size == 0 and (known == UNKNOWN or known >= 2.0 * NEAR):
+        middle = slacks.frames[placed(state, k, c + size // 2)]
+        spare = piece_spare(arm, middle, bound, 0.5 * size / n, solids)
+        if spare >= NEAR:
+            for i in range(c, c + size):
+                slacks.nearest[k, i] = -1
+                keep_spare(state, k, i, spare)
+            return size
+    row, _ = placed(state, k, c), placed(state, k, c + 1)
+    frames, bare = slacks.frames[row : row + 2], view(state, "robot_state").bare
+    first = slacks.nearest[k, c]
+    spare, least = chord_spare(arm, bare, frames, bound, 1.0 / n, solids, first)
+    slacks.nearest[k, c] = least
+    keep_spare(state, k, c, spare)
+    return 1 if spare >= RESERVE + SAME else 0
 
 
 @njit(cache=True, nogil=True)
 def rest_clear(state, cloud, k, q, dq):
-    """Test the pieces of q + dq, the rest of motion k, that do not hold.
+    """Test the chords of q + dq, the rest of motion k, that do not hold.
 
     Returns False where one is not free; then work.value[0] is the share of q + dq.
     """
-    slacks, work = view(state, "slacks"), view(state, "work")
-    n = slacks.pieces[k]
+    slacks = view(state, "slacks")
+    slacks.asked[k] = view(state, "numbers").frame[0]
+    n = slacks.chords[k]
     share = nearest_share(slacks.begin[k], slacks.end[k], q)
+    c = min(n - 1, int(share * n))
+    first = c  # of chords in a row that may not be free
+    while c < n:
+        more = 1 if chord_holds(state, k, c) else measure(state, k, c)
+        if more > 0 and first < c:
+            if not chords_clear(state, cloud, k, (first, c, share), q, dq):
+                return False
+        c += max(1, more)
+        if more > 0:
+            first = c
+    return first == n or chords_clear(state, cloud, k, (first, n, share), q, dq)
+
+
+@njit(cache=True, nogil=True)
+def chords_clear(state, cloud, k, which, q, dq):
+    """Run the close test of some chords of motion k, which are a part of q + dq.
+
+    Args:
+        state: The table.
+        cloud: The points.
+        k: The motion's row.
+        which: First chord, the one after the last, and the share that q is at.
+        q: (dof,) begin of the rest of the motion [rad or m].
+        dq: (dof,) its displacement.
+    """
+    slacks, work = view(state, "slacks"), view(state, "work")
+    (first, last, share), n = which, slacks.chords[k]
     rest = 1.0 / (1.0 - share) if share < 1.0 else 0.0
+    low = max(0.0, (first / n - share) * rest)
+    high = (last / n - share) * rest if last < n else 1.0
     begin, part = slacks.piece[0], slacks.piece[1]
-    first = min(n - 1, int(share * n))
-    for p in range(first, n):
-        if piece_holds(state, k, p):
-            continue
-        low = (p / n - share) * rest if p > first else 0.0
-        high = ((p + 1) / n - share) * rest if p < n - 1 else 1.0
-        for j in range(q.shape[0]):
-            begin[j] = q[j] + low * dq[j]
-            part[j] = (high - low) * dq[j]
-        most = MOST
-        if slacks.spare[k, p] != UNKNOWN:  # it is near a shape
-            most = min(MOST, 2.0 * slacks.spare[k, p] + 4.0 * LEAST)
-        slack = slack_now(state, cloud, begin, part, most)
-        if slack < 0.0:
-            work.value[0] = low + work.value[0] * (high - low)
-            return False
-        if p == first:  # of this piece only what lies ahead is known
-            slacks.known_from[k] = share
-        keep_piece(state, k, p, slack)
-    return True
+    for j in range(q.shape[0]):
+        begin[j] = q[j] + low * dq[j]
+        part[j] = (high - low) * dq[j]
+    if near_free(state, cloud, begin, part):
+        return True
+    work.value[0] = low + work.value[0] * (high - low)
+    return False

@@ -243,6 +243,7 @@ class Rules(NamedTuple):
     history_s: np.ndarray = array("f8")  # [s]
     rings: np.ndarray = array("i8")  # of cells by which the frame's grow
     persistence_frames: np.ndarray = array("i8")
+    large: np.ndarray = array("i8")  # items beyond which long searches are greedy
 
 
 class Shortcuts(NamedTuple):
@@ -301,17 +302,22 @@ class Terms(NamedTuple):
 
 
 class Slacks(NamedTuple):
-    """Motions that were free with distance to spare; see `_slack.py`."""
+    """Motions that were measured, and what they had to spare; see `_slack.py`."""
 
     begin: np.ndarray = array("f8", "slacks dof", GOAL)
     end: np.ndarray = array("f8", "slacks dof", GOAL)
-    # equal pieces of a motion, 0: no motion; share of it from which they are known
-    pieces: np.ndarray = array("i8", "slacks", GOAL)
-    known_from: np.ndarray = array("f8", "slacks", GOAL)
-    # of a piece: what it had to spare [m], in which frame, and the place of its shapes
-    spare: np.ndarray = array("f8", "slacks pieces", GOAL)
-    since: np.ndarray = array("i8", "slacks pieces", GOAL)
-    at: np.ndarray = array("i8", "slacks pieces", GOAL)
+    chords: np.ndarray = array("i8", "slacks", GOAL)  # equal parts; 0: no motion
+    asked: np.ndarray = array("i8", "slacks", GOAL)  # frame that last asked for it
+    # of each body: SPEED, BEND [m] and WIDE [m]
+    bound: np.ndarray = array("f8", "slacks 3 bodies", GOAL)
+    # of a chord: what it had to spare [m], in which frame, and the place of its shapes
+    spare: np.ndarray = array("f8", "slacks chords", GOAL)
+    since: np.ndarray = array("i8", "slacks chords", GOAL)
+    at: np.ndarray = array("i8", "slacks chords", GOAL)
+    nearest: np.ndarray = array("i8", "slacks chords", GOAL)  # sphere, or -1
+    # of a motion's configurations between chords: frames of the bodies, if known
+    frames: np.ndarray = array("f8", "places bodies 12", FRAME)
+    placed: np.ndarray = array("b1", "places", FRAME)
     # shapes of a few frames: the frame, rows, kinds and number
     frame: np.ndarray = array("i8", "snapshots", GOAL, LOST)
     rows: np.ndarray = array("f8", "snapshots slack_shapes 19", GOAL)
@@ -320,8 +326,9 @@ class Slacks(NamedTuple):
     # how far the shapes are from those now [m], and the frame of "now"
     moved: np.ndarray = array("f8", "snapshots", FRAME)
     moved_in: np.ndarray = array("i8", "snapshots", FRAME, LOST)
-    next: np.ndarray = array("i8", "2", GOAL)  # motion, snapshot that is replaced
+    next: np.ndarray = array("i8", "1", GOAL)  # snapshot that is replaced
     piece: np.ndarray = array("f8", "2 dof", FRAME)  # begin and displacement
+    delta: np.ndarray = array("f8", "dof", FRAME)  # of the whole motion
 
 
 class Numbers(NamedTuple):
@@ -358,7 +365,6 @@ class RobotState(NamedTuple):
 
     radii: np.ndarray = array("f8", "spheres")  # sphere radius + rho + m
     bare: np.ndarray = array("f8", "spheres")  # sphere radius + m
-    grown: np.ndarray = array("f8", "spheres", FRAME)  # these and a slack
     # most that joint j moves any sphere's centre per unit
     motion_bound: np.ndarray = array("f8", "dof")
     weights: np.ndarray = array("f8", "dof")
@@ -374,7 +380,6 @@ class RobotState(NamedTuple):
     before: np.ndarray = array("f8", "dof", GOAL, np.nan)
     dq: np.ndarray = array("f8", "dof", FRAME)
     scratch_q: np.ndarray = array("f8", "dof", FRAME)
-    zero_motion: np.ndarray = array("f8", "dof", FRAME)  # zeros
     fraction: np.ndarray = array("f8", "2", FRAME)  # share of the segment that q is on
 
 

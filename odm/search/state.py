@@ -46,8 +46,8 @@ _SIZES = {
     "patterns": 2048,
     "samples": 1024,
     "slacks": 24,
-    "pieces": 8,
-    "snapshots": 24,
+    "chords": 64,
+    "snapshots": 48,
     "slack_shapes": 24,
 }
 
@@ -122,6 +122,8 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     cells, grid, safety = cell_map.arm_cells, cell_map.grid, cell_map.safety
     joins, goals = _SIZES["joins"], _SIZES["goals"]
     sizes = {**_SIZES, "n": n, "m": m, "dof": dof, "spheres": len(arm.spheres)}
+    sizes["bodies"] = len(robot.tree_i)
+    sizes["places"] = sizes["slacks"] * (sizes["chords"] + 1)
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
     sizes["blocks"] = len(cells.t_ptr) - 1
     graph, direct = graph_on(roadmap, cells, regions(cell_map))

@@ -9,7 +9,13 @@ from small import small_recipe
 
 import odm
 from odm.planner.planner import PlannerSettings
-from odm.search._astar import BOUND_BY_LAST_AFTER, MANY_TESTS
+from odm.search._astar import (
+    BOUND_BY_LAST_AFTER,
+    GREED,
+    GREEDY_AFTER,
+    LARGE,
+    MANY_TESTS,
+)
 from roadmap.kinematics.forward import tool_pose
 
 NO_MOTION = -4
@@ -92,3 +98,27 @@ def test_settling_all_items_at_once_changes_no_answer(wide_map, rng):
             stats = quick.memory.stats
             settled += int(stats.counted[0] and stats.edge_tests[0] < MANY_TESTS)
     assert settled > 5
+
+
+def test_a_long_search_of_a_large_map_is_content_with_a_little_longer(wide_map, rng):
+    """The same searches, once as if the map were large."""
+    shorter = longer = 0
+    for a, b in ends(wide_map, rng, 6):
+        for k in range(0, 20, 4):
+            points = odm.sample_capsules(bar(0.01 * k - 0.1), 0.03)
+            said = []
+            for large in (LARGE, 0):
+                planner = standing_at_nodes(wide_map, a, b)
+                planner.memory.rules.large[0] = large
+                answer = planner.step(points, q=wide_map.roadmap.nodes[a])
+                legs = np.diff(answer.path, axis=0)
+                length = np.linalg.norm(legs, axis=1).sum()
+                said.append((len(answer.path) > 0, length, answer.work.popped))
+            (found, least, all_), (found_too, length, some) = said
+            assert found == found_too
+            assert least <= length + 1e-9 and length <= GREED * least + 1e-9
+            if all_ <= GREEDY_AFTER:
+                assert (length, some) == (least, all_)
+            shorter += some < all_
+            longer += length > least + 1e-9
+    assert shorter > 2 and longer > 0

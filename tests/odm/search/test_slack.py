@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from carrying import BALLS, HIGH
+from naive_cells import centers
 from scipy.spatial.transform import Rotation
 from shapes_drawn import (
     draw_pose,
@@ -16,10 +17,12 @@ from small import AWAY, HOME, draw_valid
 import odm
 from odm.close_test._slack import displaced
 from odm.search import _judge as judge
+from odm.search._slack import RESERVE, SAG
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
 MOVING = ("sphere", "capsule", "cylinder", "box")
+STEPS = (-1e-3, 0.0, 1e-3)  # shares of a motion beside a place on it
 TESTS = 2  # of work.found: close tests that were begun
 
 
@@ -89,8 +92,93 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
     assert spared > 60 and blocked > 30 and checked == 25
 
 
+def asked(planner, shapes, q, dq):
+    """Return what the chords of a motion have to spare from shapes [m], and nearest."""
+    planner.step(odm.Obstacles.of(shapes), q=q)
+    judge.part_free(planner.memory.table, planner.points, NO_ITEM, q, dq)
+    slacks = planner.memory.slacks
+    k = int(slacks.asked.argmax())
+    n = slacks.chords[k] if slacks.asked[k] == planner.memory.numbers.frame[0] else 0
+    return slacks.spare[k, :n].copy(), slacks.nearest[k, :n].copy()
+
+
+def test_no_chord_has_more_to_spare_than_its_spheres(small_map, planner, rng):
+    m, checked, tight, whole = small_map.safety.m, 0, 0, 0
+    while checked < 50:
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        q = draw_valid(planner, rng)
+        dq = planner.frame.difference(q, draw_valid(planner, rng))
+        spare, nearest = asked(planner, shapes, q, dq)
+        for c in rng.permutation(np.flatnonzero(spare > RESERVE))[:3]:
+            begin, part = q + c / len(spare) * dq, dq / len(spare)
+            gap = smallest_solid_gap(small_map, begin, part, shapes, 9) - m
+            assert spare[c] <= gap + 1e-9
+            tight += nearest[c] >= 0 and gap - spare[c] < 2.0 * SAG
+            whole += nearest[c] < 0
+            checked += 1
+    assert tight > 3 and whole > 20
+
+
+def outermost(small_map, q, dq, t):
+    """Return the sphere that turns most at a share of a motion: place, radius, ways.
+
+    The ways (2, 3) are the unit vectors outwards and ahead.
+    """
+    near = [centers(small_map.arm, small_map.robot, q + (t + h) * dq) for h in STEPS]
+    ahead, bend = near[2] - near[0], near[0] + near[2] - 2.0 * near[1]
+    i = int(np.linalg.norm(bend, axis=1).argmax())
+    ways = np.array([-bend[i], ahead[i]])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return near[1][i], small_map.arm.spheres[i, 3], ways
+
+
+def ball_at(place):
+    """Return a small ball there."""
+    T = np.eye(4)
+    T[:3, 3] = place
+    return odm.Sphere(0.02, T)
+
+
+def test_the_sag_and_the_speed_come_off(small_map, planner, rng):
+    """A ball outside the bend, where chords cut the corner; and one ahead of the end.
+
+    Of a motion of one joint, whose bounds are nearly what it does.
+    """
+    m, by_sphere, by_body = small_map.safety.m, 0, 0
+    for _ in range(8):
+        q, dq = draw_valid(planner, rng), np.array([2.5, 0.0, 0.0])
+        q[0] = -1.25
+        for t, way, far in ((0.5 + 1.0 / 64.0, 0, 0.006), (1.0, 1, 0.05)):
+            place, radius, ways = outermost(small_map, q, dq, t)
+            shapes = [ball_at(place + (radius + m + 0.02 + far) * ways[way])]
+            spare, nearest = asked(planner, shapes, q, dq)
+            free = np.flatnonzero(spare > RESERVE)
+            for c in free[np.argsort(spare[free])[:4]]:
+                begin, part = q + c / len(spare) * dq, dq / len(spare)
+                gap = smallest_solid_gap(small_map, begin, part, shapes, 5) - m
+                assert spare[c] <= gap + 1e-9
+                by_sphere += nearest[c] >= 0
+                by_body += nearest[c] < 0
+    assert by_sphere > 8 and by_body > 4
+
+
+def test_a_place_is_free_as_a_motion_that_does_not_move(planner, rng):
+    told = 0
+    for k in range(60):
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        points = draw_shape("sphere", rng).T_base_shape[:3, 3:].T if k % 2 else None
+        frame = odm.Obstacles.of(shapes, points=points)
+        q = draw_valid(planner, rng)
+        planner.step(frame, q=q)
+        table, points = planner.memory.table, planner.points
+        rests = judge.close_free(table, points, q, np.zeros_like(q))
+        assert judge.stands_free(table, points, q) == rests
+        told += rests
+    assert 5 < told < 55
+
+
 def spares(planner):
-    return planner.memory.slacks.pieces.max()
+    return planner.memory.slacks.chords.max()
 
 
 def test_another_distance_or_another_hand_forgets(carrying_map):
