@@ -1,19 +1,35 @@
-"""Options of compiled loops without counted references; checks stand outside."""
+"""Options of compiled loops: counted references, divisions by zero, who calls them.
 
-# Options of loops that make no array. Numba counts the references to every array that a
-# loop reads, by two locked instructions each time: left out, a reach map is built in
-# two thirds of the time. A loop that does make an array is refused when it is compiled.
-BARE = {
+Numba counts the references to every array that a loop takes out of a tuple or looks
+at, by two locked instructions each time. A loop that makes no array needs none of it,
+since its caller holds the arrays, and numba refuses to compile one that makes an array
+after all. And it compiles two more functions beside each loop: a door through which
+Python calls it, and one for C, which nobody uses.
+
+Every set says all options: numba hands those that a loop leaves open down from what
+calls it, and the machine code that is kept must not depend on who called first.
+"""
+
+# Makes no array; called from Python. A division by zero is an error.
+LEAN = {
     "cache": True,
     "nogil": True,
-    "error_model": "numpy",
+    "error_model": "python",
     "forceinline": False,
     "_nrt": False,
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": False,
 }
 
-# The same, written into whatever calls it.
+# The same without a door: called by other loops alone. Python must never call it.
+INNER = LEAN | {"no_cpython_wrapper": True}
+
+# As `LEAN` and `INNER`, and a division by zero gives infinity, as in C.
+BARE = LEAN | {"error_model": "numpy"}
+BARE_INNER = BARE | {"no_cpython_wrapper": True}
+
+# As `BARE`, and written into whatever calls it.
 WITHIN = BARE | {"forceinline": True}
 
-# Loops that do make arrays, or that call loops of other packages: what is called takes
-# over the options that it leaves open, and these must not depend on who called first.
-FULL = BARE | {"error_model": "python", "_nrt": True}
+# Makes arrays, so references are counted.
+FULL = LEAN | {"_nrt": True}

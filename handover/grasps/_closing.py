@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from odm.audit import _exact as exact
-from roadmap.jit_options import BARE, FULL
+from roadmap.jit_options import BARE_INNER, FULL
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
 _TIE = 1e-9  # [m] more than rounding: what may be as near is looked at
@@ -48,7 +48,7 @@ class HandState(NamedTuple):
     touched: np.ndarray  # (k,) int64: solid that stopped a driver, -1
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def compose(a, b, out):
     """Write the product of two poses (12,); `out` is neither of them."""
     for r in range(3):
@@ -61,7 +61,7 @@ def compose(a, b, out):
         )
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def joint_pose(kind, axis, value, out):
     """Write the motion (12,) of a joint at a value."""
     x, y, z = axis[0], axis[1], axis[2]
@@ -95,7 +95,7 @@ def place(hand, state):
         compose(state.links[hand.solids.owner[i]], hand.local[i], state.frames[i])
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def box_gap(box, frame, ball):
     """Return a lower bound on the distance of a placed box (6,) from a ball (4,)."""
     x, y, z = ball[0] - frame[9], ball[1] - frame[10], ball[2] - frame[11]
@@ -124,7 +124,7 @@ def least_along(set_, i, frame, v, out):
     return least[0] * x + least[1] * y + least[2] * z - set_.margin[i]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def most_along(set_, j, u):
     """Return the farthest place along u (3,) of a core of points on its own frame."""
     most = -np.inf

@@ -25,7 +25,7 @@ from handover.human._human_arm import (
     SIN_UPPER,
     UPPER,
 )
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE_INNER
 
 CIRCLE, SPANS, ARCS, WORK_ROWS = 0, 14, 46, 78
 MAX_SPANS = ARCS - SPANS
@@ -35,7 +35,7 @@ SIN_A, COS_F, SIN_F, COS_R, SIN_R, SIN_D, COS_W, SIN_W, COS_P, SIN_P = range(10)
 ELBOW, AXES = 10, 11
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def swivel_circle(arm, pose, work):
     """Fill the rows CIRCLE for a hand at `pose` (12,); False if it is out of reach.
 
@@ -87,7 +87,7 @@ def swivel_circle(arm, pose, work):
     return True
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _hand_forms(pose, w, n, m, v, work):
     """Write the forms of forearm and wrist; w, n, m: axes of the swivel.
 
@@ -114,12 +114,12 @@ def _hand_forms(pose, w, n, m, v, work):
     _form(work, SIN_P, 0.0, n0, m0)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _form(work, row, k, p, q):
     work[row, 0], work[row, 1], work[row, 2] = k, p, q
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def swivel_spans(arm, work):
     """Write the intervals of phi in which all joints keep their ranges to rows SPANS.
 
@@ -152,7 +152,7 @@ def swivel_spans(arm, work):
     return n_spans
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _forbid_wrist(arm, work):
     """Start the list of arcs with those of forearm and wrist; -1 if nothing is left."""
     n = _forbid_sine(arm, work, 0, 5, SIN_D, 1.0)
@@ -161,7 +161,7 @@ def _forbid_wrist(arm, work):
     return _forbid_hinge(arm, work, n, 6, COS_W, SIN_W, 1.0)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _forbid_sine(arm, work, n, joint, row, side):
     """Forbid where the joint, within 90 deg of 0, is below (1) or above its range."""
     if n < 0:
@@ -172,7 +172,7 @@ def _forbid_sine(arm, work, n, joint, row, side):
     )
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _forbid_hinge(arm, work, n, joint, row_c, row_s, sign):
     """Forbid where the angle of sign * (cos, sin) is outside the joint's range.
 
@@ -211,7 +211,7 @@ def _forbid_hinge(arm, work, n, joint, row_c, row_s, sign):
     return _overlap(work, n)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _forbid(work, n, k, p, q):
     """Add the arc where k + p cos phi + q sin phi < 0.
 
@@ -229,7 +229,7 @@ def _forbid(work, n, k, p, q):
     return n + 1
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _overlap(work, n):
     """Replace the two arcs from row n on by what both cover: none, one or two arcs."""
     a, b = work[ARCS + n, 0], work[ARCS + n, 1]
@@ -247,7 +247,7 @@ def _overlap(work, n):
     return n
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _quarters(c, s):
     """Return a number in [0, 4) that grows with the angle of (c, s), without trig."""
     t = s / (abs(c) + abs(s))
@@ -256,7 +256,7 @@ def _quarters(c, s):
     return t if t >= 0.0 else min(4.0 + t, 4.0 - 1e-15)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _angle(t):
     """Return the angle (-pi, pi] of a number of quarters in [0, 8)."""
     if t >= 4.0:
@@ -268,7 +268,7 @@ def _angle(t):
     return math.atan2(t - 4.0, t - 3.0)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _allowed(work, n, n_spans, branch):
     """Append what the first n arcs leave of the circle to the rows SPANS.
 
@@ -309,7 +309,7 @@ def _allowed(work, n, n_spans, branch):
     return n_spans
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _span(work, i, first, last, branch):
     row = SPANS + i
     work[row, 0], work[row, 1], work[row, 2] = first, last, branch

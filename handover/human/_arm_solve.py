@@ -23,14 +23,14 @@ from handover.human._arm_ik import (
     swivel_spans,
 )
 from handover.human._human_arm import LOWER, UPPER
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE, BARE_INNER
 
 # cos^2 of abduction below which flexion and rotation are solved together, and below
 # which each is free
 _NEAR_LATERAL, _LATERAL = 0.01, 1e-21
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def swivel_joints(arm, work, phi, branch, q):
     """Write the joints q (7,) at the swivel angle phi of `branch`, inside the ranges.
 
@@ -58,12 +58,12 @@ def swivel_joints(arm, work, phi, branch, q):
     return square >= _NEAR_LATERAL or _solve_lateral(arm, work, c, s, square, q)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _at(work, row, c, s):
     return work[row, 0] + c * work[row, 1] + s * work[row, 2]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _inside(arm, joint, angle):
     """Return the angle, plus whole turns, nearest to the joint's range, inside it."""
     lower, upper = arm[LOWER + joint], arm[UPPER + joint]
@@ -76,7 +76,7 @@ def _inside(arm, joint, angle):
     return min(max(angle, lower), upper)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _solve_lateral(arm, work, c, s, square, q):
     """Solve flexion and rotation together where the upper arm points to the side.
 
@@ -104,26 +104,26 @@ def _solve_lateral(arm, work, c, s, square, q):
     return False
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _agree(corner, q):
     """Return whether flexion and rotation fit together to 5e-11 rad."""
     off = abs(_rotation(corner, q[0]) - q[2])
     return min(off, 2.0 * math.pi - off) < 5e-11
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _rotation(row, f):
     cf, sf = math.cos(f), math.sin(f)
     return math.atan2(-(cf * row[1] + sf * row[3]), cf * row[0] + sf * row[2])
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _flexion(row, r):
     cr, sr = math.cos(r), math.sin(r)
     return math.atan2(row[2] * cr - row[3] * sr, row[0] * cr - row[1] * sr)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _corners(work, c, s):
     """Return R00, R01, R20, R21 of the shoulder's rotation R at cos and sin of phi."""
     ux, uz = work[ELBOW, 1], work[ELBOW, 2]
@@ -166,7 +166,7 @@ def solve_arm(arm, pose, step, work, q, swivels):
     return count, n_spans
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def is_solvable(arm, pose, work, q):
     """Return whether the arm can put its hand at `pose`, and write a solution to q."""
     if not swivel_circle(arm, pose, work):

@@ -45,7 +45,7 @@ from handover.meet._quality import (
     spatial_cost,
     visibility_cost,
 )
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN
 
 NO_VALUE = -1.0
 SLACK = 1e-6  # [rad] what arc functions of rounded numbers may be off
@@ -123,7 +123,7 @@ def fill_places(person, online, whole):
                 whole[at] = online[at] + (1.0 - share) * person.ceiling[at] / 255.0
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def open_bound(state, settings, x, y, z, step):
     """Return a bound of the weighted qualities of a grip within `step` of a place."""
     total = settings[OMEGA + JOINT] + settings[OMEGA + EFFORT]
@@ -144,7 +144,7 @@ def open_bound(state, settings, x, y, z, step):
     )
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def most_dexterity(person, x, y, z):
     """Return the largest dexterity of any grip that the tool at x, y, z can offer."""
     box, most = person.box, person.most
@@ -209,7 +209,7 @@ def fill_spins(person, pose, bounds):
             lack[r, g] = scale * math.tanh(settings[BETA + JOINT] * cost)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _shares(person):
     """Return the sum of the weights in use."""
     settings, total = person.settings, 0.0
@@ -219,7 +219,7 @@ def _shares(person):
     return total
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def least_joint_cost(person, now, spin, wrist, square):
     """Return what joint travel costs at least, eq. (1), for a hand and its wrist (3).
 
@@ -254,7 +254,7 @@ def least_joint_cost(person, now, spin, wrist, square):
     return cost + first * first / a + rest * rest / b
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _give(settings, first, last):
     """Return the sum of 1 / alpha; 0 where a joint is free of cost."""
     total = 0.0

@@ -21,7 +21,7 @@ from handover.meet._meet_bounds import (
     position_bounds,
 )
 from handover.meet._meet_pose import UNREACHED
-from roadmap.jit_options import BARE, FULL
+from roadmap.jit_options import BARE_INNER, FULL
 
 # what is counted: positions opened, bytes compared, grips bounded, hand poses solved
 POSITIONS, BYTES, GRIPS, SOLVED = range(4)
@@ -69,7 +69,7 @@ class Search(NamedTuple):
     scratch: Scratch
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def put(top, key, e, g, value, n):
     """Insert an entry into the best n so far, ordered by value, then by key."""
     k = top.value.shape[0]
@@ -155,14 +155,14 @@ def go_on(task, order, at, n, budget):
     return at, n
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def done_of(counts):
     """Return the work of a search so far, in hundreds of compared bytes, about."""
     compared = 0.01 * counts[BYTES] + 0.2 * counts[POSITIONS]
     return compared + GRIP_WORK * counts[GRIPS] + SOLVED_WORK * counts[SOLVED]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _open(task, p, n):
     """Look at the entries of a position whose bound by the byte passes."""
     person, hands, cells = task.scene
@@ -214,7 +214,7 @@ def _open(task, p, n):
     return n
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _look(task, p, e, first, n):
     """Bound the grasps of entry e from `first` on, solve those that may count."""
     person, hands, cells = task.scene

@@ -17,7 +17,7 @@ import math
 from numba import njit
 
 from handover.human._human_arm import ARM_SIZE, arm_axes
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN
 
 Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
 EYE, GAZE, HAS_GAZE = ARM_SIZE + 10, ARM_SIZE + 13, ARM_SIZE + 16
@@ -63,7 +63,7 @@ def qualities_of(state, obstacles, settings, joints, parts, online):
         online[i] = quality_of(state, obstacles, settings, joints[i], parts[i])
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def joint_cost(state, settings, q):
     """Return the sum of alpha (q_now - q)^2 [rad^2], eq. (1)."""
     cost = 0.0
@@ -73,14 +73,14 @@ def joint_cost(state, settings, q):
     return cost
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def spatial_cost(state, x, y, z):
     """Return how far the grip has to travel [m], eq. (2)."""
     dx, dy, dz = x - state[P_NOW], y - state[P_NOW + 1], z - state[P_NOW + 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def visibility_cost(state, x, y, z):
     """Return the angle between the gaze and the line from the eye to the grip [rad]."""
     dx, dy, dz = x - state[EYE], y - state[EYE + 1], z - state[EYE + 2]
@@ -90,7 +90,7 @@ def visibility_cost(state, x, y, z):
     return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), along)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def safety_cost(obstacles, settings, elbow, wrist, grip):
     """Return concern / distance - 1 of the grip, 0 beyond the distance of no concern.
 
@@ -146,7 +146,7 @@ def enters(rods, i, a, b):
     return square <= rods[i, 6] * rods[i, 6]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _square_between(offset, r, s, rr, ss):
     """Return the squared distance of a segment s, which begins at `offset`, from r.
 

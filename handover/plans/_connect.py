@@ -13,7 +13,7 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -42,7 +42,7 @@ def put(out, q):
         out[j] = q[j]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def apart(a, b):
     """Return the distance of two configurations."""
     total = 0.0
@@ -51,7 +51,7 @@ def apart(a, b):
     return math.sqrt(total)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def passes(space, trees, q, q_to, tolerance, scratch):
     """Return whether a straight motion is proved, its end looked at first."""
     trees.tests[0] += 1
@@ -65,7 +65,7 @@ def passes(space, trees, q, q_to, tolerance, scratch):
     return pair < 0
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def nearest(trees, side, q):
     """Return the branch of a tree nearest to q."""
     best, at = math.inf, 0
@@ -76,7 +76,7 @@ def nearest(trees, side, q):
     return at
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def grow(space, trees, side, near, q, tolerance, scratch):
     """Add a branch from `near` towards q; return it (-1: none) and if it is there."""
     if trees.count[side] == trees.parent.shape[1]:
@@ -148,7 +148,7 @@ def connect(space, trees, starts, goals, limits, n_arm, budget, tolerance, scrat
     return False
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def straight(space, trees, starts, goals, tolerance, scratch):
     """Join a start and a goal by one motion, the nearest ones first."""
     last, n = -1.0, goals.shape[0]
@@ -169,7 +169,7 @@ def straight(space, trees, starts, goals, tolerance, scratch):
     return False
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def write_route(trees, a, new, other):
     """Write the path over a branch of tree `a` and one of the other, the same place."""
     first, last = (new, other) if a == 0 else (other, new)

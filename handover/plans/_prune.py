@@ -11,7 +11,7 @@ from numba import njit
 
 from handover.grasps._closing import compose
 from handover.plans._space import fill, pair_apart, place
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE, BARE_INNER
 from roadmap.kinematics._chain import dexterity, forward, jacobian
 from roadmap.kinematics._seven import solve_all, within_reach
 
@@ -52,7 +52,7 @@ class Listed(NamedTuple):
     answer: np.ndarray  # (n, dof) joints of arm and closed hand, where it is free
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def too_near(space, rows, scratch):
     """Say whether one of some pairs is too near; it moves to the front of `rows`."""
     for i in range(rows.shape[0]):
@@ -66,7 +66,7 @@ def too_near(space, rows, scratch):
     return False
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def hand_touches(space, arm, target, shut, wide, scratch):
     """Say whether the closed or the open hand is too near to something.
 
@@ -94,7 +94,7 @@ def hand_touches(space, arm, target, shut, wide, scratch):
     return found
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def arm_touches(space, arm, joints, shut, wide, scratch):
     """Say whether the arm is too near to something, its hand closed or open."""
     fill(arm.q, joints, shut)
@@ -106,7 +106,7 @@ def arm_touches(space, arm, joints, shut, wide, scratch):
     return too_near(space, arm.both, scratch)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def rate(arm, listed, i):
     """Work out the dexterity of the joints that may take grasp i, and the best one."""
     best = 0.0
@@ -178,7 +178,7 @@ def test_hand(space, arm, listed, i, scratch):
     listed.handed[i] = True
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def is_open(space, arm, listed, i, scratch):
     """Say whether any joints reach grasp i and are free; if so, rate those that may.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
@@ -60,7 +60,7 @@ class Scratch(NamedTuple):
     stale: np.ndarray  # (1,) whether what stands has moved since it was written
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def put_balls(space, first, end, scratch):
     """Write where the balls of groups first..end and of their parts are."""
     frames = scratch.frames
@@ -163,7 +163,7 @@ def stands_clear(space, q, begin, end, scratch):
     return -1
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def arm_of(space, g, scratch):
     """Write how far the far side of a moving group's ball is from each joint's axis."""
     arms, center = scratch.arms[g], scratch.group_at[g]
@@ -251,7 +251,7 @@ def motion_clear(space, q, dq, tolerance, scratch):
     return -1, 1.0
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def sift(space, dq, half, depth, tolerance, scratch):
     """List the pairs of an interval that are not clear in it for the next depth.
 
@@ -324,7 +324,7 @@ class Solver(NamedTuple):
     found: np.ndarray  # (8 k, 7) solutions
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def fill(q, arm, fingers):
     """Write joints of arm and hand to q."""
     n = arm.shape[0]

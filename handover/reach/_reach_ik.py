@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_touch import touches_itself
-from roadmap.jit_options import BARE, FULL
+from roadmap.jit_options import BARE, BARE_INNER, FULL
 from roadmap.kinematics._chain import draw_code, forward, from_lattice
 from roadmap.kinematics._inverse import descend
 
@@ -56,7 +56,7 @@ def stretch(chain, direction, work):
     return best
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _along(direction, tool):
     return direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_build import ROOT, cell_of, origin_cell
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE, BARE_INNER
 
 
 class Packed(NamedTuple):
@@ -35,7 +35,7 @@ class Packed(NamedTuple):
     roots: np.ndarray
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def ones(word):
     """Return the number of set bits of a uint64."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)

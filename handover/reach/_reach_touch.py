@@ -14,7 +14,7 @@ from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
-from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
 from roadmap.kinematics._forward import body_frames
 
 TABLE = 64  # cells along a joint
@@ -92,7 +92,7 @@ def _place_bodies(touch, q):
     body_frames(touch.tree_i, touch.tree_f, touch.whole, touch.frames)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def _touches(touch, q, frames):
     pair, apart, shell, balls = touch.pair, touch.apart, touch.shell, touch.balls
     places, axes, lanes, clear = touch.places, touch.axes, touch.lanes, touch.clear

@@ -12,6 +12,7 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
+from roadmap.jit_options import FULL, INNER
 from roadmap.kinematics._forward import body_frames
 
 FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
@@ -100,7 +101,7 @@ class Found(NamedTuple):
     frame: np.ndarray  # (n, 12) pose of the obstacle
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def compose(f, g, out):
     """Write the product of poses f and g (12,) to out."""
     for i in range(3):
@@ -113,7 +114,7 @@ def compose(f, g, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_solids(tree_i, tree_f, solids, q, bodies, frames):
     """Write the poses of the robot's solids at q to `frames` (n, 12)."""
     body_frames(tree_i, tree_f, q, bodies)
@@ -121,7 +122,7 @@ def place_solids(tree_i, tree_f, solids, q, bodies, frames):
         compose(bodies[solids.body[i]], solids.pose[i], frames[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def basis(x, y, z, out):
     """Write a right-handed basis whose first column is (x, y, z), made unit."""
     size = math.sqrt(x * x + y * y + z * z)
@@ -139,7 +140,7 @@ def basis(x, y, z, out):
     out[0, 2], out[1, 2], out[2, 2] = y * w - z * v, z * u - x * w, x * v - y * u
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def turn(a, b, spin, frame):
     """Write to `frame` a rotation that takes a to b, then turns by spin round b."""
     from_, to = np.empty((3, 3)), np.empty((3, 3))
@@ -155,7 +156,7 @@ def turn(a, b, spin, frame):
             )
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def asked_free(audited, motion, points):
     """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
     asked, arm, cloud, work, shapes = audited
@@ -181,7 +182,7 @@ def asked_free(audited, motion, points):
     return item_hit(ptr, block, mask, n_nodes + motion, words) < 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def swallowed(solids, frames, library, k, frame):
     """Return a solid that lies inside hollow obstacle k, or -1.
 
@@ -206,7 +207,7 @@ def swallowed(solids, frames, library, k, frame):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def exact_distance(solids, frames, library, k, frame, cap, found):
     """Return (distance, gap) of the moving solids from obstacle k; see nearest_pair."""
     best, gap = cap, 0.0
@@ -248,7 +249,7 @@ def exact_distance(solids, frames, library, k, frame, cap, found):
     return best, gap
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def shifted(local, frame, out):
     """Write the samples `local` (n, 3), placed by `frame`, to out."""
     for i in range(local.shape[0]):
@@ -259,7 +260,7 @@ def shifted(local, frame, out):
             ) + frame[9 + c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def approach(solids, frames, library, pairs, k, frame):
     """Return the obstacle of pair k as it comes in; its pose is kept in `frame`.
 
@@ -290,7 +291,7 @@ def approach(solids, frames, library, pairs, k, frame):
     return Coming(which, local, frame, line, np.empty(local.shape))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def move_to(s, coming):
     """Move an obstacle to distance s of its line."""
     for c in range(3):
@@ -298,14 +299,14 @@ def move_to(s, coming):
     shifted(coming.local, coming.frame, coming.points)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def free_at(s, audited, motion, coming):
     """Move the obstacle to distance s of its line and ask the map."""
     move_to(s, coming)
     return asked_free(audited, motion, coming.points)
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def audit_pairs(audited, solids, library, pairs, cap, found):
     """Ask and measure all pairs; results go to `found`."""
     asked, arm, cloud = audited.asked, audited.arm, audited.cloud

@@ -22,6 +22,7 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._occupancy import clear, mark_points
 from odm.obstacles._solids import CAPSULE
 from odm.obstacles._solids import Solids as Shapes
+from roadmap.jit_options import FULL, INNER
 
 STEP = 1e-3  # [m] of the scan where a test answers yes or no
 TIGHT = 1e-5  # [m] where the walk of a distance ends
@@ -52,7 +53,7 @@ class StillCells(NamedTuple):
     samples: int  # still configurations that stand for an edge
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def distance_at(s, kind, placed, library, coming):
     """Return the distance of robot and obstacle at s [m], by one of three views."""
     solids, frames = placed
@@ -77,7 +78,7 @@ def distance_at(s, kind, placed, library, coming):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def walk(limit, kind, placed, library, coming):
     """Return where an obstacle coming in from FAR first is `limit` away; NaN: never.
 
@@ -94,7 +95,7 @@ def walk(limit, kind, placed, library, coming):
     return np.nan
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def scan(audited, motion, coming):
     """Return where a motion is first given up, coming in from FAR; NaN: never."""
     s = FAR
@@ -105,7 +106,7 @@ def scan(audited, motion, coming):
     return np.nan
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_capsules(library, coming, solids):
     """Write the capsules of an obstacle, where it is, to `solids`."""
     parts, f = library.parts, coming.frame
@@ -127,7 +128,7 @@ def place_capsules(library, coming, solids):
     solids.count[0] = n
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def scan_shapes(close, motion, cloud, library, coming):
     """Return where the close test of shapes first gives a motion up; NaN: never."""
     asked = close.asked
@@ -147,7 +148,7 @@ def scan_shapes(close, motion, cloud, library, coming):
     return np.nan
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def scan_words(words, coming, cloud):
     """Return where a sample first lies in a cell of `words`, coming in from FAR."""
     s = FAR
@@ -163,7 +164,7 @@ def scan_words(words, coming, cloud):
     return np.nan
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def node_overheads(audited, solids, spheres, library, pairs, close, out):
     """Write the exact distances at which five tests give a node up to out (n, 5).
 
@@ -193,7 +194,7 @@ def node_overheads(audited, solids, spheres, library, pairs, close, out):
     clear(cloud)
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def distance_along(s, audited, motion, solids, samples, library, coming):
     """Return the smallest exact distance over a whole edge with the obstacle at s."""
     asked, arm = audited.asked, audited.arm
@@ -209,7 +210,7 @@ def distance_along(s, audited, motion, solids, samples, library, coming):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def edge_overheads(audited, close, solids, library, pairs, still, out):
     """Write the exact distances at which four tests give an edge up to out (n, 4).
 

@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap._rows import copy_row
+from roadmap.jit_options import FULL, INNER, LEAN
+
 POINTS, ROUND = 0, 1  # kinds of core
 MAX_STEPS = 200
 # bounds closer than this [m] are equal for us
@@ -30,7 +33,7 @@ class Convexes(NamedTuple):
     owner: np.ndarray  # (n,) body of a robot, shape of an obstacle
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def support(set_, i, frame, dx, dy, dz, out):
     """Write the point of core i, placed by `frame` (12,), that is farthest along d."""
     x = frame[0] * dx + frame[3] * dy + frame[6] * dz
@@ -55,7 +58,7 @@ def support(set_, i, frame, dx, dy, dz, out):
     out[2] = frame[6] * px + frame[7] * py + frame[8] * pz + frame[11]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def near_edge(w, i, j, v):
     """Write to v the point of edge (i, j) nearest to 0 if it is inside; say whether."""
     ab, ax = 0.0, 0.0
@@ -71,7 +74,7 @@ def near_edge(w, i, j, v):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def near_face(w, i, j, k, v):
     """Write to v the point of face (i, j, k) nearest to 0 if inside; say whether."""
     e11, e12, e22, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -94,7 +97,7 @@ def near_face(w, i, j, k, v):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def side(w, i, j, k, p):
     """Return which side of plane (i, j, k) row p lies on, and where 0 lies (signed)."""
     ax, ay, az = w[j, 0] - w[i, 0], w[j, 1] - w[i, 1], w[j, 2] - w[i, 2]
@@ -106,7 +109,7 @@ def side(w, i, j, k, p):
     return at_p, at_0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def holds_origin(w):
     """Say whether 0 lies in the tetrahedron of the four rows of w."""
     for p in range(4):
@@ -117,7 +120,7 @@ def holds_origin(w):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def keep_if_nearer(w, rows, n, v, best, kept, v_best):
     """Keep the face `rows[:n]` with its nearest point v if that is the nearest yet."""
     size = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -125,11 +128,11 @@ def keep_if_nearer(w, rows, n, v, best, kept, v_best):
         return best
     for r in range(4):
         kept[r] = rows[r] if r < n else -1
-    v_best[:] = v
+    copy_row(v, v_best)
     return size
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def reduce_simplex(w, n, v_best):
     """Keep the smallest face of the simplex nearest to 0; return its number of rows.
 
@@ -164,7 +167,7 @@ def reduce_simplex(w, n, v_best):
     return m
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def core_distance(a, i, frame_a, b, j, frame_b, enough):
     """Return bounds (lower, upper) on the distance of two cores [m]; (0, 0): contact.
 
@@ -173,7 +176,7 @@ def core_distance(a, i, frame_a, b, j, frame_b, enough):
     return core_between(a, i, frame_a, b, j, frame_b, enough, np.empty(3))
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def core_between(a, i, frame_a, b, j, frame_b, enough, v):
     """Return what `core_distance` does; v (3,) out: a way from core j to core i."""
     w = np.empty((4, 3))
@@ -201,7 +204,7 @@ def core_between(a, i, frame_a, b, j, frame_b, enough, v):
     return min(low, high), high
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def ball_gap(a, i, frame_a, b, j, frame_b):
     """Return a lower bound on the distance of two convexes by their balls [m]."""
     total = 0.0
@@ -213,7 +216,7 @@ def ball_gap(a, i, frame_a, b, j, frame_b):
     return math.sqrt(total) - a.ball[i, 3] - b.ball[j, 3]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def nearest_pair(a, use_a, frames_a, b, frames_b, cap, found):
     """Return the smallest distance of two sets of convexes, and how sure it is [m].
 
@@ -248,7 +251,7 @@ def nearest_pair(a, use_a, frames_a, b, frames_b, cap, found):
     return best, gap
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def nearest_between(a, frames, one, other, cap, found):
     """Return distance and gap of the convexes of two owners; see nearest_pair."""
     best, gap = cap, 0.0
@@ -269,7 +272,7 @@ def nearest_between(a, frames, one, other, cap, found):
     return best, gap
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def winding(triangles, x, y, z):
     """Return how often a closed mesh (m, 3, 3) winds around a point: 0 is outside."""
     total = 0.0

@@ -23,6 +23,7 @@ from numba import njit
 
 from odm.cameras._seen import FREE, OCCUPIED, SHADOW, WHOLE, Sight, place_cube
 from odm.cameras._windows import least
+from roadmap.jit_options import INNER, LEAN
 
 FULL = 255
 
@@ -42,7 +43,7 @@ class Cells(NamedTuple):
     h: float  # side of a cell [m]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def pack(state4, unseen, blocked):
     """Set the bits of the cells that are UNSEEN, and of those neither that nor FREE.
 
@@ -74,7 +75,7 @@ def pack(state4, unseen, blocked):
                 blocked[x, y, w] = some
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def add_unseen(unseen, bits, blocked):
     """Block the unseen cells in `bits`; `bits` keeps those."""
     for x in range(bits.shape[0]):
@@ -84,7 +85,7 @@ def add_unseen(unseen, bits, blocked):
                 blocked[x, y, w] |= bits[x, y, w]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def list_inner(bits, inner):
     """Set `inner` to the cells of `bits` whose six neighbours are in `bits` too."""
     nx, ny, nw = bits.shape
@@ -109,7 +110,7 @@ def list_inner(bits, inner):
                 )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def beside_free(state, x, y, z):
     """Return True if a cell across a face of this one is seen to be FREE."""
     nx, ny, nz = state.shape
@@ -123,7 +124,7 @@ def beside_free(state, x, y, z):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def open_eighths(sight, corner, h, wanted, scratch):
     """Return those of the `wanted` eighths of a cell that a camera sees to be free."""
     near, quarter = sight.table, 0.25 * h
@@ -140,7 +141,7 @@ def open_eighths(sight, corner, h, wanted, scratch):
     return free
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def choose_eighths(cells, shadow):
     """Choose the blocked eighths of the cells that are not in `closed`.
 
@@ -169,7 +170,7 @@ def choose_eighths(cells, shadow):
                     z += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def clear_eighths(view, cells, scratch):
     """Free the eighths a camera sees to be free, in seen cells beside free ones.
 
@@ -214,7 +215,7 @@ def clear_eighths(view, cells, scratch):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def write_points(cells, dense, out):
     """Write the points of all blocked cells in reach; return how many there are.
 

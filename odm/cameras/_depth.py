@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import INNER, LEAN
+
 TILE_BITS = 4
 TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
 NOTHING = 65535
@@ -39,7 +41,7 @@ class Hits(NamedTuple):
     counts: np.ndarray  # (4,) valid readings, own, flying, points outside the grid
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def shadow_edges(along, depth, radius, focal, centre, size):
     """Return the first and last pixel that a ball can cover along one image axis."""
     distance2 = along * along + depth * depth
@@ -55,7 +57,7 @@ def shadow_edges(along, depth, radius, focal, centre, size):
     return int(max(0.0, min(first, size))), int(min(size - 1.0, max(last, -1.0)))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def list_balls(view, centers, radii, balls, width, height):
     """List for every tile of the image the balls that may cover it.
 
@@ -115,7 +117,7 @@ def list_balls(view, centers, radii, balls, width, height):
     return inside
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_flying(image, v, u, jump):
     """Return True if a reading lies between its neighbours, far from both.
 
@@ -134,7 +136,7 @@ def is_flying(image, v, u, jump):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def between(here, a, b, jump):
     """Return True if `here` lies between a and b, farther than `jump` from each."""
     return (a - here > jump and here - b > jump) or (
@@ -142,7 +144,7 @@ def between(here, a, b, jump):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_lone(image, v, u):
     """Return True if all eight pixels around this one have a reading."""
     if v == 0 or u == 0 or v + 1 == image.shape[0] or u + 1 == image.shape[1]:
@@ -154,7 +156,7 @@ def is_lone(image, v, u):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def own_ball(x, y, z, balls, item, part):
     """Return the first ball of a part of a list that holds a point, or -1."""
     for k in range(part[0], part[1]):
@@ -165,7 +167,7 @@ def own_ball(x, y, z, balls, item, part):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def eighth_at(x, y, z, shape):
     """Return the cell and the eighth of it at a place [eighths]; cell -1: outside."""
     if not (x >= 0.0 and y >= 0.0 and z >= 0.0):
@@ -177,7 +179,7 @@ def eighth_at(x, y, z, shape):
     return ((ix >> 1) * shape[1] + (iy >> 1)) * shape[2] + (iz >> 1), bit
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def read_image(image, fours, view, own, jump, hits):
     """Fill `near[0]` and `seen[0]` of a camera, and mark what its points hit.
 

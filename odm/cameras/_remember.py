@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 
 from odm.cameras._seen import FREE, UNSEEN
+from roadmap._rows import copy_row
+from roadmap.jit_options import INNER, LEAN
 
 WAS_FREE, WAS_BLOCKED = 1, 2  # last content of a cell that is not seen now
 GO_FREE, GO_OCCUPIED, GO_ON = 0, 1, 2  # policies
@@ -39,7 +41,7 @@ class Sources(NamedTuple):
     ptr: np.ndarray  # (k + 2,)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def note_content(state8, before8, state, before, kept, since, when):
     """Keep what cells held that were seen in the frame before and are not seen now.
 
@@ -65,7 +67,7 @@ def note_content(state8, before8, state, before, kept, since, when):
                 since[c] = when
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def list_sources(content, now, ageing, sources):
     """List remembered cells by how many cells they are dilated; drop the expired.
 
@@ -107,7 +109,7 @@ def list_sources(content, now, ageing, sources):
     return ptr[most + 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def dilate(bits, spare, words):
     """Grow a set of cells by one in all 26 directions.
 
@@ -143,7 +145,7 @@ def dilate(bits, spare, words):
             out[i] = row[i] | back[i] | on[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def grow_sources(sources, ptr, shape, bits, spare):
     """Set `bits` to all sources, each dilated by its own number of cells.
 
@@ -168,10 +170,11 @@ def grow_sources(sources, ptr, shape, bits, spare):
             bits[row // ny, (row % ny) * words + (z >> 6)] |= word
         if ptr[j + 1] > 0 and j < most:
             dilate(bits, spare, words)
-            bits[:] = spare
+            for i in range(bits.shape[0]):
+                copy_row(spare[i], bits[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def list_unknown(state, kept, since, now, memory_s, spared, bits):
     """Set `bits` of unseen cells without a fresh content, but for `spared` ones."""
     nx, ny, nz = state.shape
@@ -186,7 +189,7 @@ def list_unknown(state, kept, since, now, memory_s, spared, bits):
                     bits[x, y, z >> 6] |= np.uint64(1) << np.uint64(z & 63)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def spare_robot(centers, radii, origin, h, spared):
     """Mark the cells whose cubes come within `radii` (n,) [m] of the centres (n, 3)."""
     nx, ny, nz = spared.shape

@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 
 from odm.cameras._windows import cover, least, none_above
+from roadmap.jit_options import INNER, LEAN
 
 HIDDEN, PARTLY, WHOLE = 0, 1, 2  # how much of a cube's image lies in the picture
 CUT = 3  # a hidden block with cells that are not: it reaches behind the camera
@@ -49,7 +50,7 @@ class Images(NamedTuple):
     limit: np.ndarray  # (nx, ny, nz) reading that must be exceeded behind it
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def limit_of(depth, lens):
     """Return the reading that must be exceeded behind `depth` [m].
 
@@ -60,7 +61,7 @@ def limit_of(depth, lens):
     return NOTHING - 1 if limit >= NOTHING - 1 else int(math.floor(limit))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def clip_image(left, right, low, high, lens, table, out):
     """Write the squares of an image rectangle; return how much is in the picture."""
     u0, u1 = math.ceil(left - lens[5]), math.floor(right + lens[5])
@@ -76,7 +77,7 @@ def clip_image(left, right, low, high, lens, table, out):
     return WHOLE if whole else PARTLY
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_cube(sight, center, half, out):
     """Write where a cube's image lies.
 
@@ -126,7 +127,7 @@ def place_cube(sight, center, half, out):
     return how, limit_of(z + deep, lens)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def place_cubes(sight, origin, side, images, limit_low):
     """Place all cubes of a grid; see place_cube.
 
@@ -150,7 +151,7 @@ def place_cubes(sight, origin, side, images, limit_low):
                 limit_low[i, j, k] = limit_of(max(0.0, z - 0.5 * thick), lens)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def fill_block(state, x, y, z, kind):
     """Let the 64 cells of a block be FREE, or SHADOW where they are not FREE."""
     for i in range(4 * x, 4 * x + 4):
@@ -166,7 +167,7 @@ def fill_block(state, x, y, z, kind):
                         row[k] = SHADOW
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def see_cells(view, state, shadow):
     """Write what one camera sees of every cell: FREE, else SHADOW, else nothing.
 
@@ -201,7 +202,7 @@ def see_cells(view, state, shadow):
                 see_block(near, seen, cells, state, (x, y, z), shadow)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def see_block(near, seen, cells, state, block, shadow):
     """Look at the 64 cells of a block one by one."""
     kind, rect, limits = cells
@@ -219,7 +220,7 @@ def see_block(near, seen, cells, state, block, shadow):
                     state[i, j, k] = SHADOW
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def mark_hits(hit4, hit, state):
     """Cells with a point are OCCUPIED, whatever else was seen; return their number."""
     n = 0

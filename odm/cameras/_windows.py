@@ -7,10 +7,12 @@ there (`odm.cameras.view.lift`). Four squares that may overlap cover a rectangle
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import INNER, LEAN
+
 COARSE = 4  # side of the squares of `largest`, in entries
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def largest_of_squares(level, top):
     """Write to `top` the largest entry of each COARSE x COARSE square of `level`."""
     rows, columns = level.shape
@@ -23,7 +25,7 @@ def largest_of_squares(level, top):
                 out[b // COARSE] = max(out[b // COARSE], row[b])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def cover(left, right, low, high, table, out):
     """Write the four squares that cover a rectangle of entries, inclusive.
 
@@ -53,7 +55,7 @@ def cover(left, right, low, high, table, out):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def least(table, r, x, y, z):
     """Return the least entry of the rectangle that squares `r[x, y, z]` (5,) cover.
 
@@ -67,7 +69,7 @@ def least(table, r, x, y, z):
     return min(a, b)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def none_above(top, r, x, y, z, limit):
     """Return True if no entry that squares `r[x, y, z]` (5,) cover is above `limit`.
 

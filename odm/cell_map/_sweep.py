@@ -16,6 +16,7 @@ from numba import njit
 
 from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
+from roadmap.jit_options import FULL, INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 
@@ -66,13 +67,13 @@ class ItemCells(NamedTuple):
     mask: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def gap(cell, at):
     """Return how far coordinate `at` is from the interval [cell, cell + 1]."""
     return max(0.0, max(cell - at, at - cell - 1.0))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def mark_ball(center, radius, grid, words):
     """Set the bits of the cells whose cube comes within `radius` of a point (3,).
 
@@ -130,7 +131,7 @@ def mark_ball(center, radius, grid, words):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def longest_chord(centers, i, step, pieces):
     """Return the longest chord of ball i between every `step`-th of its samples."""
     longest = 0.0
@@ -141,7 +142,7 @@ def longest_chord(centers, i, step, pieces):
     return math.sqrt(longest)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_samples(arm, q, dq, pieces, scratch):
     """Write the centres of all spheres at t = k / pieces to scratch.centers[k]."""
     for k in range(pieces + 1):
@@ -151,7 +152,7 @@ def place_samples(arm, q, dq, pieces, scratch):
         place_points(scratch.frames, arm.body, arm.spheres, scratch.centers[k])
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def sweep_motion(swept, q, dq, scratch):
     """Mark in scratch.words all cells of the motion q + t dq; False: outside the grid.
 
@@ -198,7 +199,7 @@ def sweep_motion(swept, q, dq, scratch):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def mark_samples(swept, i, pieces, pieces_i, scratch):
     """Mark the balls of sphere i at its pieces_i + 1 samples; 0: at the first only."""
     step = pieces
@@ -220,7 +221,7 @@ def mark_samples(swept, i, pieces, pieces_i, scratch):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def sweep_scratch(arm, grid, dof):
     """Return the work space for sweeps of this robot into this grid."""
     n, n_bodies = arm.spheres.shape[0], arm.tree_i.shape[0]
@@ -235,7 +236,7 @@ def sweep_scratch(arm, grid, dof):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_words(words, lists, start):
     """Move the non-zero words to lists from `start` on, clear them; return the end."""
     end = start
@@ -250,14 +251,14 @@ def take_words(words, lists, start):
     return end
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def remove_words(nodes, node, words):
     """Clear from `words` the cells of a node."""
     for k in range(nodes.ptr[node], nodes.ptr[node + 1]):
         words[nodes.block[k]] &= ~nodes.mask[k]
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def sweep_nodes(swept, q, lists):
     """Sweep configurations `q` (k, dof) into lists; returns the number of entries.
 
@@ -277,7 +278,7 @@ def sweep_nodes(swept, q, lists):
     return end
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def sweep_edges(swept, q, dq, ends, nodes, lists):
     """Sweep motions q[k] + t dq[k], less the cells of their two end nodes.
 
@@ -299,7 +300,7 @@ def sweep_edges(swept, q, dq, ends, nodes, lists):
     return end
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
     """Turn item -> (block, mask) lists into block -> (item, mask) lists."""
     n_blocks = t_ptr.shape[0] - 1
@@ -320,7 +321,7 @@ def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
     t_ptr[0] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def merge_lists(a, b, out):
     """Write to `out` the union of two layers' cells, item by item.
 

@@ -20,6 +20,7 @@ from odm.obstacles._solids import (
     rod_of,
     solid_distance,
 )
+from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
@@ -28,7 +29,7 @@ ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
 FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def box_distance2(x, y, z, box):
     """Return the squared distance of a point from an axis-aligned box (6,)."""
     dx = max(0.0, max(box[0] - x, x - box[3]))
@@ -37,7 +38,7 @@ def box_distance2(x, y, z, box):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chord_distance2(p, a, b):
     """Return the squared distance of point p from segment a b, three numbers each."""
     (px, py, pz), (ax, ay, az), (bx, by, bz) = p, a, b
@@ -51,7 +52,7 @@ def chord_distance2(p, a, b):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def prepare_motion(clearance, dq):
     """Fill the motion bounds of the scratch for displacement `dq`.
 
@@ -94,14 +95,14 @@ def prepare_motion(clearance, dq):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def set_point(q, dq, t, point):
     """Write q + t dq to `point`."""
     for j in range(q.shape[0]):
         point[j] = q[j] + t * dq[j]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def displacement(q_from, q_to, continuous, dq):
     """Write q_to - q_from to `dq`, continuous joints the short way."""
     for j in range(dq.shape[0]):
@@ -111,7 +112,7 @@ def displacement(q_from, q_to, continuous, dq):
         dq[j] = d
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def threshold(radius, i, px, py, pz, escape, anchor):
     """Return the distance that sphere i must keep from a point."""
     if not escape:
@@ -121,7 +122,7 @@ def threshold(radius, i, px, py, pz, escape, anchor):
     return min(radius, max(0.0, now - ESCAPE_SLACK))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def body_at(clearance, b, frame, half, cloud, escape):
     """Test body b at one configuration; 0 free, 1 undecided, 2 blocked by a point."""
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
@@ -164,7 +165,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def body_chord(clearance, b, f, g, dt, cloud, escape):
     """Test body b along the chords between frames f and g; False: blocked."""
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
@@ -198,7 +199,7 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def solid_threshold(solids, k, radius, i, escape, anchor):
     """Return the distance that sphere i must keep from solid k."""
     if not escape:
@@ -207,7 +208,7 @@ def solid_threshold(solids, k, radius, i, escape, anchor):
     return min(radius, solid_distance(solids, k, x, y, z, math.inf) - ESCAPE_SLACK)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def bodies_at_solids(clearance, mask, half, solids, escape):
     """Test the bodies of `mask` at one configuration; False: one is in the way.
 
@@ -263,7 +264,7 @@ def bodies_at_solids(clearance, mask, half, solids, escape):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chords_at_solids(clearance, mask, level, solids, escape):
     """Test bodies along the chords between two frames of work; see `chords_clear`.
 
@@ -289,7 +290,7 @@ def chords_at_solids(clearance, mask, level, solids, escape):
                 break
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chord_at_solid(clearance, b, dt, solids, k, escape):
     """Test body b along its chords against solid k; False: in the way."""
     arm, bare, work = clearance.arm, clearance.bare, clearance.work
@@ -319,7 +320,7 @@ def chord_at_solid(clearance, b, dt, solids, k, escape):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_finite(q, dq):
     """Return False where a motion holds NaN or infinity: comparisons would lie."""
     for j in range(q.shape[0]):
@@ -328,7 +329,7 @@ def is_finite(q, dq):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def begin_intervals(arm, work):
     """Let the whole motion be the only interval, with all bodies that have spheres."""
     work.stack[0, 0] = 0
@@ -337,7 +338,7 @@ def begin_intervals(arm, work):
         work.masks[0, b] = b > 0 and arm.body_ptr[b + 1] > arm.body_ptr[b]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def split_interval(work, top):
     """Replace the interval at `top` of the stack by its halves, the first on top."""
     level, index = work.stack[top, 0], work.stack[top, 1]
@@ -349,7 +350,7 @@ def split_interval(work, top):
     work.stack[top + 1, 1] = 2 * index
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motion_clear(clearance, q, dq, cloud, solids, escape):
     """Return True if the whole motion q + t dq, t in [0, 1], keeps its distance.
 
@@ -416,7 +417,7 @@ def motion_clear(clearance, q, dq, cloud, solids, escape):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_clear(clearance, q, cloud, solids):
     """Return True if a configuration keeps its distance: `motion_clear` at rest."""
     arm, radii, bare, _, work = clearance
@@ -460,7 +461,7 @@ def place_clear(clearance, q, cloud, solids):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chords_clear(clearance, q, dq, top, cloud, solids, escape):
     """Test the bodies of the interval at `top` that are still open, by their chords.
 
@@ -494,7 +495,7 @@ def chords_clear(clearance, q, dq, top, cloud, solids, escape):
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def first_blocked(clearance, path, cloud, solids, leg):
     """Return the first leg of a path (k, dof) that comes too near, -1 for none.
 
@@ -508,14 +509,14 @@ def first_blocked(clearance, path, cloud, solids, leg):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def place_anchor(arm, q, work):
     """Write the sphere centres at q to work.anchor, where an escape begins."""
     body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
     place_points(work.frames[0], arm.body, arm.spheres, work.anchor)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def separation(arm, q, cloud, solids, limit, work):
     """Return the least distance of the cover from points and solids, at most `limit`.
 
@@ -565,7 +566,7 @@ MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead
 SAG_SHARE = 4.0 / 3.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def sample_level(radius, speed, bend, tolerance):
     """Return (level, ball radius) for a sphere: 2**level pieces of its motion."""
     level = 0

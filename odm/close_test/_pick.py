@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import IS_SORTED, N_HEEDED, N_INSIDE, N_LISTED, N_OCCUPIED
+from roadmap.jit_options import INNER
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def forget_cells(pick):
     """Begin anew: no cells are picked."""
     for k in range(pick.counts[N_OCCUPIED]):
@@ -18,7 +19,7 @@ def forget_cells(pick):
     pick.counts[:] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pick_cells(pick, words, block, mask, begin, end):
     """Add the occupied cells of the list block, mask [begin:end]."""
     count = pick.counts[N_OCCUPIED]
@@ -38,7 +39,7 @@ def pick_cells(pick, words, block, mask, begin, end):
     pick.counts[N_OCCUPIED] = count
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pick_points(pick, cloud, points):
     """Collect the points of the picked cells, by block; return their number."""
     n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_HEEDED]

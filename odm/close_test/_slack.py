@@ -22,6 +22,7 @@ from odm.obstacles._solids import (
     segments_distance2,
     solid_distance,
 )
+from roadmap.jit_options import INNER, LEAN
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly
 LEAST = 1e-3  # [m] what has less to spare is tested anew
@@ -29,7 +30,7 @@ FAR = 10.0  # [m] instead of what is to spare where there is no shape
 SPEED, BEND, WIDE = 0, 1, 2  # rows of what is known of the bodies on a motion
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def piece_spare(arm, frames, bound, half, solids):
     """Return what all bodies have to spare from all shapes within `half` of a place.
 
@@ -58,7 +59,7 @@ def piece_spare(arm, frames, bound, half, solids):
     return spare
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chord_spare(arm, bare, frames, bound, dt, solids, first):
     """Return what all spheres have to spare from all shapes along a part of a motion.
 
@@ -112,7 +113,7 @@ def chord_spare(arm, bare, frames, bound, dt, solids, first):
     return spare, least
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_of(f, p):
     """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
     x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
@@ -121,7 +122,7 @@ def place_of(f, p):
     return x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def line_distance(solids, k, a, c, keep):
     """Return what the line from a to c has to spare beyond `keep` from solid k [m].
 
@@ -147,7 +148,7 @@ def line_distance(solids, k, a, c, keep):
     return 2.0 * LEAST
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def displaced(rows, kinds, count, solids):
     """Bound how far any place of the shapes is from where its shape was before [m].
 
@@ -179,7 +180,7 @@ def displaced(rows, kinds, count, solids):
     return most
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def apart(a, b, first, last):
     """Return the distance of two places: numbers first to last - 1 of two rows."""
     total = 0.0
@@ -188,7 +189,7 @@ def apart(a, b, first, last):
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rod_displaced(old, new):
     """Bound the displacement of a capsule's places: an end's, and what it grew by."""
     first = apart(old, new, 0, 3)
@@ -198,7 +199,7 @@ def rod_displaced(old, new):
     return max(first, math.sqrt(total)) + max(0.0, new[6] - old[6])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def cylinder_displaced(old, new):
     """Bound the displacement of a cylinder's places; its axis turns rim and ends."""
     turned = apart(old, new, 3, 6) * (new[6] + new[7])
@@ -206,7 +207,7 @@ def cylinder_displaced(old, new):
     return apart(old, new, 0, 3) + turned + grown
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def box_displaced(old, new):
     """Bound the displacement of a box's places; its rotation turns the corners."""
     half2 = new[12] * new[12] + new[13] * new[13] + new[14] * new[14]

@@ -11,9 +11,10 @@ from odm.obstacles._cloud import (
     N_OCCUPIED,
 )
 from odm.obstacles._occupancy import clear, sort_points
+from roadmap.jit_options import LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def lay_out(points, cloud):
     """Lay points (n, 3) out for the close test, also those outside the grid.
 

@@ -21,6 +21,7 @@ from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids as Shapes
 from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
 from roadmap.geometry._self_collision import motion_clear as keeps_apart
+from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
 PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0  # first number of a row
@@ -56,7 +57,7 @@ class Still(NamedTuple):
     place_shapes: Shapes  # of this place
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def solid_distance(x, y, z, solid, faces):
     """Return the distance of a point from a solid (16,); inside it is 0, or negative.
 
@@ -91,7 +92,7 @@ def solid_distance(x, y, z, solid, faces):
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def hull_distance(faces, first, last, x, y, z):
     """Return the distance of a point from a convex mesh, negative inside.
 
@@ -110,7 +111,7 @@ def hull_distance(faces, first, last, x, y, z):
     return math.sqrt(nearest2) if best > 0.0 else best
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def body_near_solids(arm, b, f, half, solids, work):
     """Test body b against all solids; 0 free, 1 open, 2 in contact."""
     rows, skip, margin, faces = solids
@@ -143,7 +144,7 @@ def body_near_solids(arm, b, f, half, solids, work):
     return result
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motion_clear_of_solids(arm, q, dq, solids, work):
     """Return True if q + t dq, t in [0, 1], keeps the margin from all solids.
 
@@ -191,7 +192,7 @@ def motion_clear_of_solids(arm, q, dq, solids, work):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def motion_free(still, q, dq, scratch):
     """Return whether the motion q + t dq is free of `still`.
 
@@ -209,7 +210,7 @@ def motion_free(still, q, dq, scratch):
     return motion_clear(still.place, q, dq, still.place_cloud, shapes, False)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motions_free(still, q, dq, scratch, result):
     """Write to `result` (k,) which motions q[k] + t dq[k] are free of `still`."""
     for k in range(q.shape[0]):

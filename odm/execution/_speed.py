@@ -4,8 +4,10 @@ import math
 
 from numba import njit
 
+from roadmap.jit_options import LEAN
 
-@njit(cache=True, nogil=True)
+
+@njit(**LEAN)
 def allowed_share(centers, moved, radii, capsules, rates, rule):
     """Return the share of a motion's speed that all pairs allow, at most 1.
 

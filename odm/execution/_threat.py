@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import INNER, LEAN
+
 _ROUNDING = 1e-9  # [m]
 
 
@@ -18,7 +20,7 @@ class Tracks(NamedTuple):
     frames: np.ndarray  # (k,) that each part has been followed for
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def off(ends, k, before, j, passed, turned):
     """Return how far part k is from where part j was expected [m]."""
     most = 0.0
@@ -33,7 +35,7 @@ def off(ends, k, before, j, passed, turned):
     return math.sqrt(most)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def follow(ends, before, passed, limits, after):
     """Write to after (k,) for how many frames each part was followed, this one too.
 

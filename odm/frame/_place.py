@@ -16,12 +16,13 @@ from odm.close_test._close import (
     prepare_motion,
 )
 from odm.obstacles._cloud import N_LISTED, N_OCCUPIED
+from roadmap.jit_options import LEAN
 from roadmap.kinematics._forward import body_frames
 
 NEAR, SHUT = 1, 2  # marks of an item: it shares a cell; it is closed for good
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def items_near(direct, graph, cloud, mark, found):
     """List the items that share a cell with a cloud, nodes with all their edges.
 
@@ -59,7 +60,7 @@ def items_near(direct, graph, cloud, mark, found):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def shut_nodes(clearance, graph, cloud, solids, items, mark, still):
     """Mark the nodes of `items` that the close test finds too near as SHUT.
 
@@ -91,7 +92,7 @@ def shut_nodes(clearance, graph, cloud, solids, items, mark, still):
                     break
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def split_edges(graph, items, mark, open_):
     """Mark the edges of `items` with a shut node as SHUT; list the others.
 
@@ -113,7 +114,7 @@ def split_edges(graph, items, mark, open_):
     return count
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def items_clear(clearance, graph, cloud, solids, items, continuous, dq, clear):
     """Write to `clear` (k,) which of these items the close test finds free."""
     n_nodes = graph.adj_ptr.shape[0] - 1
@@ -127,7 +128,7 @@ def items_clear(clearance, graph, cloud, solids, items, continuous, dq, clear):
         clear[k] = motion_clear(clearance, q, dq, cloud, solids, False)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motions_clear(clearance, cloud, solids, q, dq, clear):
     """Write to `clear` (k,) which motions q[k] + t dq[k] the close test finds free."""
     for k in range(q.shape[0]):

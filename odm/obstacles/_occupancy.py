@@ -14,9 +14,10 @@ from odm.obstacles._cloud import (
     N_OCCUPIED,
     N_OUTSIDE,
 )
+from roadmap.jit_options import INNER, LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def clear(cloud):
     """Forget the last frame's points."""
     for k in range(cloud.counts[N_OCCUPIED]):
@@ -24,7 +25,7 @@ def clear(cloud):
     cloud.counts[:] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def mark_points(points, cloud):
     """Mark the cells of `points` (n, 3); count those outside and those not finite."""
     for k in range(cloud.counts.shape[0]):
@@ -34,7 +35,7 @@ def mark_points(points, cloud):
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def mark_more(points, begin, end, cloud):
     """Mark the cells of points[begin:end], too; the close test does not heed them."""
     ox, oy, oz = cloud.origin[0], cloud.origin[1], cloud.origin[2]
@@ -74,7 +75,7 @@ def mark_more(points, begin, end, cloud):
     cloud.counts[IS_SORTED] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def count_beyond(points, limit):
     """Return how many of points (n, 3) have a coordinate larger than `limit`."""
     n = 0
@@ -84,7 +85,7 @@ def count_beyond(points, limit):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def deepest(points, cloud):
     """Return how far the innermost of points (n, 3) is inside the grid [m]."""
     best = -math.inf
@@ -97,7 +98,7 @@ def deepest(points, cloud):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
     n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_HEEDED]
@@ -130,7 +131,7 @@ def sort_points(points, cloud):
     cloud.counts[IS_SORTED] = 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def list_hit(words, block, mask, begin, end):
     """Return True if the cells of a list [begin:end] share one with `words`."""
     for k in range(begin, end):
@@ -141,7 +142,7 @@ def list_hit(words, block, mask, begin, end):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def item_hit(ptr, blocks, masks, item, words):
     """Return the first entry of an item that shares a cell with `words`, or -1."""
     for k in range(ptr[item], ptr[item + 1]):

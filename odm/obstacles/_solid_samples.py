@@ -15,6 +15,7 @@ from numba import njit
 from odm._groups import FRAME, array
 from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, MESH, solid_distance
 from odm.obstacles._surfaces import SHRINK, tube_frame, tube_step, walk_cap
+from roadmap.jit_options import INNER, LEAN
 
 # what can be wrong with a shape
 FINE, NOT_FINITE, NO_RADIUS, NO_LENGTH, NO_SIZE, NO_POSE, TOO_LARGE = range(7)
@@ -56,7 +57,7 @@ class Patterns(NamedTuple):
 KEPT = ("base_world", "near", "wrong", "rho", "ball_least")
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def take_solids(data, counts, T, solids, patterns):
     """Write the shapes of `data` to `solids`, in the base frame; or say what is wrong.
 
@@ -91,7 +92,7 @@ def take_solids(data, counts, T, solids, patterns):
     return FINE
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_rod(given, T, kind, solids, n):
     """Write a capsule, a sphere or a cylinder; FINE or what is wrong with it."""
     row = solids.rows[n]
@@ -127,7 +128,7 @@ def take_rod(given, T, kind, solids, n):
     return FINE
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_posed(given, T, kind, solids, n, patterns, i):
     """Write a box, or mesh number i; FINE or what is wrong with it."""
     row = solids.rows[n]
@@ -161,7 +162,7 @@ def take_posed(given, T, kind, solids, n, patterns, i):
     return FINE
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_rotation(given):
     """Return True if the left (3, 3) of a pose (12,), row by row, is a rotation."""
     for a in range(3):
@@ -177,7 +178,7 @@ def is_rotation(given):
     return det > 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def make_rotation(row):
     """Make the columns of a row's rotation unit and upright to each other."""
     for a in range(3):
@@ -195,7 +196,7 @@ def make_rotation(row):
             row[3 + 3 * j + a] /= size
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def move_solids(solids, T):
     """Move all shapes by a rigid T (4, 4)."""
     for n in range(solids.count[0]):
@@ -213,7 +214,7 @@ def move_solids(solids, T):
             turn(T, row, 14, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def turn(T, row, at, whole):
     """Let three numbers of a row be T times them; `whole` is 0 for a direction."""
     x, y, z = row[at], row[at + 1], row[at + 2]
@@ -221,7 +222,7 @@ def turn(T, row, at, whole):
         row[at + j] = T[j, 0] * x + T[j, 1] * y + T[j, 2] * z + whole * T[j, 3]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rod_spacing(radius, rho, ball):
     """Return the covering radius that a capsule's samples may have, rho or more [m].
 
@@ -232,7 +233,7 @@ def rod_spacing(radius, rho, ball):
     return max(rho, min(far, 2.0 * radius * SHRINK))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def lay_patterns(solids, patterns):
     """Make the patterns of rods that are not those of the last frame; or NO_ROOM."""
     rows, begin = patterns.rows, patterns.begin
@@ -279,7 +280,7 @@ def lay_patterns(solids, patterns):
     return FINE
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def forget_patterns(patterns, first):
     """Forget the patterns from the first on, whose rows will be written over."""
     for n in range(first, patterns.key.shape[0]):
@@ -287,7 +288,7 @@ def forget_patterns(patterns, first):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def best_ring(radius, rho):
     """Return (k, d): points of a ring and distance of rings with the fewest points."""
     k = 1
@@ -302,7 +303,7 @@ def best_ring(radius, rho):
     return best, tube_step(radius, best, rho)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_samples(solids, patterns, points, n):
     """Write the samples of all shapes behind row n of `points`; return the next row.
 
@@ -326,7 +327,7 @@ def write_samples(solids, patterns, points, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def out_of_reach(solids, k, center, reach):
     """Return True if solid k, or the ball around a mesh, is farther than `reach`."""
     x, y, z = center[0], center[1], center[2]
@@ -337,7 +338,7 @@ def out_of_reach(solids, k, center, reach):
     return d2 > (reach + ball[3]) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_rod(solids, k, patterns, center, reach, points, n):
     """Write the samples of a capsule or cylinder, in reach; see `write_samples`."""
     row, frame = solids.rows[k], patterns.frame
@@ -376,7 +377,7 @@ def write_rod(solids, k, patterns, center, reach, points, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def axis_of(solids, k, patterns):
     """Write normals and axis of a rod to `patterns.frame`; return its length."""
     row, rod = solids.rows[k], patterns.rod
@@ -385,7 +386,7 @@ def axis_of(solids, k, patterns):
     return 2.0 * row[7] if solids.kind[k] == CYLINDER else length
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_places(rows, sign, height, origin, frame, points, n):
     """Write places (k, 3) of a pattern, up or down from a height; return next row."""
     ax, ay, az = origin
@@ -400,7 +401,7 @@ def write_places(rows, sign, height, origin, frame, points, n):
     return n + rows.shape[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_mesh(solids, k, patterns, points, n):
     """Write the samples of a mesh; see `write_samples`."""
     row = solids.rows[k]
@@ -415,7 +416,7 @@ def write_mesh(solids, k, patterns, points, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_box(row, center, reach, rho, points, n):
     """Write the samples of a box's faces, in reach; see `write_samples`.
 
@@ -458,7 +459,7 @@ def write_box(row, center, reach, rho, points, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def cells_in_reach(middle, wide, half, step, n):
     """Return the first and one past the last of n steps that touch middle +- wide."""
     low = int(math.floor((max(-half, min(half, middle - wide)) + half) / step))

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from odm._groups import FRAME, array
+from roadmap.jit_options import INNER, LEAN
 
 CAPSULE, BOX, CYLINDER, MESH = 0, 1, 2, 3
 MOST_CUTS = 48  # tangents of a chord; what they leave open is taken for too near
@@ -34,7 +35,7 @@ class Solids(NamedTuple):
     faces: np.ndarray = array("f8", "faces 13", FRAME)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def solid_gap(solids, k, x, y, z, enough):
     """Return (d, gx, gy, gz): signed distance of a point from solid k, and a tangent.
 
@@ -52,7 +53,7 @@ def solid_gap(solids, k, x, y, z, enough):
     return mesh_gap(row, solids.faces, x, y, z, enough)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def solid_distance(solids, k, x, y, z, enough):
     """Return the signed distance of a point from solid k; see `solid_gap`."""
     if solids.kind[k] == CAPSULE:
@@ -60,13 +61,13 @@ def solid_distance(solids, k, x, y, z, enough):
     return solid_gap(solids, k, x, y, z, enough)[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rod_of(row):
     """Return what `rod_distance` takes of a capsule's row."""
     return row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rod_distance(rod, x, y, z):
     """Return the signed distance of a point from a capsule."""
     ax, ay, az, ux, uy, uz, radius, length2 = rod
@@ -78,7 +79,7 @@ def rod_distance(rod, x, y, z):
     return math.sqrt(dx * dx + dy * dy + dz * dz) - radius
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def capsule_gap(row, x, y, z):
     """Return distance and tangent of a point from a capsule."""
     wx, wy, wz = x - row[0], y - row[1], z - row[2]
@@ -93,7 +94,7 @@ def capsule_gap(row, x, y, z):
     return d - row[6], dx / d, dy / d, dz / d
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def box_gap(row, x, y, z):
     """Return distance and tangent of a point from a box."""
     ux, uy, uz = x - row[0], y - row[1], z - row[2]
@@ -125,7 +126,7 @@ def box_gap(row, x, y, z):
     return d, gx / d, gy / d, gz / d
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def cylinder_gap(row, x, y, z):
     """Return distance and tangent of a point from a cylinder."""
     ux, uy, uz = x - row[0], y - row[1], z - row[2]
@@ -149,7 +150,7 @@ def cylinder_gap(row, x, y, z):
     return d, u * sx + v * ax, u * sy + v * ay, u * sz + v * az
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def mesh_gap(row, faces, x, y, z, enough):
     """Return distance and tangent of a point from a convex mesh.
 
@@ -189,7 +190,7 @@ def mesh_gap(row, faces, x, y, z, enough):
     return d, gx, gy, gz
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def triangle_place(face, x, y, z):
     """Return the place of a triangle that is nearest to a point above its plane."""
     ax, ay, az = face[4], face[5], face[6]
@@ -228,7 +229,7 @@ def triangle_place(face, x, y, z):
     return ax + qx, ay + qy, az + qz
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def segments_distance2(a, u, uu, c, v):
     """Return the squared distance of segments a + s u and c + t v, s, t in [0, 1].
 
@@ -260,7 +261,7 @@ def segments_distance2(a, u, uu, c, v):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def chord_keeps(solids, k, a, b, need):
     """Return True if all places of the chord a b keep `need` from solid k; proved.
 

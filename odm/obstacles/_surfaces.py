@@ -23,11 +23,13 @@ import math
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import FULL, INNER
+
 # the patterns aim a little below the spacing, so that rounding stays inside it
 SHRINK = 1.0 - 1e-9
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def tube_step(radius, k, rho):
     """Return the largest axial distance of two rings of k points; -1 if none holds."""
     half = math.sin(math.pi / (2.0 * k))
@@ -37,7 +39,7 @@ def tube_step(radius, k, rho):
     return rho + math.sqrt(slack)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def round_reach(at, cos_step, chord):
     """Return the colatitudes (low, high) a ring at `at` covers; low > high: none."""
     a, b = math.cos(at), math.sin(at) * cos_step
@@ -51,7 +53,7 @@ def round_reach(at, cos_step, chord):
     return middle - width, middle + width
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def flat_reach(at, cos_step, chord):
     """Return the radii (low, high) a ring at `at` covers; low > high: none."""
     slack = chord * chord - at * at * (1.0 - cos_step * cos_step)
@@ -61,7 +63,7 @@ def flat_reach(at, cos_step, chord):
     return at * cos_step - width, at * cos_step + width
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def next_ring(flat, top, chord):
     """Choose the ring that continues a cap covered down to `top`.
 
@@ -98,7 +100,7 @@ def next_ring(flat, top, chord):
     return best_k, best_at, best_low
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def walk_cap(flat, k_rim, chord, out, start):
     """Count the points of a unit cap within its rim ring; write them if there is room.
 
@@ -135,7 +137,7 @@ def walk_cap(flat, k_rim, chord, out, start):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def plan_tube(flat, radius, length, rho):
     """Return points per ring, number of rings, and points of one cap: fewest in all."""
     k = 1
@@ -159,7 +161,7 @@ def plan_tube(flat, radius, length, rho):
     return best_k, best_rings, best_cap
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def tube_frame(rod, frame):
     """Write two normals and the axis of a rod to `frame`; return its length."""
     x, y, z = rod[3] - rod[0], rod[4] - rod[1], rod[5] - rod[2]
@@ -184,7 +186,7 @@ def tube_frame(rod, frame):
     return length
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_rod(flat, radius, length, plan, rho, points, start):
     """Write the pattern of a rod along z, its end a at 0; return the next free row."""
     k, rings, cap = plan
@@ -208,7 +210,7 @@ def write_rod(flat, radius, length, plan, rho, points, start):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def sample_rods(flat, rods, spacing):
     """Return points on capsules (flat=False) or cylinders (flat=True), (n, 3).
 
@@ -241,7 +243,7 @@ def sample_rods(flat, rods, spacing):
     return points
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def greedy_cover(ptr, covers, back_ptr, covered_by, weight, chosen):
     """Choose rows until every column is covered, by the weight each newly covers.
 

@@ -6,9 +6,10 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import N_BAD, N_INSIDE, N_LISTED, N_OCCUPIED, N_OUTSIDE
+from roadmap.jit_options import INNER, LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def add_cell(b, bit, cloud):
     """Occupy a cell."""
     if cloud.words[b] == 0:
@@ -19,7 +20,7 @@ def add_cell(b, bit, cloud):
     cloud.words[b] |= np.uint64(1) << np.uint64(bit)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def dilate_points(points, extra, cloud):
     """Occupy every cell whose cube comes within `extra` of a marked frame's points.
 
@@ -73,7 +74,7 @@ def dilate_points(points, extra, cloud):
     return cloud.counts[N_BAD]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def place(points, T, out):
     """Write T @ p of points (n, 3) to `out` (n, 3); T (4, 4) is rigid."""
     for i in range(points.shape[0]):

@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap._rows import copy_row
+from roadmap.jit_options import INNER, LEAN
+
 # Roberts' R2 sequence in the plane: pairs of places, evenly spread and the same always
 _R2_U, _R2_V = 0.7548776662466927, 0.5698402909980532
 I, J, FROM_VERTEX, TO_VERTEX, N_CORNERS = 0, 1, 2, 3, 4
@@ -39,7 +42,7 @@ class Scratch(NamedTuple):
     ints: np.ndarray  # (5,) by the names above
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def path_time(q, n, robot, rounding):
     """Return about how long the path q[:n] takes [s].
 
@@ -83,7 +86,7 @@ def path_time(q, n, robot, rounding):
     return time
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _turn(q, k, length_k, m, length_m, i):
     """Return by how much joint i's share changes from leg k to leg m; not quite 0."""
     u = (q[k + 1, i] - q[k, i]) / length_k
@@ -91,7 +94,7 @@ def _turn(q, k, length_k, m, length_m, i):
     return max(abs(w - u), 1e-9)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _lost(fast, slow, a, j):
     """Return the time lost by changing between two speeds, against the faster one."""
     if slow >= fast:
@@ -100,7 +103,7 @@ def _lost(fast, slow, a, j):
     return change * (fast - slow) / (2.0 * fast)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _cut(rest, u, v, robot, scratch):
     """Write a straight leg between two places of the path; False: there is none."""
     q, at, last, first = rest
@@ -138,7 +141,7 @@ def _cut(rest, u, v, robot, scratch):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _pull(rest, u, v, scratch):
     """Write two legs past a corner, nearer to the straight line; False for none."""
     q, at, last, first = rest
@@ -167,7 +170,7 @@ def _pull(rest, u, v, scratch):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _length(q, k, robot):
     """Return the weighted length of leg k."""
     total = 0.0
@@ -177,7 +180,7 @@ def _length(q, k, robot):
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _unwrap(corners, n, continuous):
     """Let continuous joints take the shorter rotation from corner to corner."""
     for k in range(1, n):
@@ -187,7 +190,7 @@ def _unwrap(corners, n, continuous):
                 corners[k, m] -= 2.0 * math.pi * round(d / (2.0 * math.pi))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def next_change(rest, terms, scratch, drawn, most, worth):
     """Look for a change that saves the share `worth` of the rest of a path.
 
@@ -210,13 +213,13 @@ def next_change(rest, terms, scratch, drawn, most, worth):
         _unwrap(corners, ints[N_CORNERS], continuous)
         n = 0
         for k in range(at, ints[I] + 1):
-            new[n] = q[k]
+            copy_row(q[k], new[n])
             n += 1
         for k in range(ints[N_CORNERS]):
-            new[n] = corners[k]
+            copy_row(corners[k], new[n])
             n += 1
         for k in range(ints[J] if ints[TO_VERTEX] else ints[J] + 1, last + 1):
-            new[n] = q[k]
+            copy_row(q[k], new[n])
             n += 1
         if path_time(new, n, robot, rounding) < (1.0 - worth) * before:
             return drawn, True

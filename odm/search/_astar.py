@@ -22,6 +22,7 @@ from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, it
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
+from roadmap.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
@@ -38,7 +39,7 @@ HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def push(search, size, f, entry):
     """Add an entry to the heap of `size`; smaller f first, then older entries."""
     k = size
@@ -53,7 +54,7 @@ def push(search, size, f, entry):
     search.heap_e[k] = entry
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pop(search, size):
     """Take the first entry off the heap of `size`."""
     first = search.heap_e[0]
@@ -80,7 +81,7 @@ def pop(search, size):
     return first
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def add_entry(search, node, ref, parent, g, f):
     """Put a motion on the open list: over `ref` from entry `parent` to `node`."""
     entry = search.made[0]
@@ -94,7 +95,7 @@ def add_entry(search, node, ref, parent, g, f):
     search.waiting[0] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def grow_greedy(search):
     """Order the open list anew, with what is left of each path counted GREED times."""
     for i in range(search.waiting[0]):
@@ -103,7 +104,7 @@ def grow_greedy(search):
         push(search, i, g + GREED * (f - g), entry)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def add_starts(state, starts, h, low, high):
     """Begin the open list with the start motions, and those straight to a goal."""
     search, goals = view(state, "search"), view(state, "goals")
@@ -120,7 +121,7 @@ def add_starts(state, starts, h, low, high):
             add_entry(search, n + g, -2, -1, length, length)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def verify(state, points, starts, entry, only):
     """Return FREE where the motion of an entry and its vertex are; BLOCKED, HOPELESS.
 
@@ -148,7 +149,7 @@ def verify(state, points, starts, entry, only):
     return FREE if starts.memo[k] == 4 * frame + FREE else BLOCKED
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def toll(state, starts, entry):
     """Return what an entry's motion counts more for the wary cells that it enters."""
     search, goals = view(state, "search"), view(state, "goals")
@@ -169,7 +170,7 @@ def toll(state, starts, entry):
     return TOLL * (search.e_g[entry] - before) if wary else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def enter_goals(state, entry, low, high, bound):
     """Add the motions from a vertex into goals low to high - 1."""
     search, goals = view(state, "search"), view(state, "goals")
@@ -186,7 +187,7 @@ def enter_goals(state, entry, low, high, bound):
             add_entry(search, n + g, -2 - a, entry, length, length)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def expand(state, entry, h, bound, greed):
     """Add the edges that leave a vertex; False where there is no room for them.
 
@@ -237,7 +238,7 @@ def expand(state, entry, h, bound, greed):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def begin_flood(state, low, high):
     """Queue the nodes next to goals low to high - 1, where the flood begins."""
     search, goals = view(state, "search"), view(state, "goals")
@@ -260,7 +261,7 @@ def begin_flood(state, low, high):
                 search.tail[0] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def flood_step(state):
     """Take one node off the goal side's queue; over where it meets the search."""
     graph, search = view(state, "graph"), view(state, "search")
@@ -286,7 +287,7 @@ def flood_step(state):
         search.tail[0] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def flood(state, starts, low, high):
     """Let the flood go on a little; True where it proves that no path is left.
 
@@ -315,7 +316,7 @@ def flood(state, starts, low, high):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def a_star(state, points, starts, only):
     """Search from the robot by its start motions to goal `only` (-1: any, with costs).
 

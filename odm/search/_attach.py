@@ -7,9 +7,10 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement
+from roadmap.jit_options import INNER, LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def distances(nodes, q, weights, continuous, out):
     """Write the weighted distance of every node from q to `out`."""
     for i in range(nodes.shape[0]):
@@ -23,7 +24,7 @@ def distances(nodes, q, weights, continuous, out):
         out[i] = math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def sweep_into_pool(swept, q, dq, region, pool, room):
     """Add the cells of motions q[k] + t dq[k]; returns the first item, -1 when full.
 
@@ -59,7 +60,7 @@ def sweep_into_pool(swept, q, dq, region, pool, room):
     return first
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
     """Fill `h` with lower bounds on the cost to go to a node, by landmarks."""
     distances(nodes, q, weights, continuous, h)
@@ -71,7 +72,7 @@ def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
         h[i] = best * (1.0 - 1e-12)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def items_hit(ptr, block, mask, words, out):
     """Write to `out` which items share a cell with `words`."""
     for i in range(ptr.shape[0] - 1):
@@ -82,7 +83,7 @@ def items_hit(ptr, block, mask, words, out):
                 break
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def motions_to(q, nodes, ids, continuous, dq):
     """Write the displacements from q to some nodes to `dq` (k, dof)."""
     for k in range(ids.shape[0]):

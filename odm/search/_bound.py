@@ -12,11 +12,12 @@ from numba import njit
 from odm.search._items import FREE, goal_motion_free, item_free
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
+from roadmap.jit_options import INNER
 
 ROUNDING = 1.0 + 1e-9
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def path_bound(state, starts, r, g, best):
     """Return the length of earlier path r to goal g if free and below `best`, or that.
 
@@ -57,7 +58,7 @@ def path_bound(state, starts, r, g, best):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def recent_bound(state, starts, g):
     """Return the length of the path found last if it leads to g and is free, or inf."""
     earlier = view(state, "earlier_paths")
@@ -65,7 +66,7 @@ def recent_bound(state, starts, g):
     return ROUNDING * path_bound(state, starts, r, g, math.inf)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def free_bound(state, starts, g):
     """Return the length of the shortest earlier path to g that is free, or inf."""
     best = math.inf
@@ -74,7 +75,7 @@ def free_bound(state, starts, g):
     return best * ROUNDING
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def remember_path(state, entry, g):
     """Keep the path that ends in heap entry `entry` at goal g."""
     earlier, search, goals = (
@@ -113,7 +114,7 @@ def remember_path(state, entry, g):
         earlier.count[rows + 1] = r
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def row_with(earlier, r):
     """Return another row whose path ends with all of path r; -1: there is none."""
     count = earlier.count[r]

@@ -20,6 +20,8 @@ from odm.close_test._close import displacement
 from odm.close_test._static import Still, motion_free
 from odm.search._judge import close_free, part_free, ref_free, stands_free
 from odm.search._state import view
+from roadmap._rows import copy_row
+from roadmap.jit_options import INNER, LEAN
 
 SPENT, MET, FULL, CUT_OFF = 0, 1, 2, 3
 ROOT = -1  # parent of the start; of goal g: ROOT - g
@@ -47,7 +49,7 @@ class Problem(NamedTuple):
     scratch: tuple  # of the self-collision
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def halton(index, base):
     """Return element `index` of the van der Corput sequence in a base, in [0, 1)."""
     value, share = 0.0, 1.0
@@ -58,7 +60,7 @@ def halton(index, base):
     return value
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def draw(trees, robot, side):
     """Write the next sample to trees.sample; some are drawn near a branch."""
     trees.drawn[0] += 1
@@ -82,7 +84,7 @@ def draw(trees, robot, side):
             trees.sample[j] = low + u * (high - low)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def apart2(a, b, robot):
     """Return the squared weighted length of the short motion from a to b."""
     total = 0.0
@@ -95,7 +97,7 @@ def apart2(a, b, robot):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def nearest(problem, side, q):
     """Return the branch of a tree that is nearest to q, and how far it is."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
@@ -108,7 +110,7 @@ def nearest(problem, side, q):
     return at, math.sqrt(best)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def begin_work(problem):
     """Begin to count; what was counted before must not decide where a search ends."""
     trees = view(problem.state, "trees")
@@ -116,7 +118,7 @@ def begin_work(problem):
     trees.tests[0] = view(problem.state, "work").found[3]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def work_done(problem):
     """Return the work since `begin_work`, in configurations that are looked at."""
     trees = view(problem.state, "trees")
@@ -124,7 +126,7 @@ def work_done(problem):
     return tests + STATIC_COST * trees.static[0] + trees.looked[0] // LOOK_COST
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def passes(problem, q, dq):
     """Return whether a motion within the limits passes all other tests."""
     if not close_free(problem.state, problem.points, q, dq):
@@ -133,7 +135,7 @@ def passes(problem, q, dq):
     return motion_free(problem.still, q, dq, problem.scratch)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def certify(problem, q, dq, q_to):
     """Return whether the motion q + dq, which ends at q_to, passes all tests.
 
@@ -143,7 +145,7 @@ def certify(problem, q, dq, q_to):
     return stands_free(problem.state, problem.points, q_to) and passes(problem, q, dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def grow(problem, side, near, q, far):
     """Add a branch from `near` towards q, at distance `far`; return it, or -1.
 
@@ -172,7 +174,7 @@ def grow(problem, side, near, q, far):
     return new
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def drop(trees, side, branch):
     """Remove a branch and all that grew from it; the others keep their order."""
     n, kept = trees.count[side], branch
@@ -193,7 +195,7 @@ def drop(trees, side, branch):
     trees.count[side] = kept
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_still_free(problem, side, branch):
     """Test the motion to a branch against this frame, once; drop it where blocked."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
@@ -214,7 +216,7 @@ def is_still_free(problem, side, branch):
     return free
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chain_free(problem, side, branch):
     """Test all motions from the root to a branch against this frame."""
     trees = view(problem.state, "trees")
@@ -226,7 +228,7 @@ def chain_free(problem, side, branch):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def add_root(problem, side, q, parent):
     """Add a root to a tree, unless it is there or the robot cannot stand there."""
     trees = view(problem.state, "trees")
@@ -238,14 +240,14 @@ def add_root(problem, side, q, parent):
         return False
     if not stands_free(problem.state, problem.points, q):
         return False
-    trees.q[side, new] = q
+    copy_row(q, trees.q[side, new])
     trees.parent[side, new] = parent
     trees.seen[side, new] = view(problem.state, "numbers").frame[0]
     trees.count[side] = new + 1
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def plant(problem):
     """Let the trees begin at the robot and at the goals; False: one is in contact."""
     state = problem.state
@@ -260,7 +262,7 @@ def plant(problem):
     return trees.count[1] > 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def connect(problem, budget):
     """Grow both trees until they meet, or the budget is spent.
 
@@ -303,7 +305,7 @@ def connect(problem, budget):
     return SPENT
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_route(problem, a, new, other):
     """Write the path over a branch of tree `a` and one of the other, the same place."""
     trees = view(problem.state, "trees")
@@ -322,12 +324,12 @@ def write_route(problem, a, new, other):
         return False
     k, i = n - 1, np.int64(ends[0])
     while i >= 0:
-        trees.route[k] = trees.q[0, i]
+        copy_row(trees.q[0, i], trees.route[k])
         i = np.int64(trees.parent[0, i])
         k -= 1
     k, i = n - 1, np.int64(ends[1])
     while i >= 0:
-        trees.route[k] = trees.q[1, i]
+        copy_row(trees.q[1, i], trees.route[k])
         trees.goal[0] = ROOT - trees.parent[1, i]
         i = np.int64(trees.parent[1, i])
         k += 1
@@ -335,7 +337,7 @@ def write_route(problem, a, new, other):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def point_on(trees, continuous, u, out):
     """Write the point at share u of the route's length to `out`; return its leg."""
     last = trees.corners[0] - 2
@@ -349,13 +351,13 @@ def point_on(trees, continuous, u, out):
     for j in range(out.shape[0]):
         out[j] = trees.route[k, j] + s * trees.dq[j]
     if s < SAME_SHARE:
-        out[:] = trees.route[k]
+        copy_row(trees.route[k], out)
     elif s > 1.0 - SAME_SHARE:
-        out[:] = trees.route[k + 1]
+        copy_row(trees.route[k + 1], out)
     return k
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def measure(trees, robot):
     """Write the length of the route up to each of its corners to trees.until."""
     trees.until[0] = 0.0
@@ -364,7 +366,7 @@ def measure(trees, robot):
         trees.until[k] = trees.until[k - 1] + leg
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def leg_passes(problem, q_from, q_to):
     """Return whether the motion between two places within limits passes all tests.
 
@@ -380,7 +382,7 @@ def leg_passes(problem, q_from, q_to):
     return not moves or passes(problem, q_from, trees.dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def lay_out(trees, i, j, a, b):
     """Let the route lead from corner i over `a` and `b` to corner j + 1."""
     route, n = trees.route, trees.corners[0]
@@ -389,12 +391,12 @@ def lay_out(trees, i, j, a, b):
     for k in order:
         for d in range(a.shape[0]):
             route[k + shift, d] = route[k, d]
-    route[i + 1] = a
-    route[i + 2] = b
+    copy_row(a, route[i + 1])
+    copy_row(b, route[i + 2])
     trees.corners[0] = n + shift
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def shorten(problem, budget):
     """Cut corners of the route between drawn points; return how many cuts were made."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
@@ -429,7 +431,7 @@ def shorten(problem, budget):
     return made
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def merge(problem):
     """Leave out corners of the route that another one is at the same place as."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
@@ -439,11 +441,11 @@ def merge(problem):
         if other or (k == n - 1 and kept == 0):
             kept += 1
         if other or k == n - 1:  # the goal as it was given
-            trees.route[kept] = trees.route[k]
+            copy_row(trees.route[k], trees.route[kept])
     trees.corners[0] = kept + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def free_from(state, points, k):
     """Return the corner from which found path k is free to its end; -1: from none.
 

@@ -10,12 +10,13 @@ import math
 from numba import njit
 
 from odm.search._astar import pop, push
+from roadmap.jit_options import LEAN
 
 MOST_BUCKETS = 4096
 ROUNDING = 1.0 - 1e-12  # rounding must not lift the bound above the truth
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def exact_cost(graph, node, length, number, search, h):
     """Fill `h` (n,) with the cost to go to a goal.
 
@@ -42,7 +43,7 @@ def exact_cost(graph, node, length, number, search, h):
         h[i] *= ROUNDING
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def by_buckets(graph, node, length, search, h, width, span):
     """Fill `h` by buckets of `width`: no edge is shorter, none over `span`."""
     head, after = search.heap_e, search.e_from
@@ -51,7 +52,9 @@ def by_buckets(graph, node, length, search, h, width, span):
         head[b] = -1
     entries = 0
     waiting = 0
+    first = math.inf
     for a in range(node.shape[0]):
+        first = min(first, length[a])
         v = node[a]
         if length[a] < h[v]:
             h[v] = length[a]
@@ -60,7 +63,7 @@ def by_buckets(graph, node, length, search, h, width, span):
             after[entries], head[b] = head[b], entries
             entries += 1
             waiting += 1
-    at = int(length.min() / width)
+    at = int(first / width)
     while waiting > 0:
         b = at % count
         while head[b] >= 0:
@@ -83,7 +86,7 @@ def by_buckets(graph, node, length, search, h, width, span):
         at += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def by_heap(graph, node, length, search, h):
     """Fill `h` by Dijkstra's algorithm."""
     entries = 0

@@ -11,9 +11,10 @@ from numba import njit
 
 from odm.search._recent import PERIODS, this_period, turn_ring
 from odm.search._state import view
+from roadmap.jit_options import LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def expect(state, points):
     """Be wary of the cells of points (n, 3) from now on, as long as of occupied ones.
 

@@ -32,6 +32,8 @@ from odm.search._judge import (
 from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
 from odm.search._state import view
+from roadmap._rows import copy_row
+from roadmap.jit_options import INNER, LEAN
 
 # What the close test finds where the cells block all motions. HOPELESS: the start is in
 # contact; NO_ENTRY, NO_EXIT: no motion into the goal, or from the start, is free;
@@ -44,7 +46,7 @@ MORE_POINTS, MORE_PATTERNS, WRONG = -1, -2, -3
 ODD = 1 << 40  # added to the number of points where these cannot be used as they are
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def take_points(state, points, heeded):
     """Begin a frame: forget the old points, mark the new; return how many are bad.
 
@@ -66,7 +68,7 @@ def take_points(state, points, heeded):
     return cloud.counts[N_BAD]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def begin_step(state, given, points):
     """Begin a step of the planner with its frame's points, copied to `points`.
 
@@ -82,7 +84,7 @@ def begin_step(state, given, points):
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def begin_shapes(state, given, data, counts, room):
     """Begin a step with points and shapes; return how many points there are in all.
 
@@ -120,7 +122,7 @@ def begin_shapes(state, given, data, counts, room):
     return n + ODD if odd > 0 or counts[N_OUTSIDE] > counts[N_INSIDE] else n
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def plan(state, points, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 
@@ -183,7 +185,7 @@ def plan(state, points, starts, start_vertex, most, last):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def offer(state, points, starts, g, any_start, can_enter, most):
     """Offer motions whose cells are occupied to the search; see SEARCH and its like.
 
@@ -206,7 +208,7 @@ def offer(state, points, starts, g, any_start, can_enter, most):
     return SEARCH if opened else NOTHING
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def go_straight(state, start_vertex, g):
     """Let `found_path` be the straight motion to goal g."""
     path, goals, robot = (
@@ -219,6 +221,6 @@ def go_straight(state, start_vertex, g):
     path.vertex[0] = start_vertex
     path.vertex[1] = goals.vertex[g]
     path.ref[0] = goals.direct_ref[g]
-    path.q[0] = robot.q
-    path.q[1] = goals.q[g]
+    copy_row(robot.q, path.q[0])
+    copy_row(goals.q[g], path.q[1])
     unwrap(path, robot.continuous)

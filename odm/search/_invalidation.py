@@ -6,9 +6,10 @@ from numba.extending import intrinsic
 
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.search._state import view
+from roadmap.jit_options import INNER, LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def update_hits(direct, graph, cloud, frame):
     """Bring the counts up to the frame's words; only changed blocks are read."""
     direct.frame[0] = frame
@@ -34,7 +35,7 @@ def update_hits(direct, graph, cloud, frame):
     listed[last] = kept
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def count_afresh(direct, graph, cloud):
     """Count all items for the frame; nothing is counted yet."""
     n_nodes = graph.adj_ptr.shape[0] - 1
@@ -60,7 +61,7 @@ def count_afresh(direct, graph, cloud):
         direct.bits[k] = word
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def change_block(direct, graph, b, word):
     """Count the items of block b for `word` instead of what was seen there."""
     n_nodes = graph.adj_ptr.shape[0] - 1
@@ -82,7 +83,7 @@ def change_block(direct, graph, b, word):
     direct.seen[b] = word
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def count_item(direct, item, step):
     """Change an item's count by `step`; return True if it was or becomes 0."""
     before = direct.hits[item]
@@ -93,7 +94,7 @@ def count_item(direct, item, step):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def refresh(state):
     """Bring the counts up to the frame whose points were taken."""
     direct, frame = view(state, "direct"), view(state, "numbers").frame[0]
@@ -110,7 +111,7 @@ def trailing_zeros(typingctx, word):  # noqa: ANN001, ANN201
     return types.uint64(types.uint64), codegen
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def list_bits(bits, first, n, out):
     """List which of the bits first..first + n - 1 are set; return their number."""
     count = 0

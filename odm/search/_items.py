@@ -12,13 +12,14 @@ from numba import njit
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._state import IS_GOAL, view
+from roadmap.jit_options import INNER, LEAN
 
 # A verdict is 4 * frame + one of these. BLOCKED: by its cells; MAYBE: the search is to
 # ask the close test when it comes to it; REFUSED: the close test was asked
 REFUSED, FREE, BLOCKED, MAYBE = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def sign_items(ptr, block, region, signature):
     """Write the signatures of items to `signature` (4 per item), zero before."""
     for i in range(ptr.shape[0] - 1):
@@ -27,7 +28,7 @@ def sign_items(ptr, block, region, signature):
             signature[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def sign_frame(cloud, region, signature):
     """Write the signature of the occupied blocks to `signature` (4,)."""
     for k in range(4):
@@ -37,7 +38,7 @@ def sign_frame(cloud, region, signature):
         signature[bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def disjoint(signature, item, frame):
     """Return True if an item's signature has no bit in common with the frame's."""
     at = 4 * item
@@ -46,13 +47,13 @@ def disjoint(signature, item, frame):
     return common == 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_hit(graph, item):
     """Return True if the direct map, brought up to the frame, counts an item."""
     return (graph.hit_bits[item >> 6] >> np.uint64(item & 63)) & np.uint64(1) != 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def item_free(state, item):
     """Return True if no occupied cell is in the list of a roadmap item; remembered."""
     graph, search, stats = (
@@ -78,7 +79,7 @@ def item_free(state, item):
     return hit == 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def edge_free(state, edge):
     """Return True if an edge and both its end nodes are free."""
     graph = view(state, "graph")
@@ -89,7 +90,7 @@ def edge_free(state, edge):
     return item_free(state, graph.edges[edge, 1])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pool_free(state, item):
     """Return True if no occupied cell is in the list of a pool item."""
     pool = view(state, "pool")
@@ -99,7 +100,7 @@ def pool_free(state, item):
     return not list_hit(words, pool.block, pool.mask, pool.begin[item], pool.end[item])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def goal_motion_free(state, g, a):
     """Return True if the cells of attachment a of goal g are free; remembered."""
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]

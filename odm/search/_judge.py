@@ -19,16 +19,17 @@ from odm.search._items import (
 )
 from odm.search._slack import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
+from roadmap.jit_options import INNER, LEAN
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_free(state, cloud, q):
     """Return True if a configuration keeps its distance from points and shapes."""
     view(state, "stats").close[0] += 1
     return place_clear(clearance_of(state), q, cloud, view(state, "solids"))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def close_free(state, points, q, dq):
     """Run the close test of a motion against all of the frame's points."""
     cloud = view(state, "cloud")
@@ -37,7 +38,7 @@ def close_free(state, points, q, dq):
     return near_free(state, cloud, q, dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pick_ref(state, points, ref):
     """Return the points inside the cells of a motion's item: all that can block it.
 
@@ -70,7 +71,7 @@ def pick_ref(state, points, ref):
     return picked
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def where_blocked(state, near, q, dq, blocked_at):
     """Return the share of a motion at which the close test finds it blocked, or -1.
 
@@ -87,13 +88,13 @@ def where_blocked(state, near, q, dq, blocked_at):
     return view(state, "work").value[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def part_free(state, points, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
     return near_free_again(state, pick_ref(state, points, ref), q, dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def ref_free(state, ref):
     """Return True if the cells of a path's segment are free; no item is never free."""
     if ref <= EDGE_BASE:
@@ -103,7 +104,7 @@ def ref_free(state, ref):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rest_free(state, points, path, segment, q):
     """Test what is left of a path from q on its `segment`; return the bad one or -1.
 
@@ -129,7 +130,7 @@ def rest_free(state, points, path, segment, q):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def judge_starts(state, starts):
     """Write this frame's verdict by cells of each start motion; True if any is free."""
     frame = view(state, "numbers").frame[0]
@@ -145,7 +146,7 @@ def judge_starts(state, starts):
     return any_
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def offer_starts(state, starts, most):
     """Mark up to `most` blocked start motions as MAYBE; return how many.
 
@@ -165,7 +166,7 @@ def offer_starts(state, starts, most):
     return offered
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def can_leave(state, starts):
     """Return True if a start motion is free, or may be by the close test."""
     frame = view(state, "numbers").frame[0]
@@ -175,7 +176,7 @@ def can_leave(state, starts):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def start_clear(state, points, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
     robot, nodes = view(state, "robot_state"), view(state, "graph").nodes
@@ -188,7 +189,7 @@ def start_clear(state, points, starts, k):
     return blocked_at < 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def clear_nodes(state, points, q, ids, most, kept):
     """Write to `kept` the nodes of `ids` that q can go to in this frame, in order.
 
@@ -209,7 +210,7 @@ def clear_nodes(state, points, q, ids, most, kept):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def judge_goal(state, g):
     """Return True if a motion into goal g and the node it comes from are free."""
     goals = view(state, "goals")
@@ -219,7 +220,7 @@ def judge_goal(state, g):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def can_enter(state, g):
     """Return True if a motion into goal g is free, or may be by the close test."""
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
@@ -229,7 +230,7 @@ def can_enter(state, g):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def goal_motion_clear(state, points, g, a):
     """Run the close test of attachment a of goal g; its verdict is remembered."""
     goals, robot = view(state, "goals"), view(state, "robot_state")
@@ -243,7 +244,7 @@ def goal_motion_clear(state, points, g, a):
     return blocked_at < 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def open_goal(state, points, g, most):
     """Look for a blocked motion into g that the close test finds free; True if any.
 
@@ -268,7 +269,7 @@ def open_goal(state, points, g, most):
     return any_
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def stands_free(state, points, q):
     """Return True if a configuration itself keeps its distance from the points."""
     cloud = view(state, "cloud")
@@ -277,7 +278,7 @@ def stands_free(state, points, q):
     return place_free(state, cloud, q)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def ends_free(state, points):
     """Return whether the robot can stand where it is, and at one of the goals.
 
@@ -292,7 +293,7 @@ def ends_free(state, points):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def judge_direct(state, points, g):
     """Test the straight motion to goal g: its cells, then the close test."""
     goals, robot = view(state, "goals"), view(state, "robot_state")

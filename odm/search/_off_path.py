@@ -10,13 +10,14 @@ from numba import njit
 
 from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
+from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times path_tolerance: farther off by the sum is not on the path
 _STRAIGHT = 1e-9  # sine squared below which two legs are one line: no corner
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def locate_off_path(state, path, first, q, out):
     """Find the segment of a path, from `first` on, that q is off by the least.
 
@@ -45,7 +46,7 @@ def locate_off_path(state, path, first, q, out):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motion_deviation(a, b, share, q, motion_bound):
     """Bound how far any sphere at q is from where the motion from a to b has it [m].
 
@@ -57,7 +58,7 @@ def motion_deviation(a, b, share, q, motion_bound):
     return off
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rounded_share(path, k, corner, q):
     """Return the share of segment k that a blend of `corner` through q rounds; or -1.
 
@@ -85,7 +86,7 @@ def rounded_share(path, k, corner, q):
     return r / long_w if r >= 0.0 else -1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def deviation_at(state, path, k, share, q, nearby):
     """Bound how far the motions from q to both ends of a segment are off it [m].
 

@@ -8,13 +8,15 @@ from odm.search._items import pool_free
 from odm.search._off_path import locate_off_path, motion_deviation
 from odm.search._recent import ref_in_avoided
 from odm.search._state import IS_GOAL, NO_ITEM, view
+from roadmap._rows import copy_row
 from roadmap.geometry._segments import nearest_share
+from roadmap.jit_options import INNER, LEAN
 
 SAME_PLACE = 1e-9  # [m]
 ON = 1e-7  # [m] a tenth of what every swept radius is larger than it must be
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def locate_on_path(state, path, first, q, out):
     """Find q on a path, from segment `first` on, within tracking and blending.
 
@@ -39,7 +41,7 @@ def locate_on_path(state, path, first, q, out):
     return best
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def is_on(certificates, k, q):
     """Return True if q is on the certified motion of segment k, but for rounding.
 
@@ -51,7 +53,7 @@ def is_on(certificates, k, q):
     return motion_deviation(a, b, share, q, certificates.motion_bound) <= ON
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def turns_back(path, k, q, continuous):
     """Return True if a continuous joint has more than half a turn to go to the end.
 
@@ -66,7 +68,7 @@ def turns_back(path, k, q, continuous):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def certify_whole(path, first, certificates):
     """Record each segment from `first` on as a certified motion of its own."""
     for k in range(first, path.count[0] - 1):
@@ -75,27 +77,27 @@ def certify_whole(path, first, certificates):
             certificates.end[k, j] = path.q[k + 1, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def copy_path(source, target):
     """Let `target` be the same way as `source`."""
     n = source.count[0]
     for k in range(n):
         target.vertex[k] = source.vertex[k]
         target.ref[k] = source.ref[k]
-        target.q[k] = source.q[k]
+        copy_row(source.q[k], target.q[k])
     target.count[0] = n
     target.count[1] = source.count[1]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def copy_certificates(source, target, n):
     """Let `target` hold the proof of the first `n` segments of `source`."""
     for k in range(n):
-        target.begin[k] = source.begin[k]
-        target.end[k] = source.end[k]
+        copy_row(source.begin[k], target.begin[k])
+        copy_row(source.end[k], target.end[k])
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def unwrap(path, continuous):
     """Let continuous joints take the shorter rotation from vertex to vertex."""
     for k in range(1, path.count[0]):
@@ -106,7 +108,7 @@ def unwrap(path, continuous):
                 path.q[k, j] -= 2.0 * math.pi * turns
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def write_path(state, starts, entry, start_vertex):
     """Write the path from q that ends in heap entry `entry` to `found_path`."""
     graph, goals, path = (
@@ -127,7 +129,7 @@ def write_path(state, starts, entry, start_vertex):
     path.count[0] = count
     path.count[1] = g
     path.vertex[0] = start_vertex
-    path.q[0] = robot.q
+    copy_row(robot.q, path.q[0])
     k = count - 1
     e = entry
     while k > 0:
@@ -136,14 +138,14 @@ def write_path(state, starts, entry, start_vertex):
         ref = search.e_ref[e]
         if v >= n:
             path.vertex[k] = goals.vertex[g]
-            path.q[k] = goals.q[g]
+            copy_row(goals.q[g], path.q[k])
             if parent >= 0:
                 ref = goals.ref[g, -2 - ref]
             else:
                 ref = goals.direct_ref[g]
         else:
             path.vertex[k] = v
-            path.q[k] = graph.nodes[v]
+            copy_row(graph.nodes[v], path.q[k])
             if parent < 0:
                 ref = starts.ref[-2 - ref]
         path.ref[k - 1] = ref
@@ -157,7 +159,7 @@ def write_path(state, starts, entry, start_vertex):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def path_length(path, weights):
     """Return the weighted length of a path."""
     total = 0.0
@@ -170,7 +172,7 @@ def path_length(path, weights):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def find_shortcut(shortcuts, a, b):
     """Return the pool item remembered for the motion from vertex a to b, or -1."""
     size = shortcuts.key.shape[0]
@@ -183,7 +185,7 @@ def find_shortcut(shortcuts, a, b):
     return NO_ITEM
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def add_shortcut(shortcuts, a, b, item):
     """Remember the motion from a to b by a pool item or NO_MOTION; False: full."""
     size = shortcuts.key.shape[0]
@@ -198,7 +200,7 @@ def add_shortcut(shortcuts, a, b, item):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_shortcuts(state):
     """Shorten `found_path` by the remembered motions that are free now."""
     shortcuts, robot, path = (
@@ -243,6 +245,6 @@ def take_shortcuts(state):
         k = back[n + count - i]
         path.vertex[i] = path.vertex[k]
         path.ref[i - 1] = ref[k]
-        path.q[i] = path.q[k]
+        copy_row(path.q[k], path.q[i])
     path.count[0] = count
     unwrap(path, robot.continuous)

@@ -17,6 +17,7 @@ from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._items import disjoint
 from odm.search._state import EDGE_BASE, view
+from roadmap.jit_options import INNER, LEAN
 
 PERIOD_S = 0.01  # [s] between two frames where no time is given
 PERIODS = 3  # of the memory; the ring has one more
@@ -31,7 +32,7 @@ _LOW_X, _LOW_Y = np.uint64(0x000000000000FFFF), np.uint64(0x000F000F000F000F)
 _LOW_Z = np.uint64(0x1111111111111111)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def forget_recent(recent):
     """Forget where the obstacles have been."""
     last = recent.listed.shape[0] - 1
@@ -42,7 +43,7 @@ def forget_recent(recent):
     recent.laid[0] = -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def drop_block(recent, b):
     """Forget a block."""
     recent.when[b] = -math.inf
@@ -50,7 +51,7 @@ def drop_block(recent, b):
         recent.cells[(PERIODS + 1) * b + g] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def turn_ring(recent, b, period):
     """Forget the cells of a block that are older than the ring of `period`."""
     old, size = recent.period[b], PERIODS + 1
@@ -64,7 +65,7 @@ def turn_ring(recent, b, period):
     recent.period[b] = period
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def remember(state, now):
     """Stamp the blocks of the frame; `now` NaN: a frame of 10 ms after the last."""
     recent, cloud = view(state, "recent"), view(state, "cloud")
@@ -85,13 +86,13 @@ def remember(state, now):
         recent.cells[(PERIODS + 1) * b + period % (PERIODS + 1)] |= cloud.words[b]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def this_period(state, now):
     """Return the number of the period that a time lies in."""
     return np.int64(math.floor(now * PERIODS / view(state, "rules").history_s[0]))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def lay_out_recent(state):
     """Lay out the cells that were occupied lately, and those to be wary of; once.
 
@@ -137,7 +138,7 @@ def lay_out_recent(state):
         recent.sign[bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def add_cells(recent, b, word):
     """Be wary of some cells of a block."""
     if word == 0:
@@ -149,7 +150,7 @@ def add_cells(recent, b, word):
     recent.avoided[b] |= word
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def grow(recent, cloud, rings):
     """Be wary of the cells beside the frame's, along the axes, `rings` cells far."""
     if rings <= 0:
@@ -166,7 +167,7 @@ def grow(recent, cloud, rings):
             grow_block(recent, cloud.shape, recent.marked[k], recent.grown[k])
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def grow_block(recent, shape, b, word):
     """Be wary of the six neighbours of each cell of a block's `word`."""
     ny, nz = shape[1], shape[2]
@@ -189,7 +190,7 @@ def grow_block(recent, shape, b, word):
         add_cells(recent, b - 1, (word & _LOW_Z) << np.uint64(3))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def item_in_avoided(state, item):
     """Return True if a roadmap item's own cells are to be wary of; remembered."""
     recent, graph = view(state, "recent"), view(state, "graph")
@@ -206,7 +207,7 @@ def item_in_avoided(state, item):
     return hit == 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def pool_wary(state, item):
     """Return True if cells of a pool item are to be wary of."""
     pool, recent = view(state, "pool"), view(state, "recent")
@@ -216,7 +217,7 @@ def pool_wary(state, item):
     return list_hit(recent.avoided, pool.block, pool.mask, begin, end)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def ref_in_avoided(state, ref):
     """Return True if the cells of a path's segment are wary; unknown ones are not."""
     if ref >= 0:
@@ -231,7 +232,7 @@ def ref_in_avoided(state, ref):
     return item_in_avoided(state, np.int64(graph.edges[edge, 1]))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def path_in_avoided(state, path):
     """Return True if cells of a path are to be wary of."""
     for k in range(path.count[0] - 1):
@@ -240,7 +241,7 @@ def path_in_avoided(state, path):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def list_was_hit(state, block, mask, begin, end):
     """Return True if cells of a list [begin:end] were occupied lately, but not now.
 
@@ -254,7 +255,7 @@ def list_was_hit(state, block, mask, begin, end):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def path_crosses_history(state, path):
     """Return True if a path is free only now: through cells left lately."""
     pool, graph = view(state, "pool"), view(state, "graph")
@@ -277,7 +278,7 @@ def path_crosses_history(state, path):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def was_hit(state, item):
     """Return True if a pool item has cells that were occupied lately, not now."""
     lay_out_recent(state)

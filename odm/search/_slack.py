@@ -28,6 +28,7 @@ from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation
 from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
+from roadmap.jit_options import INNER
 from roadmap.kinematics._forward import body_frames
 
 SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part of it
@@ -38,7 +39,7 @@ SAG = 2e-3  # [m] of a chord at most, if there are chords enough
 PIECES = 8  # of a motion, which are looked at as a whole first
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def has_slack(state):
     """Return True if the frame has shapes alone, and few enough of them."""
     count = view(state, "solids").count[0]
@@ -47,7 +48,7 @@ def has_slack(state):
     return count <= view(state, "slacks").kind.shape[1]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def clearance_of(state):
     """Return what the close test of a frame works with."""
     robot, tolerance = view(state, "robot_state"), view(state, "terms").tolerance[0]
@@ -55,7 +56,7 @@ def clearance_of(state):
     return Clearance(arm, robot.radii, robot.bare, tolerance, work)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def near_free(state, cloud, q, dq):
     """Run the close test of a motion against points and all of the frame's shapes."""
     view(state, "stats").close[0] += 1
@@ -63,7 +64,7 @@ def near_free(state, cloud, q, dq):
     return motion_clear(clearance, q, dq, cloud, solids, False)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def near_free_again(state, cloud, q, dq):
     """Run the close test of a motion that later frames may ask for, too.
 
@@ -79,7 +80,7 @@ def near_free_again(state, cloud, q, dq):
     return rest_clear(state, cloud, k, q, dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def find_slack(state, q, dq):
     """Return the row of a motion that q + dq is the rest of, or all of; or -1."""
     slacks = view(state, "slacks")
@@ -100,7 +101,7 @@ def find_slack(state, q, dq):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def keep_motion(state, q, dq):
     """Keep a motion of which nothing is known yet; return its row.
 
@@ -138,13 +139,13 @@ def keep_motion(state, q, dq):
     return k
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def row_of(slacks, k, c):
     """Return the row of the configuration that chord c of motion k begins with."""
     return k * (slacks.spare.shape[1] + 1) + c
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def placed(state, k, c):
     """Return the row of where the bodies are as chord c of motion k begins."""
     slacks, arm, work = view(state, "slacks"), view(state, "arm"), view(state, "work")
@@ -161,7 +162,7 @@ def placed(state, k, c):
     return row
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def keep_spare(state, k, c, spare):
     """Remember what chord c of motion k has to spare now [m]."""
     slacks = view(state, "slacks")
@@ -170,7 +171,7 @@ def keep_spare(state, k, c, spare):
     slacks.at[k, c] = snapshot(state)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def snapshot(state):
     """Return the place where the frame's shapes are kept."""
     slacks, solids = view(state, "slacks"), view(state, "solids")
@@ -190,7 +191,7 @@ def snapshot(state):
     return s
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chord_holds(state, k, c):
     """Return True if what chord c of motion k had to spare keeps it free now."""
     slacks, now = view(state, "slacks"), view(state, "numbers").frame[0]
@@ -204,7 +205,7 @@ def chord_holds(state, k, c):
     return slacks.moved[s] + SAME + RESERVE <= slacks.spare[k, c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def measure(state, k, c):
     """Measure chord c of motion k, or the piece that begins with it.
 
@@ -232,7 +233,7 @@ def measure(state, k, c):
     return 1 if spare >= RESERVE + SAME else 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def rest_clear(state, cloud, k, q, dq):
     """Test the chords of q + dq, the rest of motion k, that do not hold.
 
@@ -255,7 +256,7 @@ def rest_clear(state, cloud, k, q, dq):
     return first == n or chords_clear(state, cloud, k, (first, n, share), q, dq)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def chords_clear(state, cloud, k, which, q, dq):
     """Run the close test of some chords of motion k, which are a part of q + dq.
 

@@ -39,6 +39,7 @@ from odm.search._state import (
     TO_END,
     view,
 )
+from roadmap.jit_options import INNER, LEAN
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -51,7 +52,7 @@ BETTER_EVERY = 8  # frames between two looks for a better goal
 SEGMENT, COUNT, GOAL = 16, 1 << 16, 1 << 28
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def weighted(q_from, q_to, state):
     """Return the weighted length of the straight motion between configurations."""
     robot = view(state, "robot_state")
@@ -63,7 +64,7 @@ def weighted(q_from, q_to, state):
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def connect_along_path(state, path, segment, q, path_ends):
     """Connect q to the two ends of the segment that it is on.
 
@@ -101,7 +102,7 @@ def connect_along_path(state, path, segment, q, path_ends):
     path_ends.count[0] = count
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def same_rest(path, where, new):
     """Return True if `new` leads over the very vertices that are ahead on `path`."""
     if where < 0 or new.count[0] < 2:
@@ -115,7 +116,7 @@ def same_rest(path, where, new):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_configuration(state, q):
     """Keep q; return the code of what is wrong with it, or FOLLOWING."""
     robot = view(state, "robot_state")
@@ -131,7 +132,7 @@ def take_configuration(state, q):
     return FOLLOWING
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def rest_length(state, path, where, q):
     """Return the weighted length of a path from q on its segment `where`."""
     rest = weighted(q, path.q[where + 1], state)
@@ -140,7 +141,7 @@ def rest_length(state, path, where, q):
     return rest
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def note_move(state, q):
     """Note that a frame asks from q: whether the robot moved since the one before."""
     robot, numbers = view(state, "robot_state"), view(state, "numbers")
@@ -151,7 +152,7 @@ def note_move(state, q):
     numbers.stood[0] = numbers.stood[0] + 1 if stood else 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def judge(state, points, q):
     """Judge the path in use: FOLLOWING, a trouble's code, or LOOK for a new path.
 
@@ -199,14 +200,14 @@ def judge(state, points, q):
     return FOLLOWING
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def drop_candidate(state):
     """Forget the candidate: no item is kept for it."""
     view(state, "numbers").candidate[0] = 0
     view(state, "better").count[0] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_candidate(state, points, q):
     """Let the candidate be the path in use where q is on it and it is free; True if so.
 
@@ -246,7 +247,7 @@ def take_candidate(state, points, q):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def better_goal_stands_clear(state, points):
     """Return True if a goal of better rank keeps its distance from the points."""
     goals = view(state, "goals")
@@ -258,7 +259,7 @@ def better_goal_stands_clear(state, points):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_off_path_known(off_path, path, segment, q):
     """Return True if the group OffPath was filled for this very q and segment."""
     for j in range(q.shape[0]):
@@ -271,7 +272,7 @@ def is_off_path_known(off_path, path, segment, q):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def is_attached(robot):
     """Return True if q is the configuration that was connected last."""
     for j in range(robot.q.shape[0]):
@@ -280,7 +281,7 @@ def is_attached(robot):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def search_path(state, points, last):
     """Search a path from the robot to goals 0 to last - 1; True: in `found_path`."""
     goals, robot = view(state, "goals"), view(state, "robot_state")
@@ -305,14 +306,14 @@ def search_path(state, points, last):
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def keeps_history(state):
     """Return True if new paths keep clear of where the obstacles have lately been."""
     rules = view(state, "rules")
     return rules.always[0] == 0 and rules.history_s[0] > 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def replan(state, points):
     """Take a new path after `judge` said LOOK: PLANNED or NO_PATH.
 
@@ -346,7 +347,7 @@ def replan(state, points):
     return PLANNED
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def better_found(state, points, q):
     """Look for a better path than the free one in use; True: take `found_path`.
 
@@ -383,7 +384,7 @@ def better_found(state, points, q):
     return numbers.better[0] >= rules.confirmations[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def offer_better(state, points):
     """Look for a better path between frames; True: it is the candidate.
 
@@ -437,7 +438,7 @@ def offer_better(state, points):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def take_better(state, points, q):
     """Look for a path to a better goal within the frame; PLANNED or FOLLOWING."""
     numbers, found_path = view(state, "numbers"), view(state, "found_path")
@@ -450,7 +451,7 @@ def take_better(state, points, q):
     return PLANNED
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def begin_candidate(state):
     """Let the candidate be the path in use, to be changed; one that waits stays."""
     numbers, path, better = (
@@ -469,7 +470,7 @@ def begin_candidate(state):
     numbers.start[0] = numbers.segment[0]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def adopt(state):
     """Take the way that a search found; numbers.same tells that it is the old."""
     robot, numbers = view(state, "robot_state"), view(state, "numbers")
@@ -491,7 +492,7 @@ def adopt(state):
     numbers.off_path[0] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def packed(state, code):
     """Return a code with the numbers of the path in use: one number says all."""
     numbers, path = view(state, "numbers"), view(state, "path")
@@ -499,7 +500,7 @@ def packed(state, code):
     return said + GOAL * (path.count[1] + 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def respond(state, points, q, now):
     """Answer one frame whose points were taken; a code, packed with the path's numbers.
 

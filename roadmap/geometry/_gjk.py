@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import INNER, LEAN
+
 
 class Shell(NamedTuple):
     """A convex set of points on a body."""
@@ -20,7 +22,7 @@ class Shell(NamedTuple):
     frame: np.ndarray  # (12,) pose of its body
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def separation(points, a, b, v, need, s):
     """Bound the distance between two shells from below and above.
 
@@ -63,7 +65,7 @@ def separation(points, a, b, v, need, s):
     return lower, upper
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _support(points, shell, dx, dy, dz, out):
     """Write the shell's world point that is farthest along (dx, dy, dz) to out."""
     f = shell.frame
@@ -81,7 +83,7 @@ def _support(points, shell, dx, dy, dz, out):
     out[2] = f[6] * x + f[7] * y + f[8] * z + f[11]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _nearest(s, n):
     """Reduce the simplex s[:n] to the part nearest to the origin; return its size.
 
@@ -97,17 +99,17 @@ def _nearest(s, n):
     return _nearest_on_tetrahedron(s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _dot(s, i, j):
     return s[i, 0] * s[j, 0] + s[i, 1] * s[j, 1] + s[i, 2] * s[j, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _copy(s, i, j):
     s[j, 0], s[j, 1], s[j, 2] = s[i, 0], s[i, 1], s[i, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _nearest_on_segment(s):
     aa, ab, bb = _dot(s, 0, 0), _dot(s, 0, 1), _dot(s, 1, 1)
     along, whole = aa - ab, aa - 2.0 * ab + bb
@@ -124,7 +126,7 @@ def _nearest_on_segment(s):
     return 2
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _nearest_on_triangle(s):
     """Reduce a triangle by its Voronoi regions [Ericson2005], section 5.1.5."""
     aa, bb, cc = _dot(s, 0, 0), _dot(s, 1, 1), _dot(s, 2, 2)
@@ -156,7 +158,7 @@ def _nearest_on_triangle(s):
     return 3
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _nearest_on_tetrahedron(s):
     """Reduce a tetrahedron to the nearest part of a face that the origin is beyond."""
     for i in range(4):
@@ -180,7 +182,7 @@ def _nearest_on_tetrahedron(s):
     return size
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _beyond(s, apex):
     """Say if the plane of s[:3] parts the origin from s[apex]; True when flat."""
     ux, uy, uz = s[1, 0] - s[0, 0], s[1, 1] - s[0, 1], s[1, 2] - s[0, 2]

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
+from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames
 
 
@@ -36,7 +37,7 @@ class SelfWork(NamedTuple):
     simplex: np.ndarray  # (16, 3) of GJK
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def pair_clearance(model, p, frames, need, v, s):
     """Bound the distance of pair `p` by bounding balls, then by GJK if they fail.
 
@@ -62,7 +63,7 @@ def pair_clearance(model, p, frames, need, v, s):
     return separation(model.points, shell_a, shell_b, v, need, s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def configuration_clear(model, q, margin, scratch):
     """Return the first pair that is not proved `margin` apart at `q`, -1 for none."""
     frames, axes, s = scratch.frames, scratch.axes, scratch.simplex
@@ -75,7 +76,7 @@ def configuration_clear(model, q, margin, scratch):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motion_clear(model, q, dq, margin, tolerance, scratch):
     """Prove that no pair comes nearer than `margin` along q + t dq, t in [0, 1].
 
@@ -138,7 +139,7 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
     return -1, 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _begin(model, dq, scratch):
     """Write each pair's displacement along dq; list all pairs; forget the axes."""
     for p in range(model.pairs.shape[0]):
@@ -151,7 +152,7 @@ def _begin(model, dq, scratch):
         scratch.lists[0, p] = p
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def contacts(model, q, scratch, touching):
     """Write for each pair whether its shells are in contact at `q`."""
     frames, axes, s = scratch.frames, scratch.axes, scratch.simplex

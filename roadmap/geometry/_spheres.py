@@ -3,8 +3,11 @@
 import numpy as np
 from numba import njit
 
+from roadmap._rows import copy_row
+from roadmap.jit_options import FULL, INNER, LEAN
 
-@njit(cache=True, nogil=True)
+
+@njit(**LEAN)
 def coverage(centers, radii, samples, rows):
     """Set bit s of rows[m] where sphere m holds sample s; rows (m, words) uint64."""
     one = np.uint64(1)
@@ -20,7 +23,7 @@ def coverage(centers, radii, samples, rows):
                 rows[m, s >> 6] |= one << np.uint64(s & 63)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _bits(v):
     """Count the bits of a 64-bit word."""
     v = v - ((v >> np.uint64(1)) & np.uint64(0x5555555555555555))
@@ -30,7 +33,7 @@ def _bits(v):
     return np.int64((v * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def complete(rows, missing, chosen, n, limit, useful):
     """Add greedily the rows that hold most of `missing` to chosen; return the count.
 
@@ -65,7 +68,7 @@ def complete(rows, missing, chosen, n, limit, useful):
             missing[w] &= ~rows[best, w]
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def improve(rows, everything, chosen, n, centers, rounds, seed):
     """Take neighbouring spheres out and complete again; keep what is not worse.
 
@@ -106,7 +109,7 @@ def improve(rows, everything, chosen, n, centers, rounds, seed):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def _keep_far(chosen, n, pivot, out, centers, trial):
     """Copy chosen without the `out` ones nearest to the pivot."""
     p = centers[chosen[pivot]]
@@ -127,7 +130,7 @@ def _keep_far(chosen, n, pivot, out, centers, trial):
     return kept
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _any_useful(rows, missing, draw):
     """Return a row that holds some of `missing`, starting the search at `draw`."""
     for k in range(rows.shape[0]):
@@ -138,7 +141,7 @@ def _any_useful(rows, missing, draw):
     return 0
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _without_redundant(rows, everything, chosen, n):
     """Drop every row whose samples the others hold; return the new count."""
     k = n - 1
@@ -160,7 +163,7 @@ def _without_redundant(rows, everything, chosen, n):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def worst_power(region, centers, squares, tol, stack, where):
     """Bound the largest power of a point of a convex region to its nearest sphere.
 
@@ -178,7 +181,7 @@ def worst_power(region, centers, squares, tol, stack, where):
         nothing.
     """
     worst, top = 0.0, 1
-    stack[0] = region[3]
+    copy_row(region[3], stack[0])
     while top > 0:
         top -= 1
         whole, middle = _power(centers, squares, stack[top])
@@ -200,7 +203,7 @@ def worst_power(region, centers, squares, tol, stack, where):
     return worst + tol
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def holes(region, centers, squares, rule, stack, found):
     """Write points of the region of a power above rule[0] to found; return n.
 
@@ -208,7 +211,7 @@ def holes(region, centers, squares, rule, stack, found):
     and nothing is looked for nearer than rule[2] to a point found. Stops when full.
     """
     n, top = 0, 1
-    stack[0] = region[3]
+    copy_row(region[3], stack[0])
     while top > 0:
         top -= 1
         b = stack[top]
@@ -236,7 +239,7 @@ def holes(region, centers, squares, rule, stack, found):
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _side(region, box):
     """Return 1 for a box outside the region, -1 for its centre inside, else 0."""
     normals, offsets, ball, _ = region
@@ -256,7 +259,7 @@ def _side(region, box):
     return side
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _power(centers, squares, box):
     """Return min over spheres of the largest power in a box, and at its centre."""
     whole, middle = 1e300, 1e300
@@ -270,7 +273,7 @@ def _power(centers, squares, box):
     return whole, middle
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _halve(stack, top):
     """Replace the box at `top` by its two halves across the longest extent."""
     a, b, c = stack[top, 3], stack[top, 4], stack[top, 5]

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import FULL, INNER
+
 CORNERS = 64  # of the polygon around a circle
 
 
@@ -24,7 +26,7 @@ class Directions(NamedTuple):
     sines: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def profile_support(circles, n_circles, axis, directions, height):
     """Bound max of cos(a) z + sin(a) rho over circles, for each direction a.
 
@@ -63,7 +65,7 @@ def profile_support(circles, n_circles, axis, directions, height):
                 height[d] = max(height[d], value)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def profile_circles(axis, directions, height, circles):
     """Write the rims of {cos(a) z + sin(a) rho <= height} about `axis`; return n.
 
@@ -83,7 +85,7 @@ def profile_circles(axis, directions, height, circles):
     return n - 1
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def axis_reach(joints, body, circles, n_circles, directions, out):
     """Write bounds on the distance from each ancestor's axis to `out` (n_bodies,).
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.jit_options import FULL, INNER, LEAN
 from roadmap.kinematics._forward import body_frames
 
 # Farthest of a blend from its corner path, in d |w - u|: P of `longest_blend`.
@@ -40,7 +41,7 @@ class DeviationWork(NamedTuple):
     speed: np.ndarray  # (n,)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def center_speeds(cover, q, dq, frames, twist, speed):
     """Write |J(q) dq| of every sphere's centre to `speed` (n,).
 
@@ -81,7 +82,7 @@ def center_speeds(cover, q, dq, frames, twist, speed):
         speed[i] = math.sqrt(vx * vx + vy * vy + vz * vz)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def mixed_rates(tree_i, tree_f, a, b, rates):
     """Write what body k's joint adds to |p''[a, b]|, per reach, to `rates`.
 
@@ -108,7 +109,7 @@ def mixed_rates(tree_i, tree_f, a, b, rates):
             rates[k] += a_k * b_k
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def reached(rates, reach, i):
     """Combine bounds per body into the bound for one sphere centre."""
     total = 0.0
@@ -117,7 +118,7 @@ def reached(rates, reach, i):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def longest_blend(cover, corner, u, w, room, most):
     """Return (d, off): half-length of a corner's blend and bound on its deviation [m].
 
@@ -164,7 +165,7 @@ def longest_blend(cover, corner, u, w, room, most):
     return d, min(off, most)
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def legs_deviation(cover, q_leg, leg, share, off, work):
     """Bound the deviation from a leg of motions that begin off it, to its ends [m].
 
@@ -196,7 +197,7 @@ def legs_deviation(cover, q_leg, leg, share, off, work):
     return worst
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def highest(begin, slope, most):
     """Return the largest (1 - t) min(most, begin + t slope) for t in [0, 1]."""
     if begin >= most:

@@ -4,8 +4,10 @@ import math
 
 from numba import njit
 
+from roadmap.jit_options import LEAN
 
-@njit(cache=True, nogil=True)
+
+@njit(**LEAN)
 def body_frames(tree_i, tree_f, q, frames):
     """Write T_base_body of every body to `frames` (n, 12): rotation (9), origin (3)."""
     n_bodies = tree_i.shape[0]
@@ -56,7 +58,7 @@ def body_frames(tree_i, tree_f, q, frames):
             out[3 * i + 2] = a * r02 + d * r12 + e * r22
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def place_points(frames, point_body, points, out):
     """Write base-frame positions of body-fixed `points` (n, >=3) to `out` (n, 3)."""
     for i in range(points.shape[0]):
@@ -67,7 +69,7 @@ def place_points(frames, point_body, points, out):
         out[i, 2] = f[6] * x + f[7] * y + f[8] * z + f[11]
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def motion_bounds(tree_i, tree_f, reach, dq, rates, first, second):
     """Bound |p'| and |p''| of points p while q moves along `dq`.
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE, BARE_INNER
 
 MOST = 8  # solutions for one value of the free angle
 
@@ -37,7 +37,7 @@ class Room(NamedTuple):
     q: np.ndarray  # (8, 7) solutions
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def turn(axis, angle, out):
     """Write the rotation about a unit axis to `out` (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
@@ -59,7 +59,7 @@ def turn(axis, angle, out):
     )
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def times(a, b, out):
     """Write a b to `out`, all (3, 3)."""
     for i in range(3):
@@ -67,7 +67,7 @@ def times(a, b, out):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def times_back(a, b, out):
     """Write a^T b to `out`, all (3, 3)."""
     for i in range(3):
@@ -75,20 +75,20 @@ def times_back(a, b, out):
             out[i, j] = a[0, i] * b[0, j] + a[1, i] * b[1, j] + a[2, i] * b[2, j]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def apply(a, x, out):
     """Write the vector a x to `out`."""
     for i in range(3):
         out[i] = a[i, 0] * x[0] + a[i, 1] * x[1] + a[i, 2] * x[2]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def dot(a, b):
     """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def two_angles(p, q, r):
     """Return (n, first, second): the angles with p cos + q sin = r; n: 0 or 2."""
     size = math.sqrt(p * p + q * q)
@@ -98,7 +98,7 @@ def two_angles(p, q, r):
     return 2, middle + half, middle - half
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def turned_sum(axis, x, y):
     """Return (k, p, q) with y . Rot(axis, a) x = k + p cos a + q sin a."""
     ax, ay = dot(axis, x), dot(axis, y)
@@ -112,14 +112,14 @@ def turned_sum(axis, x, y):
     return k, p, q
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def angle_between(axis, x, y):
     """Return the angle about a unit axis that turns x to y, as far as it can."""
     _, p, q = turned_sum(axis, x, y)
     return math.atan2(q, p)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def three_angles(a, b, c, R, room, found):
     """Write all (first, second, third) with Rot(a) Rot(b) Rot(c) = R; return how many.
 
@@ -156,7 +156,7 @@ def three_angles(a, b, c, R, room, found):
     return n
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def within(arm, room, k):
     """Turn row k of room.q from angles to joints; False where one leaves its range."""
     for j in range(7):
@@ -177,7 +177,7 @@ def within(arm, room, k):
     return True
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def elbows(arm, far2):
     """Return (n, first, second): the elbow's angles at a distance from S to W.
 
@@ -200,7 +200,7 @@ def elbows(arm, far2):
     return two_angles(p, q, 0.5 * (far2 - own) - k)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def straighten(arm, elbow, far, M, room):
     """Write the elbow's rotation to M, and to R[3] the least one that aims at W."""
     u, y = room.v[2], room.v[1]
@@ -213,7 +213,7 @@ def straighten(arm, elbow, far, M, room):
     shortest_turn(y, room.v[0], room.R[3], room.v[3])
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def aim(arm, target, room):
     """Write the rotation of T tool^-1 to R[0], the way from S to W to v[0].
 
@@ -234,7 +234,7 @@ def aim(arm, target, room):
     return math.sqrt(far2)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def within_reach(arm, target, room):
     """Say whether a pose is not too far off, or too near, for the elbow to reach W."""
     if not arm.round_wrist:
@@ -246,7 +246,7 @@ def within_reach(arm, target, room):
     return joint_of(arm, 3, first)[0] or joint_of(arm, 3, second)[0]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def solve_round(arm, target, free, room, found):
     """Write the solutions for all swivels of the elbow, the last axis through W.
 
@@ -275,7 +275,7 @@ def solve_round(arm, target, free, room, found):
     return total
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def solve_at(arm, target, free, room):
     """Write all joints that bring the tool to a pose, the last angle given, to room.q.
 
@@ -330,7 +330,7 @@ def solve_at(arm, target, free, room):
     return count
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def shortest_turn(x, y, out, w):
     """Write the least rotation from unit vector x to y; w (3,) is scratch."""
     c = dot(x, y)
@@ -364,7 +364,7 @@ def shortest_turn(x, y, out, w):
     out[2, 1] += w[0]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def joint_of(arm, j, angle):
     """Return (fits, value): the joint's value for an angle, and if it has that."""
     low, high = arm.limits[j, 0], arm.limits[j, 1]
@@ -375,7 +375,7 @@ def joint_of(arm, j, angle):
     return low - 1e-9 <= value <= high + 1e-9, min(max(value, low), high)
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def kept(arm, j, angles, n):
     """Turn rows (n, 3) of angles to joints j, j + 1, j + 2; return how many fit.
 
@@ -392,7 +392,7 @@ def kept(arm, j, angles, n):
     return count
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def with_swivel(arm, elbow, swivel, M, room, count):
     """Add the solutions for an elbow and its swivel; M is the elbow's rotation."""
     g, N, R0, K = room.R[0], room.R[2], room.R[3], room.R[4]
@@ -417,7 +417,7 @@ def with_swivel(arm, elbow, swivel, M, room, count):
     return count
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def with_last(arm, elbow, swivel, last, M, room, count):
     """Add the solutions for an elbow, its swivel and the last joint's angle."""
     g, N, R0, K = room.R[0], room.R[2], room.R[3], room.R[4]

@@ -4,10 +4,12 @@ import math
 
 from numba import njit
 
+from roadmap.jit_options import LEAN
+
 _SLACK = 1.0 - 1e-6  # ruckig turns back where a length is short by a rounding
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def length_to_change(v_a, v_b, a, j):
     """Return the arc length that the quickest change of speed takes, rest to rest."""
     dv = abs(v_b - v_a)
@@ -15,7 +17,7 @@ def length_to_change(v_a, v_b, a, j):
     return 0.5 * (v_a + v_b) * t
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def reachable(v, length, limit, a, j):
     """Return the highest speed up to `limit` that can be had within a length from v."""
     if v >= limit or length_to_change(v, limit, a, j) <= _SLACK * length:

@@ -4,12 +4,13 @@ import numpy as np
 from numba import njit
 
 from odm.audit._exact import ball_gap, core_distance, nearest_pair
+from roadmap.jit_options import FULL, INNER
 from roadmap.kinematics._forward import body_frames
 
 TOUCH = 1e-9  # cap of a question that is only whether solids touch [m]
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def expand_region(box, rods, frames, start, low, h, seen, stack, tests):
     """Mark in `seen` (x, y, z) the cells whose cubes a convex solid meets.
 
@@ -69,7 +70,7 @@ def expand_region(box, rods, frames, start, low, h, seen, stack, tests):
     return n_cells
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def touch(a, i, frame_a, b, j, frame_b):
     """Return whether solid i of a touches solid j of b."""
     if ball_gap(a, i, frame_a, b, j, frame_b) > 0.0:
@@ -79,7 +80,7 @@ def touch(a, i, frame_a, b, j, frame_b):
     return low <= margin
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def place_solids(tree_i, tree_f, q, body, pose, frames, out):
     """Write the poses (n, 12) of solids fixed to bodies, for a configuration."""
     body_frames(tree_i, tree_f, q, frames)
@@ -95,7 +96,7 @@ def place_solids(tree_i, tree_f, q, body, pose, frames, out):
             )
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def exact_distances(
     tree_i, tree_f, body, pose, solids, use, q, rods, rod_frames, cap, out
 ):
@@ -107,7 +108,7 @@ def exact_distances(
         out[k], _ = nearest_pair(solids, use, placed, rods, rod_frames, cap, found)
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def meets_cells(tree_i, tree_f, body, pose, solids, use, q, box, centers, out):
     """Write for every q (n, dof) whether a solid meets the cube at any of centers."""
     frames, placed = np.empty((tree_i.shape[0], 12)), np.empty((body.shape[0], 12))

@@ -13,10 +13,11 @@ import numpy as np
 from numba import njit
 
 from odm.search._astar import pop, push
+from roadmap.jit_options import FULL, INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_points
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def segment_distance2(px, py, pz, rod):
     """Return the squared distance of a point from the axis of a capsule (7,)."""
     ux, uy, uz = rod[3] - rod[0], rod[4] - rod[1], rod[5] - rod[2]
@@ -29,7 +30,7 @@ def segment_distance2(px, py, pz, rod):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def configuration_free(arm, widest, q, rods, margin, frames):
     """Return True if no moving sphere comes within `margin` of a capsule at q."""
     body_frames(arm.tree_i, arm.tree_f, q, frames)
@@ -56,7 +57,7 @@ def configuration_free(arm, widest, q, rods, margin, frames):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def motion_free(arm, widest, q, dq, pieces, rods, margin, frames, point):
     """Test q + t dq at t = k / pieces, 0 < k < pieces, coarse steps first."""
     step = 1
@@ -73,7 +74,7 @@ def motion_free(arm, widest, q, dq, pieces, rods, margin, frames, point):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**FULL)
 def count_pieces(arm, q, dq, mu, frames, centers, out):
     """Write how many pieces motions q[k] + t dq[k] need.
 
@@ -100,7 +101,7 @@ def count_pieces(arm, q, dq, mu, frames, centers, out):
         out[m] = max(1, math.ceil(chords * math.sqrt(longest) / mu))
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def node_free(race, arm, widest, rods, margin, frame, v):
     """Return True if node v is free in this frame; remembered."""
     known = race.memo[v]
@@ -112,7 +113,7 @@ def node_free(race, arm, widest, rods, margin, frame, v):
     return free
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def edge_free(race, arm, widest, rods, margin, frame, e):
     """Return True if the inside of edge e is free in this frame; remembered."""
     n = race.nodes.shape[0]
@@ -136,7 +137,7 @@ def edge_free(race, arm, widest, rods, margin, frame, e):
     return free
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def joint_free(race, arm, widest, rods, margin, k):
     """Test attachment k of the query: its whole motion but the two ends."""
     race.counts[2] += 1
@@ -153,7 +154,7 @@ def joint_free(race, arm, widest, rods, margin, k):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**LEAN)
 def lazy_a_star(race, search, arm, widest, rods, margin, frame, n_starts, n_goals, h):
     """Search from the start's attachments to the goal's; return its entry or -1.
 

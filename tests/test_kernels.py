@@ -1,0 +1,119 @@
+"""Kernels are compiled with one of a few sets of options, all of them said."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+from numba import njit
+from numba.core.errors import NumbaError
+
+import roadmap.jit_options as options
+from handover.reach._reach_mark import mark_positions
+from roadmap._rows import copy_row
+
+TOP = Path(__file__).parent.parent
+PACKAGES = ("roadmap", "odm", "handover", "sim")
+FROM_PYTHON = {"LEAN", "BARE", "WITHIN", "FULL"}
+FROM_LOOPS = {"INNER", "BARE_INNER"}
+
+Kernel = tuple[str, str]  # module and name
+
+
+@cache
+def _parsed() -> dict[str, ast.Module]:
+    files = [f for p in (*PACKAGES, "tests") for f in (TOP / p).rglob("*.py")]
+    return {
+        ".".join(f.relative_to(TOP).with_suffix("").parts): ast.parse(f.read_text())
+        for f in files
+    }
+
+
+def _options(node: ast.stmt) -> str | None:
+    """Return what stands in the `njit` of a function, None without one."""
+    if isinstance(node, ast.FunctionDef):
+        for decorator in node.decorator_list:
+            text = ast.unparse(decorator)
+            if text.startswith("njit"):
+                return text.removeprefix("njit(**").removesuffix(")")
+    return None
+
+
+@cache
+def _kernels() -> dict[Kernel, str]:
+    return {
+        (module, node.name): said
+        for module, tree in _parsed().items()
+        if module.split(".")[0] in PACKAGES
+        for node in tree.body
+        if (said := _options(node)) is not None
+    }
+
+
+@cache
+def _called_from_python() -> frozenset[Kernel]:
+    """Return the kernels that are named outside of kernels, tests included."""
+    kernels = _kernels()
+    modules = {module for module, _ in kernels}
+    found: set[Kernel] = set()
+    for module, tree in _parsed().items():
+        names = {name: (m, name) for m, name in kernels if m == module}
+        whole: dict[str, str] = {}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                for alias in node.names:
+                    here = alias.asname or alias.name
+                    if (node.module, alias.name) in kernels:
+                        names[here] = (node.module, alias.name)
+                    if f"{node.module}.{alias.name}" in modules:
+                        whole[here] = f"{node.module}.{alias.name}"
+        for top in tree.body:
+            if _options(top) is not None:
+                continue
+            for node in ast.walk(top):
+                if isinstance(node, ast.Name) and node.id in names:
+                    found.add(names[node.id])
+                if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                    found.add((whole.get(node.value.id, ""), node.attr))
+    return frozenset(found & kernels.keys())
+
+
+def test_every_kernel_says_all_of_its_options():
+    """What is compiled for a caller is cached: an option left open is the caller's."""
+    assert len(_kernels()) > 400
+    for kernel, said in _kernels().items():
+        assert said in FROM_PYTHON | FROM_LOOPS, kernel
+    sets = [getattr(options, name) for name in FROM_PYTHON | FROM_LOOPS]
+    assert len({tuple(sorted(o)) for o in sets}) == 1
+
+
+def test_only_a_kernel_with_a_door_is_called_from_python():
+    """Numba calls address 0 otherwise, and the process ends."""
+    assert len(_called_from_python()) > 100
+    for kernel in _called_from_python():
+        assert _kernels()[kernel] in FROM_PYTHON, kernel
+    for name in FROM_PYTHON | FROM_LOOPS:
+        without = getattr(options, name)["no_cpython_wrapper"]
+        assert without == (name in FROM_LOOPS), name
+
+
+def test_no_door_is_compiled_that_nobody_uses():
+    for kernel, said in _kernels().items():
+        if said not in ("FULL", "WITHIN"):
+            assert (said in FROM_PYTHON) == (kernel in _called_from_python()), kernel
+
+
+@pytest.mark.parametrize("name", ["LEAN", "BARE"])
+def test_a_kernel_that_counts_no_references_cannot_make_an_array(name):
+    import numpy as np
+
+    said = {k: v for k, v in getattr(options, name).items() if k != "cache"}
+
+    @njit(**said)
+    def leaks(n):
+        return np.zeros(n).sum()
+
+    with pytest.raises(NumbaError):
+        leaks(3)
+    assert mark_positions.targetoptions["_nrt"] is False
+    assert copy_row.targetoptions["_nrt"] is False
