@@ -273,7 +273,7 @@ class ReactivePlanner:
                 first reachable one in rank order. They count in a search: a path in
                 use that stays free is kept while its goal is one of these, whatever
                 that costs now, unless `improve` finds a better one; it looks for one
-                where the path makes a detour.
+                where the path makes a detour or another goal may cost less.
             poses: (4, 4) poses of the tool, base frame [m] (the world's after
                 `set_base`), instead of goals: their inverse kinematics, those free in
                 the last frame first, then the nearest to the robot.

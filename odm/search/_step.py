@@ -384,6 +384,27 @@ def better_found(state, points, q):
     return numbers.better[0] >= rules.confirmations[0]
 
 
+@njit(**INNER)
+def least_possible(state):
+    """Return the weighted length that a path cannot be shorter than, below 0 too.
+
+    Where goals compete by their costs, a path to another one counts by what its goal
+    costs less than the goal of the path in use.
+    """
+    path, goals, q = (
+        view(state, "path"),
+        view(state, "goals"),
+        view(state, "robot_state").q,
+    )
+    least = weighted(q, path.q[path.count[0] - 1], state)
+    if view(state, "numbers").joint_costs[0] == 1:
+        own = goals.cost[path.count[1]]
+        for g in range(goals.count[0]):
+            other = weighted(q, goals.q[g], state) + goals.cost[g] - own
+            least = min(least, other)
+    return least
+
+
 @njit(**LEAN)
 def offer_better(state, points):
     """Look for a better path between frames; True: it is the candidate.
@@ -408,11 +429,8 @@ def offer_better(state, points):
         return False
     numbers.where[0] = where
     if path.count[1] == 0 or numbers.joint_costs[0] == 1:
-        straight = weighted(robot.q, path.q[path.count[0] - 1], state)
-        if (
-            rest_length(state, path, where, robot.q)
-            <= DETOUR_WORTH_SEARCHING * straight
-        ):
+        rest = rest_length(state, path, where, robot.q)
+        if rest <= DETOUR_WORTH_SEARCHING * least_possible(state):
             numbers.better[0] = 0
             return False
     if not better_found(state, points, robot.q):

@@ -71,6 +71,17 @@ def test_where_goals_have_costs_their_order_is_no_rank(planner):
     assert set(goals) == {1}
 
 
+def test_new_costs_of_the_same_goals_count_on_a_straight_path_too(planner):
+    worse = straight_goal(planner, ball_at(tool_pose(planner.robot, BETTER)[:3, 3]))
+    planner.reset()
+    for costs in ([0.0, 50.0], [50.0, 0.0], [0.0, 50.0]):
+        planner.set_goals([BETTER, worse], costs=costs)
+        for _ in range(60):
+            answer = planner.step(NOBODY, q=HOME)
+            planner.improve(8)
+        assert answer.goal == int(np.argmin(costs))
+
+
 def test_a_better_goal_beside_a_hand_is_taken_though_it_is_never_calm(planner):
     """It keeps clear of the frame's points, not of those grown by `calm`."""
     tool = tool_pose(planner.robot, BETTER)[:3, 3]
