@@ -178,6 +178,30 @@ def reduce_simplex(w, n, v_best):
     return m
 
 
+@njit(**INNER)
+def square_up(w, n, v):
+    """Set v across the face of the n rows of w, freed of rounding; say whether it is.
+
+    The nearest point of a long thin face is rounded so much that it is not square to
+    it; a bound along it is then too low by the length of the solids times that angle.
+    """
+    if n < 2:
+        return False
+    ax, ay, az = w[1, 0] - w[0, 0], w[1, 1] - w[0, 1], w[1, 2] - w[0, 2]
+    if n == 2:
+        bx, by, bz = ay * v[2] - az * v[1], az * v[0] - ax * v[2], ax * v[1] - ay * v[0]
+    else:
+        bx, by, bz = w[2, 0] - w[0, 0], w[2, 1] - w[0, 1], w[2, 2] - w[0, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    size = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if size == 0.0:
+        return False
+    if nx * v[0] + ny * v[1] + nz * v[2] < 0.0:
+        size = -size
+    v[0], v[1], v[2] = nx / size, ny / size, nz / size
+    return True
+
+
 @njit(**FULL)
 def core_distance(a, i, frame_a, b, j, frame_b, enough):
     """Return bounds (lower, upper) on the distance of two cores [m]; (0, 0): contact.
@@ -194,7 +218,7 @@ def core_between(a, i, frame_a, b, j, frame_b, enough, v):
     pa, pb = np.empty(3), np.empty(3)
     for c in range(3):
         v[c] = 1.0 if c == 0 else 0.0
-    n, low, high = 0, 0.0, np.inf
+    n, low, high, last = 0, 0.0, np.inf, False
     for _ in range(MAX_STEPS):
         support(a, i, frame_a, -v[0], -v[1], -v[2], pa)
         support(b, j, frame_b, v[0], v[1], v[2], pb)
@@ -203,15 +227,18 @@ def core_between(a, i, frame_a, b, j, frame_b, enough, v):
             w[n, c] = pa[c] - pb[c]
             along += v[c] * w[n, c]
         low = max(low, along / math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2))
-        if low >= high - TIGHT or low >= enough:
+        if last or low >= high - TIGHT or low >= enough:
             break
         n = reduce_simplex(w, n + 1, v)
         size = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
         if n == 0 or size < 1e-12:
             return 0.0, 0.0
-        if size >= high:  # rounding: no progress left
+        if size < high:
+            high = size
+        elif square_up(w, n, v):  # rounding: no progress left but in the direction
+            last = True
+        else:
             break
-        high = size
     return min(low, high), high
 
 

@@ -12,13 +12,14 @@ from scipy.spatial.transform import Rotation
 
 import roadmap
 from odm.audit import _exact as kernels
-from odm.audit.exact import ExactRobot, flat_frames, obstacles_of
+from odm.audit.exact import ExactRobot, flat_frames, gather, obstacles_of
 from odm.audit.fcl_robot import FclRobot, geometry_of
 from odm.obstacles import shapes
 
 seeds = st.integers(0, 2**32 - 1)
 laws = settings(deadline=None, max_examples=150)
 KINDS = ("sphere", "capsule", "cylinder", "box", "hull")
+_HERE = flat_frames(np.eye(4)[None])[0]
 
 
 @pytest.fixture(scope="module")
@@ -241,3 +242,115 @@ def test_poses_become_rows():
     row = flat_frames(T[None])[0]
     assert np.array_equal(row[:9].reshape(3, 3), T[:3, :3])
     assert np.array_equal(row[9:], T[:3, 3])
+
+
+def cores(*clouds):
+    """Return each cloud of points as the core of one convex, and where it stands."""
+    none = np.zeros(1, np.int64)
+    return [gather([(np.asarray(c, float), 0.0, 0.0, 0.0)], none) for c in clouds]
+
+
+def core_bounds(one, other):
+    a, b = cores(one, other)
+    return kernels.core_distance(a, 0, _HERE, b, 0, _HERE, np.inf)
+
+
+def bounds_of_least_squares(a, b):
+    """Return how far two clouds are apart along a plane, and two of their points."""
+    n, k, weight = len(a), len(b), 1e3
+    ones = np.vstack([np.r_[np.ones(n), np.zeros(k)], np.r_[np.zeros(n), np.ones(k)]])
+    rows = np.vstack([np.hstack([a.T, -b.T]), weight * ones])
+    x, _ = nnls(rows, np.array([0, 0, 0, weight, weight]), maxiter=10_000)
+    v = x[:n] / x[:n].sum() @ a - x[n:] / x[n:].sum() @ b
+    far = np.linalg.norm(v)
+    return ((a @ v).min() - (b @ v).max()) / far, far
+
+
+# Two edges make a flat tetrahedron. Each pair was told to be in contact.
+APART = {
+    "edges": (
+        [[-6.701, -2.697, -4.534], [-6.715, -2.715, -4.512]],
+        [[-10.137, -3.225, -11.035], [-1.019, -1.715, 6.411]],
+    ),
+    "longer edges": (
+        [[-14.7, -5.74, 9.02], [-14.72, -5.74, 8.99]],
+        [[-6.23, -7.63, -10.18], [-23.8, -3.76, 29.58]],
+    ),
+    "triangle and edge": (
+        [[1.28, -5.83, 2.76], [1.29, -5.83, 2.71], [1.26, -5.84, 2.72]],
+        [[2.01, -9.09, 2.28], [-1.04, 4.53, 4.02]],
+    ),
+    "tetrahedron and edge": (
+        [
+            [5.22, 7.41, -0.69],
+            [5.17, 7.47, -0.75],
+            [5.21, 7.43, -0.72],
+            [5.2, 7.39, -0.73],
+        ],
+        [[6.85, 12.05, -1.5], [2.32, -0.68, 0.51]],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", APART)
+def test_edges_that_are_apart_are_not_in_contact(name):
+    a, b = (np.array(cloud) for cloud in APART[name])
+    low, high = core_bounds(a, b)
+    assert low <= high <= low + 1e-9
+    assert low == pytest.approx(bounds_of_least_squares(a, b)[1], abs=1e-8)
+    # the nearest points lie within two edges: so far are the lines of one such pair
+    across = [np.cross(q - p, b[1] - b[0]) for p, q in itertools.combinations(a, 2)]
+    from_ = [p for p, _ in itertools.combinations(a, 2)]
+    lines = [
+        abs((b[0] - p) @ n) / np.linalg.norm(n)
+        for p, n in zip(from_, across, strict=True)
+    ]
+    assert np.abs(np.array(lines) - low).min() < 1e-9 and low > 0.01
+
+
+def test_no_flat_tetrahedron_holds_a_point_beside_its_plane():
+    """Corners of a parallelogram, rounded: how two edges come to the simplex."""
+    rng, v = np.random.default_rng(11), np.empty(3)
+    for _ in range(2000):
+        p, q = rng.normal(size=(2, 3)) * 10 ** rng.uniform(-3, 0, (2, 1))
+        n = np.cross(p, q) / np.linalg.norm(np.cross(p, q))
+        far = 10 ** rng.uniform(-6, 0)
+        corner = far * n - rng.uniform(0, 1) * p - rng.uniform(0, 1) * q
+        w = corner + np.array([np.zeros(3), p, q, p + q])
+        assert kernels.reduce_simplex(w, 4, v) > 0
+        assert np.linalg.norm(v) == pytest.approx(far, rel=1e-3)
+
+
+def test_a_tetrahedron_that_holds_0_says_so_however_flat_it_is():
+    """Where rounding hides it, what is left is no farther than the thing is thick."""
+    rng, v, proved = np.random.default_rng(12), np.empty(3), 0
+    for _ in range(2000):
+        thick = 10 ** rng.uniform(-12, 0)
+        w = rng.normal(size=(4, 3)) * [1.0, 1.0, thick]
+        w -= rng.dirichlet(np.ones(4)) @ w
+        w = w @ Rotation.random(random_state=rng).as_matrix()
+        if kernels.reduce_simplex(w, 4, v) == 0:
+            proved += 1
+        else:
+            assert np.linalg.norm(v) <= 4.0 * min(thick, 1e-4)
+    assert proved > 1000
+
+
+def test_small_solids_beside_the_edge_of_a_long_slab_lie_within_bounds():
+    """A plane between two solids says how far at least, two points how far at most."""
+    rng, apart = np.random.default_rng(13), 0
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+    for _ in range(1500):
+        turn = Rotation.from_euler("z", rng.uniform(0, 6)).as_matrix()
+        b = corners * [*10 ** rng.uniform(-1, 1, 2), 0.02] @ turn.T
+        one, other = b[rng.integers(8, size=2)]
+        t, off = rng.random(), rng.normal(size=3) * 10 ** rng.uniform(-4, -1)
+        a = rng.normal(size=(rng.integers(2, 20), 3)) * rng.uniform(0.005, 0.05, 3)
+        a += t * one + (1 - t) * other + off
+        least, most = bounds_of_least_squares(a, b)
+        low, high = core_bounds(a, b)
+        assert low <= most + 1e-9 and high >= least - 1e-9
+        if least > 1e-6:
+            apart += 1
+            assert low >= least - 1e-9 and high - low <= 1e-8
+    assert apart > 200
