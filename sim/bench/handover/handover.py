@@ -83,12 +83,7 @@ def run(
         BadInput: `only` names another scene.
     """
     tell = tell or (lambda text: None)
-    for name in only or ():
-        if name not in PAPER:
-            raise BadInput(
-                f"the paper has no scene {name!r}; give one of {', '.join(PAPER)}"
-            )
-    names = ["varied"] if own else list(only or PAPER)
+    names = ["varied"] if own else _of_the_paper(only)
     runs = 2 if short else runs or (OWN if own else 100)
     rows, found, tables, ended = [], {}, [], ""
     if not own and not short:
@@ -113,18 +108,31 @@ def run(
     return {
         "bench": "handover",
         "header": header(),
-        "setup": {
-            "runs of each scene": runs,
-            "first seed": seed,
-            "time limit": f"{_LIMIT_S:g} s",
-            "paper": "Core i7 of 1.6 GHz",
-            "ours": "seconds of one processor; wall clock beside them in the JSON",
-            **({"draws kept in": str(out)} if out else {}),
-            **({"ended": ended} if ended else {}),
-        },
+        "setup": _setup(runs, seed, out, ended),
         "rows": rows,
         "tables": tables,
         "runs": found,
+    }
+
+
+def _of_the_paper(only: Sequence[str] | None) -> list[str]:
+    for name in only or ():
+        if name not in PAPER:
+            raise BadInput(
+                f"the paper has no scene {name!r}; give one of {', '.join(PAPER)}"
+            )
+    return list(only or PAPER)
+
+
+def _setup(runs: int, seed: int, out: Path | None, ended: str) -> dict:
+    return {
+        "runs of each scene": runs,
+        "first seed": seed,
+        "time limit": f"{_LIMIT_S:g} s",
+        "paper": "Core i7 of 1.6 GHz",
+        "ours": "seconds of one processor; wall clock beside them in the JSON",
+        **({"draws kept in": str(out)} if out else {}),
+        **({"ended": ended} if ended else {}),
     }
 
 

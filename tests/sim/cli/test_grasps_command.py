@@ -70,7 +70,7 @@ def test_what_is_no_grasp_set_is_left_alone(odm, tmp_path):
 
 def test_ctrl_c_leaves_nothing(tmp_path):
     words = ["-m", "sim.cli.main", "grasps", "build", "--object", "hammer", "--hand"]
-    words += ["sdh", "--out", "set"]
+    words += ["sdh", "--samples", "3000", "--out", "set"]  # minutes
     with started(words, tmp_path) as process:
         time.sleep(12.0)
         process.send_signal(signal.SIGINT)

@@ -86,7 +86,7 @@ def test_still_capsules_of_no_length_have_a_distance():
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"story": "dance"}, "choose work or handover"),
+        ({"story": "dance"}, "choose work, handover or maintenance"),
         ({"direction": "give"}, "--direction goes with `odm demo handover`"),
         ({"story": "handover", "direction": "up"}, "choose give or receive"),
         ({"story": "handover", "human": "mocap"}, "--file F go together"),
