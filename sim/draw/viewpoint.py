@@ -157,9 +157,28 @@ def _seen(camera: Camera, balls: np.ndarray, others: np.ndarray) -> float:
     inside &= (pixels < [camera.width, camera.height]).all(axis=1)
     rays = places - eye
     along = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    others = _between(eye, rays, others)
     to = others[None, :, :3] - eye
     depth = np.einsum("nk,mjk->nj", along, to)
     off = np.linalg.norm(to - depth[..., None] * along[:, None], axis=2)
     nearer = depth < np.linalg.norm(rays, axis=1)[:, None] - others[:, 3]
     hidden = ((off < others[:, 3]) & nearer & (depth > 0)).any(axis=1)
     return float(np.mean(inside & ~hidden))
+
+
+def _between(eye: np.ndarray, rays: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return those balls of `others` (m, 4) that reach into the cone of rays (n, 3).
+
+    Most of a large floor does not, and what a ball hides is asked of each pair.
+    """
+    far = np.linalg.norm(rays, axis=1)
+    along = rays / far[:, None]
+    axis = along.mean(axis=0)
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
+    widest = np.arccos(np.clip((along @ axis).min(), -1.0, 1.0))
+    to = others[:, :3] - eye
+    distance = np.maximum(np.linalg.norm(to, axis=1), 1e-9)
+    angle = np.arccos(np.clip(to @ axis / distance, -1.0, 1.0))
+    size = np.arcsin(np.minimum(others[:, 3] / distance, 1.0))
+    near = distance - others[:, 3] <= far.max()
+    return others[near & (angle - size <= widest)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.draw.viewpoint import Camera, clearest, framed
+from sim.draw.viewpoint import Camera, _between, clearest, framed
 
 CAMERA = Camera(eye=(0.0, -2.0, 1.0), target=(0.0, 0.0, 0.5))
 
@@ -51,3 +51,20 @@ def test_a_body_too_large_for_the_picture_is_seen_from_farther_away():
     away = np.subtract(found.eye, found.target)
     assert np.linalg.norm(away) > np.linalg.norm([0.0, 2.0, 0.5])
     assert abs(np.cross(away, np.subtract(CAMERA.eye, CAMERA.target))).max() < 1e-9
+
+
+def test_what_is_out_of_the_cone_hides_nothing():
+    """The answer is that of all balls, and of a floor few are asked."""
+    rng, eye = np.random.default_rng(5), np.array([2.0, 1.0, 1.5])
+    for grain in (0.02, 0.4):
+        rays = rng.normal(0.0, 0.5, (60, 3)) - eye
+        others = np.c_[rng.normal(0.0, 3.0, (800, 3)), rng.uniform(0.01, grain, 800)]
+        far = np.linalg.norm(rays, axis=1)
+        along = rays / far[:, None]
+        to = others[:, :3] - eye
+        depth = along @ to.T
+        off = np.linalg.norm(to - depth[..., None] * along[:, None], axis=2)
+        hides = (off < others[:, 3]) & (depth > 0) & (depth < far[:, None])
+        kept = _between(eye, rays, others)
+        assert {tuple(b) for b in others[hides.any(axis=0)]} <= set(map(tuple, kept))
+        assert len(kept) < len(others)
