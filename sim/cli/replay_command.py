@@ -1,4 +1,4 @@
-"""`odm replay`: a recorded run again, or recorded obstacle frames."""
+"""`odm replay`: a recorded run again, a hand-over plan, or obstacle frames."""
 
 import sys
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
-from sim.terminal.checks import FOLDER, Limits, Refused, Writes
+from sim.terminal.checks import FILM, FOLDER, Limits, Refused, Writes
 from sim.terminal.flags import Json, argument, flag, from_request, given
 from sim.terminal.output import show_json, write_text
 from sim.terminal.progress import Bars
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _RUN = "A recorded run"
 _FRAMES = "Recorded obstacle frames"
+_PLAN = "A hand-over plan"
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,9 @@ class ReplayRequest:
     """What `odm replay` is asked for."""
 
     file: Path | None = argument(
-        None, "A recording of `odm run --record`.", metavar="FILE"
+        None,
+        "A recording of `odm run --record`, or a plan of `odm handover plan`.",
+        metavar="FILE",
     )
     map_dir: Path | None = flag(
         None, "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
@@ -62,6 +65,9 @@ class ReplayRequest:
         panel=_RUN,
         writes=FOLDER,
     )
+    animation: Path | None = flag(
+        None, "Write a film of it.", metavar="GIF", panel=_PLAN, writes=FILM
+    )
     frames: Path | None = flag(
         None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
     )
@@ -86,6 +92,9 @@ def replay(request: ReplayRequest) -> None:
     Exit code 0: the same; 1: not, with the first frame that differs. The figures of
     --json hold no times of a clock.
 
+    A hand-over plan (.json) is told motion by motion, and drawn with --animation: its
+    file and the URDFs that it names are enough.
+
     Recorded obstacle frames are played through the planner instead: a file of
     `capsules` (F, K, 7), or `points` (sum, 3) and `offsets` (F + 1,), with `q_start`,
     `q_goal` (dof,) and `rate_hz`. Between frames the robot moves along the answer's
@@ -97,6 +106,12 @@ def replay(request: ReplayRequest) -> None:
     from sim.record import is_record
 
     path = request.frames or request.file
+    if request.file is not None and path.suffix.lower() == ".json":
+        what = f"a recording, but {path} is a hand-over plan"
+        _refuse(given(request, _RUN) + given(request, _FRAMES), what)
+        _play_plan(path, request)
+        return
+    _refuse(given(request, _PLAN), f"a hand-over plan, which {path} is not")
     if is_record(path):
         what = f"recorded obstacle frames, but {path} is a recorded run"
         _refuse(given(request, _FRAMES), what)
@@ -115,6 +130,25 @@ def _refuse(flags: list[str], what: str) -> None:
 
     if flags:
         raise BadInput(f"{flags[0]} goes with {what}; leave it out")
+
+
+def _play_plan(path: Path, request: ReplayRequest) -> None:
+    """Tell what a hand-over plan does, and draw it."""
+    from sim.run.played_plan import read_played, show_played
+
+    played = read_played(path)
+    facts = played.facts()
+    if request.animation is not None:
+        from sim.run.handover_film import write_handover_film
+
+        film = write_handover_film(played, played.record, request.animation)
+        facts["animation"] = str(film)
+    if request.json is not None:
+        show_json(facts, request.json)
+    if request.json != "-":
+        show_played(played)
+        if request.animation is not None:
+            print(f"animation in {request.animation}")
 
 
 def _play(path: Path, request: ReplayRequest) -> None:

@@ -11,17 +11,20 @@ from roadmap.unfinished import beside
 from sim.draw.scene_picture import agent_triangles
 from sim.draw.standing import all_triangles
 from sim.draw.style import AMBER, INK, TEAL
+from sim.run.played_plan import PlayedPlan
 
 _FRAMES, _FPS = 60, 10
 _COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
 _LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
-def write_handover_film(scene: Scene, record: Mapping, path: str | Path) -> Path:
+def write_handover_film(
+    scene: Scene | PlayedPlan, record: Mapping, path: str | Path
+) -> Path:
     """Write a GIF of a plan, evenly sampled over its duration.
 
     Args:
-        scene: The scene.
+        scene: The scene, or the plan's own file as it was read.
         record: The plan, see `handover.scenes.plan_file`.
         path: File to write, whole or not at all.
 
