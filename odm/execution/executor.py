@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from odm.execution.lookout import Lookout, SeparationWatch
+from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Moving, Threat
 from odm.execution.tracking import TrackingMonitor
@@ -38,6 +39,8 @@ _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
+_EVASIONS = (0.8, 0.5, 0.2)  # shares of its present speed at which an evasion goes on
+_SLOWEST = 0.01  # share of the speed limits below which none is rescaled
 _TRACKING = 0.002  # tracking share for planners without a map [m]
 
 
@@ -57,8 +60,12 @@ class ExecutionSettings:
         commit_delay_s: A new path begins where the robot would stand if it began to
             stop this much later [s]. More: corners have more length to be rounded on,
             and the robot answers later.
-        min_retreat_separation: No retreat where the separation, extrapolated by two
-            frames, is below this [m].
+        min_retreat_separation: No backing off where the separation, extrapolated by
+            two frames, is below this [m].
+        yield_gap: Who comes is evaded only as far as the links themselves keep this
+            from them until a stop is over [m]. Less: it goes on where a person is
+            within the cover, and is touched while it moves by who speeds up by more
+            than is assumed.
         encoder_error: Bound on the position error of any robot point that the encoders
             cause [m]; it is taken off the tracking share of m. It cannot be measured
             here, so the caller has to know it.
@@ -71,6 +78,7 @@ class ExecutionSettings:
     blend: float = 0.004
     commit_delay_s: float = 0.05
     min_retreat_separation: float = 0.022
+    yield_gap: float = 0.005
     encoder_error: float = 0.0
 
     def __post_init__(self) -> None:
@@ -86,6 +94,7 @@ class ExecutionSettings:
             "blend": (0.0, 1.0, "m"),
             "commit_delay_s": (0.0, 10.0, "s"),
             "min_retreat_separation": (0.0, np.inf, "m"),
+            "yield_gap": (0.0, 0.1, "m"),
             "encoder_error": (0.0, 0.1, "m"),
         }
         check_settings(self, ranges)
@@ -143,6 +152,7 @@ class Executor:
         looks = self.brakes and callable(getattr(planner, "evasion", None))
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
+        self._shells = ShellTest(planner)
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
         self._frame = 0
@@ -338,17 +348,12 @@ class Executor:
         """Whether it retreats from who comes, and takes no answer."""
         if self._evading:
             self._evading = not self.at_rest
-            if self._evading and self._may_move():
-                if self._retreat_free(self.motion, self.t, threat):
-                    return True
-                scale = _LOWER * self.motion.speed_scale
-                slower = self.motion.rescaled(self.t, scale)
-                if self._retreat_free(slower, 0.0, threat):
-                    self._take(slower)
-                    return True
             if self._evading:
+                if self._evades_on(threat):
+                    return True
                 self._evading = False
                 self._stop_and_stand()
+                self._lookout.look_at_once()
                 return True
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not isinstance(threat, Threat):
@@ -359,17 +364,35 @@ class Executor:
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
         return path is not None and self._begin_evading(path, commit, threat)
 
+    def _evades_on(self, threat: Moving | None) -> bool:
+        """Go on with an evasion as fast as the person lets it; False: not at all.
+
+        A quick robot takes longer to stop, and the person gets farther meanwhile: so
+        the speed that passes falls as they come near, and rises where they fall back.
+        """
+        robot, motion, full = self.robot, self.motion, self.settings.yield_scale
+        if self._evasion_free(motion, self.t, threat):
+            if motion.speed_scale < full:
+                scale = min(full, motion.speed_scale / _LOWER)
+                faster = motion.rescaled(self.t, scale)
+                if self._evasion_free(faster, 0.0, threat):
+                    self._take(faster)
+            return True
+        now = float(np.abs(motion.at(self.t).dq / robot.max_velocity).max())
+        for share in _EVASIONS:
+            scale = max(share * min(now, full), _SLOWEST)
+            slower = motion.rescaled(self.t, scale)
+            if self._evasion_free(slower, 0.0, threat):
+                self._take(slower)
+                return True
+        return False
+
     def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
         """Retreat along a path, as fast as the person lets it; False if not at all."""
-        if (
-            not self._separation.measure(self.set_point.q)
-            >= self.settings.min_retreat_separation
-        ):
-            return False
         for share in _RETREATS:
             scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
-            if self._retreat_free(motion, 0.0, threat):
+            if self._evasion_free(motion, 0.0, threat):
                 self._take(motion)
                 self._evading, self._on_path = True, False
                 self.state, self.reason = RETREATING, "somebody comes"
@@ -415,6 +438,22 @@ class Executor:
             self.held = None
             return True
         return self._stop_free(motion, t, threat, closer=self._clearance)
+
+    def _evasion_free(self, motion: Motion, t: float, threat: Moving | None) -> bool:
+        """Test an evasion until it can stand: by the cover, and else by the shells."""
+        if threat is None or not self.brakes:
+            return self._retreat_free(motion, t, threat)
+        gap = self.settings.yield_gap
+        closer = max(self._clearance - gap, 0.0)
+        if self._stop_free(motion, t, threat, closer=closer):
+            return True
+        if self.off or not isinstance(threat, Threat):
+            return False
+        begin, stop = self._stop_behind(motion, t)
+        if not self._shells.passes(motion, t, begin, stop, threat, gap):
+            return False
+        self._hold_ready(stop)
+        return True
 
     def _begins_here(self, path: np.ndarray) -> bool:
         """Whether a path begins at the set-point: from elsewhere it proves nothing."""
@@ -509,19 +548,26 @@ class Executor:
         may also begin that much later. The robot may come `closer` than m [m]. It may
         be `off` its motion by more than m allows for; the balls grow by that.
         """
-        begin = min(t + self.period + delay, motion.duration)
-        stop = motion.stop(begin)
+        begin, stop = self._stop_behind(motion, t, delay)
         how = (threat, closer, self.off)
         if not self._test.passes(motion, t, begin, stop, *how):
             return False
         if delay > 0.0:  # the stop that is held begins behind the next set-point
-            begin = min(t + self.period, motion.duration)
-            stop = motion.stop(begin)
+            begin, stop = self._stop_behind(motion, t)
             if not self._test.passes(motion, t, begin, stop, *how):
                 return False
-        self.held = stop
-        self.held_t = -self.period
+        self._hold_ready(stop)
         return True
+
+    def _stop_behind(
+        self, motion: Motion, t: float, delay: float = 0.0
+    ) -> tuple[float, Motion]:
+        """Return when a stop behind the next set-point begins [s], and that stop."""
+        begin = min(t + self.period + delay, motion.duration)
+        return begin, motion.stop(begin)
+
+    def _hold_ready(self, stop: Motion) -> None:
+        self.held, self.held_t = stop, -self.period
 
     def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)

@@ -70,6 +70,10 @@ class Lookout:
         # a motion that keeps m may come so much nearer, and is no reason to leave
         self._closer = safety.blending + safety.tracking
 
+    def look_at_once(self) -> None:
+        """Wait no longer than between two looks: the last evasion was broken off."""
+        self._wait_s = min(self._wait_s, _BETWEEN_LOOKS)
+
     def evasion(
         self,
         motion: Motion,

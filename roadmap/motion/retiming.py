@@ -32,8 +32,9 @@ def timed(path: BlendedPath, state: State, scale: float) -> SpeedProfile:
         return ProfileBuilder(State(state.s, 0.0, 0.0)).profile()
     limits = np.minimum(scale * path.joint_speed, path.turning_speed)
     ends = np.array([p.end for p in path.pieces])
-    stops = path.stops
     k = path.index_of(state)
+    stops = path.stops[k:].copy()
+    stops[0] = False  # the corner behind it is passed
     steady = path.steady_speed(state)
     if max(state.v, steady) > (1.0 + 1e-6) * path.fastest(k):
         raise NoProfile(f"{state.v} is too fast for the piece ahead")
@@ -47,7 +48,7 @@ def timed(path: BlendedPath, state: State, scale: float) -> SpeedProfile:
         if s > ends[k] + NEAR:
             continue
         lengths = np.diff(np.maximum(ends[k:], s), prepend=s)
-        rest = (limits[k:], stops[k:], path.a[k:], path.j[k:])
+        rest = (limits[k:], stops, path.a[k:], path.j[k:])
         speeds = junction_speeds(lengths, *rest)
         if v > speeds[0] + SAME:
             continue

@@ -1,0 +1,158 @@
+"""A stop tested by the shells of the links, where the cover is too thick for it.
+
+The spheres of the cover stick out of the links by one or two centimetres. Who comes so
+near to a robot that stands would pin it: no motion, not even one that leaves, passes
+the braking test by its cover. The shells (`Robot.shell_points`) are convex, contain
+the links, and stick out of them by a millimetre.
+
+What a link sweeps while q goes straight from q0 to q1: a vertex goes from p0 to p1, and
+is never farther from the straight line between the two than |p''| / 8, with p'' bounded
+over the whole piece (`motion_bounds`). So the link is within that of the convex hull of
+its vertices at q0 and at q1. The person is held meanwhile by capsules
+(`odm.execution.threat`). The distance of the hull from a capsule's axis is bounded from
+below by GJK; the piece is free where that is at least the capsule's radius, what the
+vertices bend, and the margin that was asked for.
+
+Rounded corners are no straight pieces: a motion that has one before its stop fails.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from odm.execution._shell_test import hulls_apart
+from odm.execution.threat import Threat
+from roadmap.arrays import frozen
+from roadmap.kinematics import _forward as kernels
+from roadmap.motion.motion import Motion
+from roadmap.robot.robot import Robot
+
+_SLICE = 0.02  # a motion is tested in pieces of this length [s]
+_BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
+
+
+class _Shells:
+    """The shells of a robot's moving links, and room for what they sweep."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        sizes = np.diff(robot.shell_ptr)
+        body = robot.link_body[robot.shell_link]
+        these = np.flatnonzero(body > 0)  # the base does not move
+        rows = [np.arange(*robot.shell_ptr[k : k + 2]) for k in these]
+        which = np.concatenate([*rows, np.zeros(0, int)])
+        self.points = frozen(robot.shell_points[which], np.float64)
+        self.body = frozen(np.repeat(body, sizes)[which], np.int32)
+        self.reach = frozen(robot.shell_reach[these], np.float64)
+        # of each hull: its vertices at q0, then at q1
+        self.ptr = 2 * np.r_[0, np.cumsum(sizes[these])].astype(np.int64)
+        n = len(which)
+        shifts = np.repeat(self.ptr[:-1] // 2, sizes[these])
+        self._at_0 = np.arange(n) + shifts
+        self._at_1 = self._at_0 + np.repeat(sizes[these], sizes[these])
+        self.swept = np.zeros((2 * n + 2, 3))
+        self._placed = np.zeros((n, 3))
+        self._frames = np.zeros((len(robot.tree_i), 12))
+        self._rates = np.zeros((2, len(robot.tree_i)))
+        self.first, self.second = np.zeros(len(these)), np.zeros(len(these))
+        self.room = np.zeros((19, 3))
+
+    def sweep(self, q0: np.ndarray, q1: np.ndarray) -> bool:
+        """Place all vertices at both ends of a piece; return whether they are known."""
+        robot = self.robot
+        for q, rows in ((q0, self._at_0), (q1, self._at_1)):
+            q = np.ascontiguousarray(q)
+            kernels.body_frames(robot.tree_i, robot.tree_f, q, self._frames)
+            kernels.place_points(self._frames, self.body, self.points, self._placed)
+            self.swept[rows] = self._placed
+        tree = robot.tree_i, robot.tree_f, self.reach
+        dq = np.ascontiguousarray(q1 - q0)
+        kernels.motion_bounds(*tree, dq, self._rates, self.first, self.second)
+        return bool(np.isfinite(self.swept).all() and np.isfinite(self.second).all())
+
+    def apart(self, capsules: np.ndarray, least: float) -> bool:
+        """Whether what was swept keeps a distance from capsules (j, 7) [m]."""
+        rows = np.ascontiguousarray(capsules)
+        if not np.isfinite(rows).all():
+            return False
+        told = (self.swept, self.ptr, self.second / 8.0, rows, least)
+        return bool(hulls_apart(*told, _BASE, self.room))
+
+
+class ShellTest:
+    """Tests the stops of a retreat against a person who is within the cover.
+
+    Args:
+        planner: Its robot counts, with what it carries, and where its base stands.
+    """
+
+    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+        """Keep the planner."""
+        self.planner = planner
+        self._shells: _Shells | None = None
+
+    def passes(
+        self,
+        motion: Motion,
+        t: float,
+        begin: float,
+        stop: Motion,
+        threat: Threat,
+        least: float,
+    ) -> bool:
+        """Whether the links keep `least` [m] from the person to the end of a stop.
+
+        Args:
+            motion: The motion in use.
+            t: The present time on it [s].
+            begin: When the stop begins, on the same clock [s].
+            stop: The stop on the same path.
+            threat: Where the person can be.
+            least: Distance to keep [m].
+        """
+        robot = self.planner.static.robot
+        if self._shells is None or self._shells.robot is not robot:
+            self._shells = _Shells(robot)
+        if not len(self._shells.points):
+            return False  # a robot without solids is its cover
+        before = max(begin - t, 0.0)
+        parts = ((motion, t, t + before, 0.0), (stop, 0.0, stop.duration, before))
+        return all(self._clear(*part, threat, least) for part in parts)
+
+    def _clear(
+        self,
+        motion: Motion,
+        begin: float,
+        end: float,
+        later: float,
+        threat: Threat,
+        least: float,
+    ) -> bool:
+        """Test a motion from `begin` to `end`, which is at `later` from now on."""
+        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
+        times = begin + (end - begin) * np.arange(n + 1) / n
+        if not _is_straight(motion, begin, end):
+            return False
+        T = self.planner.frame.base_world
+        for a, b in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
+            there, more = threat.between(later + a - begin, later + b - begin)
+            if not math.isfinite(more) or not len(there):
+                return False
+            rows = np.array(there.capsules)
+            rows[:, 6] += more
+            for k in (0, 3):
+                rows[:, k : k + 3] = rows[:, k : k + 3] @ T[:3, :3].T + T[:3, 3]
+            corners = motion.path_from(a, motion.place(b))
+            legs = list(zip(corners[:-1], corners[1:], strict=True))
+            for q0, q1 in legs or [(corners[0], corners[0])]:
+                if not (self._shells.sweep(q0, q1) and self._shells.apart(rows, least)):
+                    return False
+        return True
+
+
+def _is_straight(motion: Motion, begin: float, end: float) -> bool:
+    """Whether a motion rounds no corner between two times."""
+    a, b = motion.place(begin), motion.place(end)
+    pieces = motion.path.pieces
+    return not any(p.d > 0.0 and p.end > a and p.begin < b for p in pieces)
