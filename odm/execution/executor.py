@@ -371,6 +371,7 @@ class Executor:
         the speed that passes falls as they come near, and rises where they fall back.
         """
         robot, motion, full = self.robot, self.motion, self.settings.yield_scale
+        threat = _as_lately(threat)
         if self._evasion_free(motion, self.t, threat):
             if motion.speed_scale < full:
                 scale = min(full, motion.speed_scale / _LOWER)
@@ -389,6 +390,7 @@ class Executor:
 
     def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
         """Retreat along a path, as fast as the person lets it; False if not at all."""
+        threat = _as_lately(threat)
         for share in _RETREATS:
             scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
@@ -581,3 +583,8 @@ class Executor:
 
     def _take(self, motion: Motion) -> None:
         self.motion, self.t = motion, 0.0
+
+
+def _as_lately(threat: Moving | None) -> Moving | None:
+    """Return a person who speeds up as they lately did, others as they are."""
+    return threat.as_lately() if isinstance(threat, Threat) else threat

@@ -48,6 +48,9 @@ class SpeedSettings:
         least_speed: Slower than this it is never made [m/s]; 0.15 is well below the
             0.25 m/s at which robots beside people are commonly taught.
         unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
+        hand_near: So near to a hand that takes part [m] ...
+        hand_speed: ... no point of the robot is quicker than this, whichever way it
+            goes [m/s]: for comfort, no term of the standard.
     """
 
     reaction_s: float = 0.02
@@ -56,6 +59,8 @@ class SpeedSettings:
     position_error: float = 0.02
     least_speed: float = 0.15
     unknown_speed: float = 1.6
+    hand_near: float = 0.25
+    hand_speed: float = 0.5
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -70,6 +75,8 @@ class SpeedSettings:
             "position_error": (0.0, 10.0, "m"),
             "least_speed": (0.001, 10.0, "m/s"),
             "unknown_speed": (0.0, 100.0, "m/s"),
+            "hand_near": (0.0, 10.0, "m"),
+            "hand_speed": (0.001, 100.0, "m/s"),
         }
         check_settings(self, ranges)
 
@@ -93,7 +100,12 @@ class SpeedLimit:
         self._radii = np.array(robot.spheres[self._moving, 3])
 
     def share(
-        self, motion: Motion, t: float, speed_scale: float, threat: Threat
+        self,
+        motion: Motion,
+        t: float,
+        speed_scale: float,
+        threat: Threat,
+        hands: np.ndarray | None = None,
     ) -> float:
         """Return the share of `speed_scale` that is allowed now, in (0, 1].
 
@@ -102,6 +114,7 @@ class SpeedLimit:
             t: The time on it [s].
             speed_scale: Share of the joints' speed limits at full speed.
             threat: The person, as seen now.
+            hands: (k, 7) capsules of hands that take part [m]; None: none does.
         """
         here, there = motion.at(t).q, motion.at(t + _AHEAD).q
         step = difference(self.robot, here, there)
@@ -118,8 +131,23 @@ class SpeedLimit:
         moved *= full / short
         rates = np.where(threat.known[:, None, None], threat.velocity, np.nan)
         rows = np.ascontiguousarray(threat.capsules)
-        return float(
-            allowed_share(
-                centers, moved, self._radii, rows, rates.reshape(-1, 6), self._rule
-            )
-        )
+        rates = rates.reshape(-1, 6)
+        share = allowed_share(centers, moved, self._radii, rows, rates, self._rule)
+        if hands is not None and len(hands):
+            share = min(share, self._share_near(hands, centers, moved))
+        return float(share)
+
+    def _share_near(
+        self, hands: np.ndarray, centers: np.ndarray, moved: np.ndarray
+    ) -> float:
+        """Return the share at which what is near a hand keeps `hand_speed`."""
+        s = self.settings
+        a, axis = hands[:, :3], hands[:, 3:6] - hands[:, :3]
+        off = centers[:, None] - a
+        along = np.einsum("nki,ki->nk", off, axis)
+        along /= np.maximum(np.einsum("ki,ki->k", axis, axis), 1e-12)
+        off -= np.clip(along, 0.0, 1.0)[..., None] * axis
+        gaps = np.sqrt(np.einsum("nki,nki->nk", off, off)) - hands[:, 6]
+        near = (gaps - self._radii[:, None] < s.hand_near).any(axis=1)
+        fastest = np.sqrt(np.einsum("ni,ni->n", moved[near], moved[near]))
+        return min(1.0, s.hand_speed / max(fastest.max(initial=0.0), 1e-9))

@@ -34,7 +34,7 @@ frame on that agrees. Where one is not known, R is e + speed * t about p(0).
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -45,6 +45,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.ranges import check_settings
 
 _DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
+_SPURT = 0.06  # [s] over so long an acceleration is measured
 _CONFIRMED = 3  # frames that agree on a velocity
 _MOST_GROWTH = 4.0  # [m] who may be farther away may be anywhere
 
@@ -124,6 +125,10 @@ class Threat:
             None takes `velocity`.
         unknown: A part whose velocity is not known is no faster [m/s]: as fast as
             the settings say, or as any part was lately, which may be this one.
+        past: Times [s] and ends (n, 2, 3) [m] of the last fifth of a second, the
+            latest last.
+        rows: (k,) which of those ends each part is; None: the first k.
+        most: (k,) largest acceleration of each part [m/s2]; None: the settings'.
     """
 
     capsules: np.ndarray
@@ -133,6 +138,42 @@ class Threat:
     settings: ThreatSettings
     drift: np.ndarray | None = None
     unknown: float = 0.0
+    past: tuple[tuple[float, np.ndarray], ...] = ()
+    rows: np.ndarray | None = None
+    most: np.ndarray | None = None
+
+    @property
+    def rows_of_past(self) -> np.ndarray:
+        """(k,) which of the ends in `past` each part is."""
+        return np.arange(len(self.capsules)) if self.rows is None else self.rows
+
+    def as_lately(self) -> "Threat":
+        """Return the same of a person who speeds up as they lately did, at least.
+
+        Over 60 ms each, as far as `noise` shows it. Who does not do more than
+        the settings say is as before.
+        """
+        seen = np.array([ends[self.rows_of_past] for _, ends in self.past])
+        least = self.settings.acceleration
+        if len(seen) < 3 or not least:
+            return self
+        times = np.array([t for t, _ in self.past])
+        most = np.full(len(self.capsules), least)
+        for last in range(len(seen) - 1, 1, -1):
+            first = int(np.searchsorted(times, times[last] - _SPURT - 1e-9))
+            middle = (first + last) // 2
+            h0, h1 = times[middle] - times[first], times[last] - times[middle]
+            if not min(h0, h1) > 0.0:
+                break
+            change = (seen[last] - seen[middle]) / h1 - (
+                seen[middle] - seen[first]
+            ) / h0
+            speeds = np.sqrt(np.einsum("kei,kei->ke", change, change)).max(axis=1)
+            speeds -= 2.0 * self.settings.noise * (1.0 / h0 + 1.0 / h1)
+            most = np.maximum(most, speeds / (0.5 * (h0 + h1)))
+            if first == 0:
+                break
+        return replace(self, most=most)
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -200,7 +241,8 @@ class Threat:
         """Return (k,) how far each can be from where its velocity leads after t [m]."""
         s, known = self.settings, self.known
         error = np.where(known, self.error, 0.0)
-        near = s.noise + error * t + 0.5 * s.acceleration * t * t
+        most = s.acceleration if self.most is None else self.most
+        near = s.noise + error * t + 0.5 * most * t * t
         return np.where(known, near, s.noise + self._unknown * t)
 
     @cached_property
@@ -302,7 +344,8 @@ class Watcher:
         rates = np.where(sure[:, None, None], self._rates, 0.0)
         unknown = self._lately(rates[0], sure, now)
         error = np.where(sure, self._slack, math.inf)
-        return Threat(capsules, rates[0], error, age, self.settings, rates[1], unknown)
+        how = (self.settings, rates[1], unknown, tuple(self._past))
+        return Threat(capsules, rates[0], error, age, *how)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now, as any was lately [m/s].

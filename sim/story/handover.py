@@ -28,6 +28,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.transforms import check_pose
 from sim.story import machine as table
+from sim.story.comfort import shunned
 from sim.story.distance import capsule_gap, moved_rods
 from sim.story.grasping import (
     KEPT,
@@ -263,7 +264,10 @@ class Handover:
             full = executor.settings.speed_scale
             motion, t = executor.motion, executor.t
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
-            executor.limit_speed(self._limit.share(motion, t, full, person))
+            rows, labels = _person_of(frame)
+            hands = rows[self._parts(labels)[0]]
+            share = self._limit.share(motion, t, full, person, hands)
+            executor.limit_speed(share)
         executor.update(self.answer, commit, seen.threat)
         self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
         executor.advance()
@@ -279,13 +283,11 @@ class Handover:
 
     def _look(self, frame: StoryFrame) -> _Seen:
         """Lay out all shapes with their classes, and follow them."""
-        human = frame.human
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
         if self.state in (table.FETCH, table.PUT_DOWN):  # the pads touch the object
             self.view.phase = None if self._step.kind == "goal" else "receive"
-        rows = human.capsules() if frame.capsules is None else frame.capsules
-        labels = human.labels if frame.labels is None else frame.labels
+        rows, labels = _person_of(frame)
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
@@ -298,7 +300,7 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        self._expect(threat, arm)
+        self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
         self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
@@ -325,13 +327,23 @@ class Handover:
             known = self._arms = labels.tobytes(), hand, arm
         return known[1], known[2]
 
-    def _expect(self, threat: Threat | None, arm: np.ndarray) -> None:
+    def _shunned(
+        self, frame: StoryFrame, rows: np.ndarray, labels: np.ndarray, hand: np.ndarray
+    ) -> np.ndarray:
+        """Return (k, 7) where the person would rather not have the robot pass."""
+        gaze = frame.human.gaze if frame.capsules is None else None
+        return shunned(rows, labels, hand, gaze, self.settings.comfort)
+
+    def _expect(
+        self, threat: Threat | None, arm: np.ndarray, shunned: np.ndarray
+    ) -> None:
         """Tell the planner where the arm that takes part will be, while it plans."""
         if threat is None or self._step.kind in ("stand", "grip"):
             return
         likely = _only(threat, arm).likely(*_EXPECTED) if len(arm) else None
-        if likely is not None:
-            self.planner.expect(likely)
+        rows = [shunned] if likely is None else [likely.capsules, shunned]
+        if sum(map(len, rows)):
+            self.planner.expect(Obstacles(capsules=np.vstack(rows)))
 
     def _object_rows(self, frame: StoryFrame) -> np.ndarray | None:
         """Return the capsules of the object where it is, base frame; None: unseen."""
@@ -767,6 +779,13 @@ class Handover:
         return self._follow(seen, q, self._line[1])
 
 
+def _person_of(frame: StoryFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the person's capsules (k, 7), base frame [m], and their labels (k,)."""
+    human = frame.human
+    rows = human.capsules() if frame.capsules is None else frame.capsules
+    return rows, human.labels if frame.labels is None else frame.labels
+
+
 def _holding(reason: str) -> SimpleNamespace:
     nowhere = np.zeros((0, 0))
     return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
@@ -798,6 +817,7 @@ def _only(threat: Threat, these: np.ndarray) -> Threat:
         velocity=threat.velocity[these],
         error=threat.error[these],
         drift=drift,
+        rows=threat.rows_of_past[these],
     )
 
 

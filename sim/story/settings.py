@@ -12,6 +12,34 @@ from sim.story.pull import PullSettings
 
 
 @dataclass(frozen=True)
+class ComfortSettings:
+    """What makes a hand-over pleasant: costs of new paths, never conditions.
+
+    Where the hand-over itself is, and whether the person sees it, is the targets'
+    business (`handover.QualitySettings`); the speed near the hand is
+    `SpeedSettings.hand_speed`.
+
+    Attributes:
+        face_to_hand: New paths keep clear of a rod of this radius between the person's
+            face and the hand that takes part, where they can [m]; 0: they do not.
+        unseen: ... of a rod of this radius behind the person, where they do not look
+            [m]; 0: they do not.
+    """
+
+    face_to_hand: float = 0.06
+    unseen: float = 0.20
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            BadInput: One out of range.
+        """
+        radius = (0.0, 0.5, "m")
+        check_settings(self, {"face_to_hand": radius, "unseen": radius})
+
+
+@dataclass(frozen=True)
 class StorySettings:
     """How a hand-over goes; all times are of the frames' clock.
 
@@ -36,6 +64,7 @@ class StorySettings:
         slow: Whether the speed near the person follows `speed`.
         pull: What counts as a pull at the wrist.
         speed: Terms of speed and separation.
+        comfort: Where new paths had better not pass.
     """
 
     direction: str = "give"
@@ -56,6 +85,7 @@ class StorySettings:
     slow: bool = True
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
+    comfort: ComfortSettings = field(default_factory=ComfortSettings)
 
     def __post_init__(self) -> None:
         """Check every value.

@@ -140,6 +140,21 @@ def test_chains_of_changes_are_continuous_and_keep_all_limits(panda, rng):
     assert joins > 3
 
 
+def test_another_speed_behind_a_sharp_corner_brings_no_stop(panda, rng):
+    for _ in range(4):
+        path = draw_path(panda, rng, 3)
+        motion = roadmap.time_path(panda, path, blend=0.0)
+        corner = motion.path.pieces[0].end
+        times = np.arange(0.0, motion.duration, DT)
+        speeds = np.array([motion.speed(t) for t in times])
+        behind = np.array([motion.place(t) > corner for t in times])
+        t = times[np.flatnonzero(behind)[speeds[behind].argmax()]]
+        for scale in (0.5, 1.0):
+            after = motion.rescaled(t, scale)
+            least = min(after.speed(s) for s in np.arange(0.0, 0.1, DT))
+            assert least > 0.4 * min(speeds[behind].max(), motion.speed(t))
+
+
 def test_a_stopped_motion_can_go_on(panda, rng):
     motion = roadmap.time_path(panda, draw_path(panda, rng, 3))
     stop = motion.stop(0.4 * motion.duration)

@@ -1,0 +1,51 @@
+"""Where a person would rather not have the robot pass, and how new paths are told.
+
+Two places are told to the planner as places where somebody is about to be
+(`ReactivePlanner.expect`): new paths keep clear of them where they can. They are costs:
+nothing is blocked or freed by them, and a person who stands badly is still served.
+"""
+
+import numpy as np
+
+from handover.human.body import Part
+from sim.story.settings import ComfortSettings
+
+_SHORT = 0.12  # [m] the hand's end of the rod is left out: there it is handed over
+_BEHIND = 0.35  # [m] behind the head
+_BACK = 0.60  # [m] down from there
+
+
+def shunned(
+    capsules: np.ndarray,
+    labels: np.ndarray,
+    hand: np.ndarray,
+    gaze: np.ndarray | None,
+    settings: ComfortSettings,
+) -> np.ndarray:
+    """Return (k, 7) capsules that new paths had better keep clear of.
+
+    Args:
+        capsules: (n, 7) the person [m].
+        labels: (n,) `handover.Part` of each.
+        hand: Which of them are the hand that takes part.
+        gaze: (3,) where they look, in the capsules' frame; None: not known there.
+        settings: See ComfortSettings.
+    """
+    rods = []
+    head = capsules[labels == Part.HEAD, :6].reshape(-1, 3)
+    if not len(head):
+        return np.zeros((0, 7))
+    face = head.mean(axis=0)
+    if settings.face_to_hand and len(hand):
+        there = capsules[hand, :6].reshape(-1, 3).mean(axis=0)
+        far = float(np.linalg.norm(there - face))
+        if far > _SHORT:
+            end = face + (1.0 - _SHORT / far) * (there - face)
+            rods.append([*face, *end, settings.face_to_hand])
+    if settings.unseen and gaze is not None:
+        flat = np.array([gaze[0], gaze[1], 0.0])
+        long = float(np.linalg.norm(flat))
+        if long > 1e-6:
+            behind = face - _BEHIND / long * flat
+            rods.append([*behind, *(behind - [0.0, 0.0, _BACK]), settings.unseen])
+    return np.array(rods).reshape(-1, 7)

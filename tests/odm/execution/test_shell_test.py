@@ -1,0 +1,121 @@
+"""What the shells of the links let pass is apart from the person by exact geometry."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from naive_hull import hull_distance
+
+import odm
+import roadmap
+from odm.audit.exact import ExactRobot
+from odm.execution._shell_test import hulls_apart
+from odm.execution.shell_test import ShellTest
+from odm.execution.stop_test import BrakingTest
+from odm.execution.threat import Threat, ThreatSettings
+from odm.obstacles.shapes import Capsule
+from roadmap.kinematics.forward import sphere_centers
+
+PERIOD = 0.01
+BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
+
+
+@pytest.fixture(scope="module")
+def lean(small_map):
+    return odm.ReactivePlanner(small_map)
+
+
+def test_hulls_are_apart_where_they_are_by_their_definition(rng):
+    room, told = np.zeros((19, 3)), []
+    for _ in range(300):
+        hulls = [rng.normal(0.0, 0.1, (int(rng.integers(4, 9)), 3)) for _ in range(2)]
+        ptr = np.r_[0, np.cumsum([len(h) for h in hulls])]
+        points = np.vstack([*hulls, np.zeros((2, 3))])
+        rows = np.column_stack([rng.normal(0.0, 0.4, (2, 6)), rng.uniform(0, 0.1, 2)])
+        slack, least = rng.uniform(0.0, 0.01, 2), 0.02
+        apart = hulls_apart(points, ptr, slack, rows, least, BASE, room)
+        more = [
+            hull_distance(hull, row[:3], row[3:6]) - row[6] - least - slack[i]
+            for i, hull in enumerate(hulls)
+            for row in rows
+        ]
+        told.append(apart)
+        assert apart == (min(more) >= 0.0) or abs(min(more)) < 1e-6
+    assert 30 < sum(told) < 270
+
+
+def case_of(robot, rng, near):
+    """Return a motion, when its stop begins, that, and a capsule that moves."""
+    q = rng.uniform(-1.0, 1.0, robot.dof)
+    path = np.stack([q, q + rng.normal(0.0, 0.5, robot.dof)])
+    path = np.clip(path, robot.lower, robot.upper)
+    motion = roadmap.time_path(robot, path, blend=0.0)
+    t = rng.uniform(0.0, 0.5 * motion.duration)
+    begin = min(t + PERIOD, motion.duration)
+    centers = sphere_centers(robot, motion.at(t).q)[robot.moving]
+    radii = robot.spheres[robot.moving, 3]
+    k, side = int(rng.integers(len(centers))), rng.normal(size=3)
+    side /= np.linalg.norm(side)
+    a = centers[k] + (radii[k] + 0.05 + near) * side
+    ends = np.array([a, a + rng.normal(0.0, 0.1, 3)])
+    rates = -rng.uniform(-0.2, 0.6) * side + rng.normal(0.0, 0.1, (2, 3))
+    return motion, t, begin, motion.stop(begin), ends, rates
+
+
+def test_what_passes_keeps_its_distance_from_whoever_keeps_to_the_bounds(lean, rng):
+    robot, settings = lean.robot, ThreatSettings()
+    shells, cover = ShellTest(lean), BrakingTest(lean)
+    exact, m = ExactRobot(robot), lean.cell_map.safety.m
+    passed = within = 0
+    for _ in range(250):
+        case = case_of(robot, rng, rng.uniform(-0.03, 0.03))
+        motion, t, begin, stop, ends, rates = case
+        rows = np.r_[ends.ravel(), 0.05][None]
+        # as the mean over 10 ms, of somebody who may speed up
+        error = np.full(1, 0.5 * settings.acceleration * PERIOD)
+        threat = Threat(rows, rates[None], error, 0.0, settings)
+        least = 0.004
+        if not shells.passes(motion, t, begin, stop, threat, least):
+            continue
+        passed += 1
+        within += not cover.passes(motion, t, begin, stop, threat, closer=m)
+        a = rng.normal(size=(2, 3))
+        a *= settings.acceleration / np.linalg.norm(a, axis=1, keepdims=True)
+        off = error[0] * a / settings.acceleration
+        for s in np.linspace(0.0, begin - t + stop.duration, 12):
+            before = s <= begin - t
+            q = motion.at(t + s).q if before else stop.at(s - begin + t).q
+            now = ends + s * (rates + off) + 0.5 * s * s * a
+            there = [Capsule.between(*now, 0.05)]
+            assert exact.distance(q, there).distance > least - 1e-6
+    assert passed > 60 and within > 15
+
+
+@pytest.mark.parametrize("what", ["age", "place", "base", "corner"])
+def test_what_is_not_known_does_not_pass(lean, rng, what):
+    robot, settings = lean.robot, ThreatSettings()
+    motion, t, begin, stop, *_ = case_of(robot, rng, 0.0)
+    rows = np.array([[3.0, 0, 0, 3.0, 0, 0.3, 0.05]])
+    still, sure = np.zeros((1, 2, 3)), np.zeros(1)
+    threat = Threat(rows, still, sure, 0.0, settings)
+    assert ShellTest(lean).passes(motion, t, begin, stop, threat, 0.0)
+    planner = lean
+    if what == "age":
+        threat = Threat(rows, still, sure, None, settings)
+    if what == "place":
+        threat = Threat(rows + [np.nan, 0, 0, 0, 0, 0, 0], still, sure, 0.0, settings)
+    if what == "base":  # the person stands in the world; the base does, too
+        frame = SimpleNamespace(base_world=np.eye(4))
+        frame.base_world[0, 3] = -3.0
+        planner = SimpleNamespace(static=lean.static, frame=frame)
+        threat = Threat(rows - [0, 0, -0.2, 0, 0, -0.2, 0], still, sure, 0.0, settings)
+    if what == "corner":
+        q = np.zeros(robot.dof)
+        path = np.stack([q, q + 0.4, q + np.r_[0.8, np.full(robot.dof - 1, 0.4)]])
+        motion = roadmap.time_path(robot, path, blend=0.02)
+        corner = next(p for p in motion.path.pieces if p.d > 0.0)
+        times = np.linspace(0.0, motion.duration, 500)
+        t = float(times[[motion.place(x) > corner.begin for x in times].index(True)])
+        begin = t + PERIOD
+        stop = motion.stop(begin)
+    assert not ShellTest(planner).passes(motion, t, begin, stop, threat, 0.0)
