@@ -18,7 +18,7 @@ from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
 from sim.loop.loop import LoopSettings
 from sim.story.pull import PullSettings
-from sim.story.settings import StorySettings
+from sim.story.settings import ComfortSettings, StorySettings
 from sim.two.two_members import TwoSettings
 
 SETTINGS = [
@@ -37,6 +37,7 @@ SETTINGS = [
     GraspSettings,
     SpeedSettings,
     PullSettings,
+    ComfortSettings,
     StorySettings,
 ]
 

@@ -365,6 +365,7 @@ def _measure(cell_map: CellMap) -> None:
 
 
 def _watch() -> None:
+    from odm.execution._shell_test import hulls_apart
     from odm.execution._speed import allowed_share
     from odm.execution.threat import Watcher
 
@@ -374,6 +375,9 @@ def _watch() -> None:
     ball = np.zeros((1, 3))
     rates = np.zeros((1, 6))
     allowed_share(ball, ball + 1.0, np.full(1, 0.1), arm, rates, np.full(5, 0.1))
+    base, ptr = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0]), np.array([0, 1])
+    room = np.zeros((19, 3))
+    hulls_apart(np.zeros((3, 3)), ptr, np.zeros(1), arm, 0.0, base, room)
 
 
 def _person() -> None:

@@ -1,5 +1,7 @@
 """Speed near a person: the standard's formula, and what it does to an executor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from naive_speed import naive_share
@@ -8,6 +10,7 @@ from odm.execution._speed import allowed_share
 from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.speed_limit import SpeedLimit, SpeedSettings
 from odm.execution.threat import Watcher
+from roadmap.kinematics.forward import sphere_centers
 from roadmap.motion.motion import time_path
 
 RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6])
@@ -104,3 +107,33 @@ def test_a_motion_away_from_the_person_is_not_slowed(small_map):
         threat = Watcher().look(np.array([[*p, *(p + [0, 0, 0.01]), 0.03]]), 0.0)
         shares.append(limit.share(motion, 0.0, 1.0, threat))
     assert shares[0] < shares[1]
+
+
+def test_near_a_hand_that_takes_part_no_point_is_quicker_than_is_said(small_map):
+    robot = small_map.robot
+    path = np.array([[0.0, 0.6, 0.0], [0.8, 0.2, 0.3]])
+    motion = time_path(robot, path)
+    settings = SpeedSettings(hand_speed=0.1)
+    t = 0.5 * motion.duration
+    centers = [sphere_centers(robot, motion.at(t + dt).q) for dt in (0.0, 1e-4)]
+    speeds = np.linalg.norm(centers[1] - centers[0], axis=1) / 1e-4
+    tip = centers[0][robot.moving][-1]
+    side = np.array([0.0, 0.0, 0.4])
+    shares = []
+    for up in (0.0, 1.0):  # beside the tip; out of reach
+        place = tip + [0.0, 0.0, up] + side
+        hand = np.array([[*place, *place, 0.05]])
+        far = np.array([[5.0, 0, 0, 5.0, 0, 0.2, 0.05]])
+        watcher = Watcher()
+        for k in range(4):
+            threat = watcher.look(far, 0.01 * k)
+        limit = SpeedLimit(robot, settings)
+        assert limit.share(motion, t, 1.0, threat) == 1.0
+        reach = 0.35 if up == 0.0 else 0.25
+        limit = SpeedLimit(robot, replace(settings, hand_near=reach))
+        shares.append(limit.share(motion, t, 1.0, threat, hand))
+    gaps = np.linalg.norm(centers[0] - (tip + side), axis=1) - 0.05
+    near = robot.moving & (gaps - robot.spheres[:, 3] < 0.35)
+    full = robot.max_velocity / np.abs(motion.at(t).dq)
+    assert shares[1] == 1.0
+    assert shares[0] == pytest.approx(0.1 / (full.min() * speeds[near].max()), rel=0.02)

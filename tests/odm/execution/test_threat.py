@@ -302,3 +302,32 @@ def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
             assert growth(threat, 0.0, 0.2)[0] == pytest.approx(0.4)
         if k >= 10:
             assert growth(threat, 0.0, 0.2)[0] >= 0.2 * speed
+
+
+def test_who_lately_sped_up_by_more_than_is_assumed_may_do_so_again():
+    for a, most in ((2.0, 4.0), (12.0, 12.0)):
+        watcher = Watcher()
+        rows = np.array(
+            [[1.0, 0, 0, 1.0, 0, 0.2, 0.05], [2.0, 0, 0, 2.0, 0, 0.2, 0.05]]
+        )
+        for k in range(20):
+            now = rows.copy()
+            spurt = max(0.0, 0.01 * k - 0.08)  # the other one rests
+            now[0, [0, 3]] -= 0.5 * a * spurt**2
+            threat = watcher.look(now, 0.01 * k)
+        lately = threat.as_lately()
+        assert np.allclose(lately.most, [most, 4.0], atol=1e-6)
+        more = growth(lately, 0.1, 0.1) - growth(threat, 0.1, 0.1)
+        assert np.allclose(more, [0.5 * (most - 4.0) * 0.01, 0.0], atol=1e-9)
+    assert watcher.look(now[:1], 0.2).as_lately().most is None  # seen anew
+
+
+def test_noise_is_no_speeding_up(rng):
+    watcher = Watcher(ThreatSettings(noise=0.002))
+    rows = np.array([[1.0, 0, 0, 1.0, 0, 0.2, 0.05]])
+    for k in range(40):
+        off = rng.normal(size=(2, 3))
+        off *= 0.002 / np.linalg.norm(off, axis=1, keepdims=True)
+        now = rows + np.r_[off.ravel(), 0.0]
+        most = watcher.look(now, 0.01 * k).as_lately().most
+        assert most is None or np.allclose(most, 4.0)

@@ -1,0 +1,97 @@
+"""Where new paths had better not pass: between hand and face, and behind the person."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from small import AWAY, HOME, NOBODY
+
+import odm
+from handover import Human
+from handover.human.body import Part
+from odm.execution.threat import Watcher
+from roadmap.kinematics.forward import sphere_centers
+from sim.story.comfort import shunned
+from sim.story.handover import Handover, Step
+from sim.story.settings import ComfortSettings
+
+
+def told(human, gaze, **settings):
+    labels = human.labels
+    hand = np.flatnonzero(labels == Part.RIGHT_HAND)
+    return shunned(human.capsules(), labels, hand, gaze, ComfortSettings(**settings))
+
+
+def test_the_rod_goes_from_the_face_toward_the_hand_and_ends_before_it():
+    human = Human(1.75).placed(1.0, 0.2, np.pi)
+    rods = told(human, None)
+    assert rods.shape == (1, 7) and rods[0, 6] == 0.06
+    rows = human.capsules()
+    head = rows[human.labels == Part.HEAD, :6].reshape(-1, 3).mean(axis=0)
+    hand = rows[human.labels == Part.RIGHT_HAND, :6].reshape(-1, 3).mean(axis=0)
+    assert np.allclose(rods[0, :3], head)
+    left = np.linalg.norm(hand - rods[0, 3:6])
+    assert np.isclose(left, 0.12)
+    assert np.isclose(
+        left + np.linalg.norm(rods[0, 3:6] - head), np.linalg.norm(hand - head)
+    )
+
+
+def test_what_is_behind_the_person_is_shunned_where_the_gaze_is_known():
+    human = Human(1.75).placed(1.0, 0.2, np.pi)
+    gaze = np.array([-0.8, 0.0, -0.6])
+    rods = told(human, gaze, face_to_hand=0.0)
+    head = human.capsules()[human.labels == Part.HEAD, :6].reshape(-1, 3).mean(axis=0)
+    assert rods.shape == (1, 7)
+    assert np.allclose(rods[0, :3], head + [0.35, 0.0, 0.0])
+    assert not len(told(human, np.array([0.0, 0.0, -1.0]), face_to_hand=0.0))
+    assert not len(told(human, gaze, face_to_hand=0.0, unseen=0.0))
+
+
+def gap_of(robot, path, rod):
+    """Return how near the cover's centres come to an upright rod on a path [m]."""
+    gaps = []
+    for a, b in zip(path, path[1:], strict=False):
+        for s in np.linspace(0.0, 1.0, 20):
+            centers = sphere_centers(robot, a + s * (b - a))[robot.moving]
+            off = centers - np.clip(centers, rod[:3], rod[3:6])
+            gaps.append(np.linalg.norm(off, axis=1).min())
+    return min(gaps)
+
+
+def test_new_paths_keep_off_what_is_shunned_where_they_can(small_map):
+    rng, gaps = np.random.default_rng(8), []
+    for _ in range(30):
+        low = rng.uniform([0.3, -0.4, 0.2], [0.8, 0.4, 0.6])
+        rod = np.array([*low, *(low + [0.0, 0.0, 0.3]), 0.06])
+        paths = []
+        for rods in (np.zeros((0, 7)), rod[None]):
+            planner = odm.ReactivePlanner(small_map)
+            planner.set_goals([-AWAY])
+            planner.step(NOBODY, q=HOME, now=0.0, stamp=0.0)
+            planner.set_goals([AWAY])
+            planner.expect(odm.Obstacles(capsules=rods))
+            answer = planner.step(NOBODY, q=HOME, now=0.01, stamp=0.01)
+            assert answer.status == "replanned"  # nothing is blocked by it
+            paths.append(answer.path)
+        if not np.array_equal(*paths):
+            gaps.append([gap_of(small_map.robot, path, rod) for path in paths])
+    assert len(gaps) > 3
+    gained = np.diff(np.array(gaps), axis=1)
+    assert gained.min() > -0.02 and gained.max() > 0.05 and gained.mean() > 0.005
+
+
+def test_a_hand_over_tells_its_planner_what_the_person_shuns():
+    told = []
+    story = Handover.__new__(Handover)
+    story.planner = SimpleNamespace(expect=told.append)
+    story._steps, story._at = [Step("targets")], 0
+    seen = np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
+    watcher = Watcher()
+    for k in range(3):
+        threat = watcher.look(seen, 0.01 * k)
+    story._expect(threat, np.zeros(0, int), 2.0 * seen)
+    story._expect(threat, np.array([0]), 2.0 * seen)
+    story._expect(threat, np.zeros(0, int), np.zeros((0, 7)))  # nothing to tell
+    assert [len(what) for what in told] == [1, 5]
+    assert np.array_equal(told[1].capsules[-1:], 2.0 * seen)
+    assert np.allclose(told[1].capsules[:4], seen)
