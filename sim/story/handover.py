@@ -25,11 +25,11 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import shunned
-from sim.story.distance import capsule_gap, moved_rods
+from sim.story.distance import ball_gaps, capsule_gap, moved_rods
 from sim.story.grasping import (
     KEPT,
     Reach,
@@ -292,6 +292,9 @@ class Handover:
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not self.holding and not frame.holds
+        if self.state == table.RETREAT and self._step.kind == "goal" and loose:
+            if self._has_left(obj):  # paths heed it again, too
+                self.view.phase = None
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
         if self.view.phase == "give":
             classes[hand] = CONTACT
@@ -304,7 +307,8 @@ class Handover:
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
         self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
-        self.view.offered = 0 if self._give else len(everything) - len(rows)
+        gives = self._give and self.state != table.RETREAT
+        self.view.offered = 0 if gives else len(everything) - len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
@@ -317,6 +321,15 @@ class Handover:
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame, dt)
         return _Seen(frame, there, classes, threat, people, gap, speed, dt)
+
+    def _has_left(self, obj: np.ndarray) -> bool:
+        """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
+        robot, planner = self.planner.static.robot, self.planner
+        if self.view.phase is None:
+            return False
+        balls = sphere_centers(robot, self.executor.set_point.q)
+        balls = np.column_stack([balls, robot.spheres[:, 3]])[robot.moving]
+        return bool(ball_gaps(balls, obj).min() > planner.keep)
 
     def _parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return which capsules are the hand, and the arm, that takes part."""

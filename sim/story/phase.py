@@ -57,8 +57,7 @@ class PhasePlanner:
     ) -> int | None:
         """Return the first blocked leg; see `ReactivePlanner.blocked_leg`."""
         if self.phase is None or points is None:
-            m = self.planner.cell_map.safety.m
-            if self.offered and points is not None and extra < 1e-9 - m:
+            if self.offered and points is not None and extra < -1e-9:
                 return self._leg_of_retreat(path, extra, points)
             return self.planner.blocked_leg(path, extra, points)
         times = len(points) // max(1, len(self.classes))  # several moments at once
@@ -68,7 +67,7 @@ class PhasePlanner:
     def _leg_of_retreat(
         self, path: np.ndarray, extra: float, points: Obstacles
     ) -> int | None:
-        """Return the first leg that is no way out: all clearance is taken off."""
+        """Return the first leg that is no way out: clearance was taken off."""
         n = len(points) // max(1, len(self.classes))
         rows = np.array(points.capsules).reshape(n, -1, 7)
         people = rows[:, : -self.offered].reshape(-1, 7)
