@@ -82,12 +82,12 @@ class Mover:
         )
         tree_i[:n], tree_f[:n] = limb.tree_i, limb.tree_f
         tree_f[0, :12] = flat_pose(self.T_mount)
-        groups = [  # name, body of the ball, its parts (body, points, radius), ball
-            *_limb_groups(limb, 0, limb.groups),
-            ("object", self._object, _object_parts(scene, self._object)),
-        ]
-        self.n_limb, self.object_group = len(limb.groups), len(limb.groups)
-        self.hand_group = self.n_limb - 1
+        groups = _limb_groups(limb, 0, limb.groups)  # name, body of the ball, parts
+        self.hand_group = len(groups) - 1
+        fingers = _fingers(groups, limb, placed.body.neighbours)
+        groups += [fingers[a] for a in fingers]
+        self.object_group = len(groups)
+        groups.append(("object", self._object, _object_parts(scene, self._object)))
         still = [
             *_limb_groups(other, self._first_other, other.groups),
             *_rest(placed, limb, self._world, "own "),
@@ -101,7 +101,7 @@ class Mover:
         self.names = tuple(g[0] for g in groups)
         balls = [_group_ball(g, limb, other, self._first_other) for g in groups]
         self._object_ball = np.array(balls[self.object_group])
-        pairs, reach, margin, first = self._pairs(groups, balls, placed)
+        pairs, reach, margin, first = self._pairs(groups, balls, placed, list(fingers))
         parts = [p for g in groups for p in g[2]]
         ends = np.cumsum([0, *(len(p[1]) for p in parts)])
         spans = np.cumsum([0, *(len(g[2]) for g in groups)])
@@ -125,10 +125,16 @@ class Mover:
             turn_body=_turn_bodies(limb),
         )
         self._margin = margin
-        self._rows = _object_rows(pairs, self.object_group, limb, other)
+        self._rows = _object_rows(
+            pairs, self.hand_group, self.object_group, limb, other
+        )
 
-    def _pairs(self, groups, balls, placed) -> tuple:
-        """Return pairs, reach, margins, and how many depend on the hand alone."""
+    def _pairs(self, groups, balls, placed, by_hand) -> tuple:
+        """Return pairs, reach, margins, and how many depend on the hand alone.
+
+        by_hand: Links that only the fingers are tested against, in the order of these
+        groups, which follow the hand.
+        """
         limb, hand, thing = self.limb, self.hand_group, self.object_group
         near = placed.body.neighbours
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
@@ -138,7 +144,7 @@ class Mover:
             name, body, _ = groups[k]
             center, radius = np.array(balls[k][:3]), balls[k][3]
             away = np.linalg.norm(center - origin) if body == self._world else 0.0
-            for a in range(thing + 1):
+            for a in (*range(hand + 1), thing):
                 far = extent[min(a, hand)] + (
                     2.0 * balls[thing][3] if a == thing else 0.0
                 )
@@ -157,6 +163,7 @@ class Mover:
                 other = limb.spec.root if b == hand else limb.groups[b][0]
                 if (limb.groups[a][0], other) not in near:
                     rows_arm.append((a, b, SELF_MARGIN))
+        rows_arm += [(a, hand + 1 + k, SELF_MARGIN) for k, a in enumerate(by_hand)]
         rows = [*rows_hand, *rows_arm]
         pairs = np.array([r[:2] for r in rows])
         margin = np.array([r[2] for r in rows])
@@ -165,9 +172,9 @@ class Mover:
             if a == thing:
                 continue  # when it is held
             reach[p] = reaches[a]
-            if b <= hand:  # joints below a carry both
+            if b < thing:  # joints below a carry both
                 body = limb.parts[limb.groups[a][1]].body
-                reach[p] = reaches[b] * (np.arange(limb.dof) >= body)
+                reach[p] = reaches[min(b, hand)] * (np.arange(limb.dof) >= body)
         return pairs, reach, margin, first
 
     # --- where things are ---------------------------------------------------------
@@ -339,18 +346,20 @@ class _Rows(NamedTuple):
     touching: np.ndarray  # it and either hand
 
 
-def _object_rows(pairs: np.ndarray, thing: int, limb: Limb, other: Limb) -> _Rows:
+def _object_rows(
+    pairs: np.ndarray, hand: int, thing: int, limb: Limb, other: Limb
+) -> _Rows:
     rows = np.flatnonzero(pairs[:, 1] == thing)
     group = pairs[rows, 0]
     body = np.array([limb.parts[limb.groups[a][1]].body for a in group])
-    hands = {thing - 1, thing + len(other.groups)}
+    hands = {hand, thing + len(other.groups)}
     either = [set(pair) & hands and thing in pair for pair in pairs.tolist()]
     return _Rows(
         still=np.flatnonzero(pairs[:, 0] == thing),
         limb=rows,
         group=group,
         beyond=np.arange(limb.dof) >= body[:, None],
-        hand=rows[group == thing - 1],
+        hand=rows[group == hand],
         touching=np.flatnonzero(np.array([bool(e) for e in either])),
     )
 
@@ -444,6 +453,24 @@ def _extent(limb: Limb) -> list[float]:
                 for p in parts
             )
         )
+    return found
+
+
+def _fingers(groups: list, limb: Limb, near: frozenset) -> dict[int, tuple]:
+    """Return, for each link that meets the palm, what of the hand must not touch it.
+
+    The palm may: it is joined to that link. The fingers are not, and a bent wrist
+    brings them to it. A link welded to the palm is as near to them as the hand is made.
+    """
+    name, body, parts = groups[-1]
+    links = [p.link for p in limb.parts[limb.groups[-1][1] :]]
+    found = {}
+    for a, (link, begin, _) in enumerate(limb.groups[:-1]):
+        if limb.parts[begin].body == limb.palm or (link, limb.spec.root) not in near:
+            continue  # in the latter case the whole hand is tested against it
+        apart = [p for p, own in zip(parts, links, strict=True) if (link, own) not in near]
+        if apart:
+            found[a] = name, body, apart
     return found
 
 
