@@ -136,6 +136,19 @@ def ball_of(points: np.ndarray, radius: float = 0.0) -> tuple:
     return (*center.tolist(), float(far + radius + 1e-9))
 
 
+def balls_of(points: np.ndarray, first: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Return balls (k, 4) around runs of points (n, 3) that begin at rows first (k,).
+
+    radius: (k,) that the points of a run have [m].
+    """
+    low, high = (m.reduceat(points, first) for m in (np.minimum, np.maximum))
+    center = 0.5 * (low + high)
+    counts = np.diff(np.append(first, len(points)))
+    away = points - np.repeat(center, counts, axis=0)
+    far = np.sqrt(np.maximum.reduceat((away * away).sum(axis=1), first))
+    return np.column_stack([center, far + radius + 1e-9])
+
+
 @lru_cache(maxsize=8)
 def agent_model(source: str) -> AgentModel:
     """Return an agent's whole model; `source` is a known robot or a URDF's path."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
-from handover.plans.limb import Limb, ball_of, hull_points, prism
+from handover.plans.limb import Limb, ball_of, balls_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
@@ -26,7 +26,6 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-_NOTHING = np.empty(0)
 _STEPS = 12  # values of the free angle of an arm
 
 
@@ -62,7 +61,7 @@ class Mover:
         self._scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
         self.stamp = 0
-        self._q_other = self._held = _NOTHING
+        self._q_other = self._held = b""  # the numbers of the last ones
         self._T_mount_world = np.linalg.inv(self.T_mount)
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -99,22 +98,29 @@ class Mover:
         ]
         groups += still
         self.names = tuple(g[0] for g in groups)
-        balls = [_group_ball(g, limb, other, self._first_other) for g in groups]
-        self._object_ball = np.array(balls[self.object_group])
-        pairs, reach, margin, first = self._pairs(groups, balls, placed, list(fingers))
         parts = [p for g in groups for p in g[2]]
         ends = np.cumsum([0, *(len(p[1]) for p in parts)])
         spans = np.cumsum([0, *(len(g[2]) for g in groups)])
+        points = np.ascontiguousarray(np.concatenate([p[1] for p in parts]))
+        radius = np.array([p[2] for p in parts], float)
+        balls = balls_of(
+            points, ends[spans[:-1]], np.maximum.reduceat(radius, spans[:-1])
+        )
+        for ball, (name, body, _) in zip(balls, groups, strict=True):
+            if name == "hand":  # for all joints of its fingers
+                ball[:] = hand_ball(limb if body < self._first_other else other)
+        self._object_ball = balls[self.object_group].copy()
+        pairs, reach, margin, first = self._pairs(groups, balls, placed, list(fingers))
         self.space = kernels.Space(
             tree_i=tree_i,
             tree_f=tree_f,
             part_body=np.array([p[0] for p in parts]),
             part_span=np.stack([ends[:-1], ends[1:]], axis=1),
-            part_ball=np.array([ball_of(p[1], p[2]) for p in parts]),
-            radius=np.array([p[2] for p in parts], float),
-            points=np.ascontiguousarray(np.concatenate([p[1] for p in parts])),
+            part_ball=balls_of(points, ends[:-1], radius),
+            radius=radius,
+            points=points,
             group_body=np.array([g[1] for g in groups]),
-            group_ball=np.array(balls),
+            group_ball=balls,
             group_span=np.stack([spans[:-1], spans[1:]], axis=1),
             pairs=pairs,
             reach=reach,
@@ -181,9 +187,10 @@ class Mover:
 
     def put_other(self, q: np.ndarray) -> None:
         """Let the other arm stand at joints (dof,), its hand included."""
-        if np.array_equal(q, self._q_other):
+        q = np.ascontiguousarray(q, float)
+        if q.tobytes() == self._q_other:
             return
-        self._q_other = np.array(q, float)
+        self._q_other = q.tobytes()
         frames = limb_frames(self.other, self._T_other, q)
         n = len(self.other.tree_i)
         rows = slice(self._first_other, self._first_other + n)
@@ -192,7 +199,7 @@ class Mover:
 
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
-        self.T_world_object, self._held = np.asarray(T_world_object, float), _NOTHING
+        self.T_world_object, self._held = np.asarray(T_world_object, float), b""
         space, rows = self.space, self._rows
         space.tree_i[self._object] = -1, -1, 0
         space.tree_f[self._object, :12] = flat_pose(self.T_world_object)
@@ -203,9 +210,10 @@ class Mover:
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
-        if np.array_equal(T_palm_object, self._held):
+        held = np.ascontiguousarray(T_palm_object, float).tobytes()
+        if held == self._held:
             return
-        self.T_world_object, self._held = None, np.array(T_palm_object, float)
+        self.T_world_object, self._held = None, held
         space, rows, limb = self.space, self._rows, self.limb
         T = limb.T_body_palm @ T_palm_object
         space.tree_i[self._object] = limb.palm, -1, 0
@@ -233,7 +241,7 @@ class Mover:
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
         self.space.margin[self._rows.touching] = _OFF
-        self._held = _NOTHING
+        self._held = b""
         self.stamp += 1
 
     def _moved(self) -> None:
@@ -398,18 +406,6 @@ def _limb_groups(limb: Limb, first: int, groups: Sequence) -> list[tuple]:
     return found
 
 
-def _group_ball(group, limb: Limb, other: Limb, first_other: int) -> tuple:
-    """Return a group's ball in its body's frame; a hand's holds all its postures."""
-    name, body, parts = group
-    if name == "hand":
-        mine = body < first_other
-        owner = limb if mine else other
-        return hand_ball(owner)
-    points = np.concatenate([p[1] for p in parts])
-    radius = max(p[2] for p in parts)
-    return ball_of(points, radius)
-
-
 @lru_cache(maxsize=16)
 def hand_ball(limb: Limb) -> tuple:
     """Return a ball round a hand for all joints of its fingers, frame of its body."""
@@ -468,7 +464,9 @@ def _fingers(groups: list, limb: Limb, near: frozenset) -> dict[int, tuple]:
     for a, (link, begin, _) in enumerate(limb.groups[:-1]):
         if limb.parts[begin].body == limb.palm or (link, limb.spec.root) not in near:
             continue  # in the latter case the whole hand is tested against it
-        apart = [p for p, own in zip(parts, links, strict=True) if (link, own) not in near]
+        apart = [
+            p for p, own in zip(parts, links, strict=True) if (link, own) not in near
+        ]
         if apart:
             found[a] = name, body, apart
     return found

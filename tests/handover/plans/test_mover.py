@@ -23,7 +23,7 @@ def test_a_bent_wrist_must_not_bring_a_finger_into_the_forearm():
     assert any((link, palm) in placed.body.neighbours for link in links)
     home = np.array([placed.joints[name] for name in limb.joints])
     bent = slice(limb.n_arm - 2, limb.dof)  # the wrist, and what follows
-    for draw in rng.uniform(limb.lower, limb.upper, (80, limb.dof)):
+    for draw in rng.uniform(limb.lower, limb.upper, (50, limb.dof)):
         q = home.copy()
         q[bent] = draw[bent]
         joints = placed.joints | dict(zip(limb.joints, q.tolist(), strict=True))
@@ -38,4 +38,4 @@ def test_a_bent_wrist_must_not_bring_a_finger_into_the_forearm():
             refused += 1
             assert trouble is not None
         clear += trouble is None
-    assert refused > 3 and clear > 10
+    assert refused > 3 and clear > 5
