@@ -81,36 +81,18 @@ class Mover:
         )
         tree_i[:n], tree_f[:n] = limb.tree_i, limb.tree_f
         tree_f[0, :12] = flat_pose(self.T_mount)
-        groups = _limb_groups(limb, 0, limb.groups)  # name, body of the ball, parts
-        self.hand_group = len(groups) - 1
-        fingers = _fingers(groups, limb, placed.body.neighbours)
-        groups += [fingers[a] for a in fingers]
-        self.object_group = len(groups)
-        groups.append(("object", self._object, _object_parts(scene, self._object)))
-        still = [
-            *_limb_groups(other, self._first_other, other.groups),
-            *_rest(placed, limb, self._world, "own "),
-            *_rest(other_placed, other, self._world, "other "),
-            *(
-                (f.name, self._world, [(self._world, *shape_points(f.shape))])
-                for f in scene.scenery
-            ),
-        ]
-        groups += still
+        groups, by_hand = self._groups(scene, placed, other_placed)
         self.names = tuple(g[0] for g in groups)
         parts = [p for g in groups for p in g[2]]
         ends = np.cumsum([0, *(len(p[1]) for p in parts)])
         spans = np.cumsum([0, *(len(g[2]) for g in groups)])
         points = np.ascontiguousarray(np.concatenate([p[1] for p in parts]))
         radius = np.array([p[2] for p in parts], float)
-        balls = balls_of(
-            points, ends[spans[:-1]], np.maximum.reduceat(radius, spans[:-1])
-        )
-        for ball, (name, body, _) in zip(balls, groups, strict=True):
-            if name == "hand":  # for all joints of its fingers
-                ball[:] = hand_ball(limb if body < self._first_other else other)
+        most = np.maximum.reduceat(radius, spans[:-1])
+        balls = balls_of(points, ends[spans[:-1]], most)
+        self._put_hand_balls(groups, balls)
         self._object_ball = balls[self.object_group].copy()
-        pairs, reach, margin, first = self._pairs(groups, balls, placed, list(fingers))
+        pairs, reach, margin, first = self._pairs(groups, balls, placed, by_hand)
         self.space = kernels.Space(
             tree_i=tree_i,
             tree_f=tree_f,
@@ -134,6 +116,33 @@ class Mover:
         self._rows = _object_rows(
             pairs, self.hand_group, self.object_group, limb, other
         )
+
+    def _groups(self, scene, placed, other_placed) -> tuple[list, list]:
+        """Return groups (name, body of the ball, parts), and links fingers shun."""
+        limb, other = self.limb, self.other
+        groups = _limb_groups(limb, 0, limb.groups)
+        self.hand_group = len(groups) - 1
+        fingers = _fingers(groups, limb, placed.body.neighbours)
+        groups += [fingers[a] for a in fingers]
+        self.object_group = len(groups)
+        groups.append(("object", self._object, _object_parts(scene, self._object)))
+        still = [
+            *_limb_groups(other, self._first_other, other.groups),
+            *_rest(placed, limb, self._world, "own "),
+            *_rest(other_placed, other, self._world, "other "),
+            *(
+                (f.name, self._world, [(self._world, *shape_points(f.shape))])
+                for f in scene.scenery
+            ),
+        ]
+        groups += still
+        return groups, list(fingers)
+
+    def _put_hand_balls(self, groups: list, balls: np.ndarray) -> None:
+        for ball, (name, body, _) in zip(balls, groups, strict=True):
+            if name == "hand":  # for all joints of its fingers
+                mine = body < self._first_other
+                ball[:] = hand_ball(self.limb if mine else self.other)
 
     def _pairs(self, groups, balls, placed, by_hand) -> tuple:
         """Return pairs, reach, margins, and how many depend on the hand alone.
