@@ -41,11 +41,6 @@ class Part:
     points: np.ndarray
     radius: float
 
-    @property
-    def ball(self) -> tuple[float, float, float, float]:
-        """A ball around it: centre in the body's frame, radius [m]."""
-        return ball_of(self.points, self.radius)
-
 
 @dataclass(frozen=True, eq=False)
 class AgentModel:
