@@ -207,10 +207,14 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     from odm.execution.speed_limit import SpeedSettings
     from sim.story.play import new_story
     from sim.story.pull import PullSettings
+    from sim.story.settings import ComfortSettings
 
     known = dict(told["settings"])
     known["pull"] = PullSettings(**known["pull"])
-    known["speed"] = SpeedSettings(**known["speed"])
+    # recordings from before there was such a thing knew no comfort
+    known["speed"] = SpeedSettings(**{"hand_near": 0.0, **known["speed"]})
+    none = {"face_to_hand": 0.0, "unseen": 0.0}
+    known["comfort"] = ComfortSettings(**known.get("comfort", none))
     return new_story(setup, StorySettings(**known), human, told["fetch"])
 
 
