@@ -353,7 +353,8 @@ class Executor:
                     return True
                 self._evading = False
                 self._stop_and_stand()
-                self._lookout.look_at_once()
+                if self._lookout is not None:
+                    self._lookout.look_at_once()
                 return True
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not isinstance(threat, Threat):

@@ -112,16 +112,18 @@ class ShellTest:
             least: Distance to keep [m].
         """
         robot = self.planner.static.robot
-        if self._shells is None or self._shells.robot is not robot:
-            self._shells = _Shells(robot)
-        if not len(self._shells.points):
+        shells = self._shells
+        if shells is None or shells.robot is not robot:
+            shells = self._shells = _Shells(robot)
+        if not len(shells.points):
             return False  # a robot without solids is its cover
         before = max(begin - t, 0.0)
         parts = ((motion, t, t + before, 0.0), (stop, 0.0, stop.duration, before))
-        return all(self._clear(*part, threat, least) for part in parts)
+        return all(self._clear(shells, *part, threat, least) for part in parts)
 
     def _clear(
         self,
+        shells: _Shells,
         motion: Motion,
         begin: float,
         end: float,
@@ -146,7 +148,7 @@ class ShellTest:
             corners = motion.path_from(a, motion.place(b))
             legs = list(zip(corners[:-1], corners[1:], strict=True))
             for q0, q1 in legs or [(corners[0], corners[0])]:
-                if not (self._shells.sweep(q0, q1) and self._shells.apart(rows, least)):
+                if not (shells.sweep(q0, q1) and shells.apart(rows, least)):
                     return False
         return True
 
