@@ -15,6 +15,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
+from sim.story.handover import Step
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -123,6 +124,22 @@ def test_a_pull_on_the_way_stops_the_robot_before_it_lets_go(maps):
     assert states[:3] == ["wait", "release", "retreat"] and story.events[0].failure
     assert speeds["release"] < 1e-3
     assert story.outcome == "handed over"
+
+
+def test_what_it_let_go_of_may_be_left_and_is_heeded_again_once_it_is_clear(maps):
+    story, human = story_of(maps)
+    q = story.executor.set_point.q
+    story._let_go()
+    story.machine.state = "retreat"
+    story._steps, story.view.phase = [Step("goal", [q])], "receive"
+    T = tool_pose(story.planner.robot, q)
+    rods = len(story.targets.meet.obj.capsules)
+    for k, (aside, phase) in enumerate([(0.0, "receive"), (0.6, None), (0.0, None)]):
+        T_object = pose_of((0.0, aside, 0.0), (0.0, 0.0, 0.0)) @ T
+        frame = sim.StoryFrame(PERIOD * k, human, T_base_object=T_object)
+        seen = story._look(frame)
+        assert story.view.phase == phase
+        assert story.view.offered == rods == len(seen.there) - seen.people
 
 
 def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
