@@ -6,7 +6,7 @@ that call each other a dozen deep, most of compiling is that. Here a loop is opt
 beside those callees alone that may be written into it, the small ones. The others are
 known by name until that is done, and their bodies, optimised already, are linked
 then. And a loop that Python never calls gets no machine code of its own: whatever
-calls it holds its body. The bodies in machine code are the same that numba would make.
+calls it holds its body. Nothing is left to be found at run time.
 
 What is kept on disk has numba's own form and is loaded by numba alone.
 """
@@ -15,6 +15,7 @@ from itertools import islice
 
 import llvmlite.binding as llvm
 from llvmlite import ir
+from numba import version_info
 from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -23,6 +24,7 @@ from numba.core.compiler_lock import require_global_compiler_lock
 # A callee of more instructions is not written into its caller: LLVM gives up at about
 # 55 that cost it something, and few of the others cost nothing.
 MOST_INSTRUCTIONS = 150
+KNOWN = version_info.short >= (0, 62)  # numba before it drives LLVM in another way
 
 
 class LoopCompiler(CompilerBase):
@@ -31,7 +33,8 @@ class LoopCompiler(CompilerBase):
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
         state = self.state
-        if config.OPT != 0 and not state.flags.nrt and state.library is None:
+        ours = KNOWN and config.OPT != 0 and not state.flags.nrt
+        if ours and state.library is None:
             library = LoopLibrary(
                 state.targetctx.codegen(), state.func_id.func_qualname
             )
@@ -54,12 +57,11 @@ class LoopLibrary(JITCodeLibrary):
 
     def _optimize_functions(self, ll_module: llvm.ModuleRef) -> None:
         """Leave it to the one run over the module; there are no counts to prune."""
-        ll_module.data_layout = self._codegen._data_layout
+        ll_module.data_layout = str(self.codegen.target_data)
 
     def finalize(self) -> None:
         """Optimise the loop beside its small callees, then link all it calls."""
         require_global_compiler_lock()
-        self._codegen._check_llvm_bugs()
         self._raise_if_finalized()
         module = self._final_module
         functions = list(module.functions)
@@ -75,7 +77,7 @@ class LoopLibrary(JITCodeLibrary):
                 module.link_in(library._get_module_for_linking(), preserve=True)
         for name in large - own:
             _pass_over(module, name)
-        passes, builder = self._codegen._module_pass_manager()
+        passes, builder = self.codegen._module_pass_manager()
         passes.run(module, builder)
         for library in libraries:
             module.link_in(library._get_module_for_linking(), preserve=True)
@@ -110,7 +112,7 @@ class LoopLibrary(JITCodeLibrary):
             pointer.linkage = "common"
             pointer.initializer = ir.Constant(pointer.value_type, None)
         new = llvm.parse_assembly(str(module))
-        new.data_layout = self._codegen._data_layout
+        new.data_layout = str(self.codegen.target_data)
         return new
 
 

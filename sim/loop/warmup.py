@@ -48,6 +48,7 @@ from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from roadmap.unfinished import temporary_folder
+from sim.terminal.ahead import compile_ahead
 
 if TYPE_CHECKING:
     from handover import Chain, ReachMap
@@ -90,7 +91,7 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     begun = time.perf_counter()
     sizes = (COARSE, FINE) if fine else (COARSE,)
     done, total = 0, len(sizes) * len(_MAIN)
-    compiled = 0
+    compiled = compile_ahead("warmup")
     for h in sizes:
         with temporary_folder() as folder, _beside(folder, h, _BESIDE) as beside:
             here = map(_Jobs(folder, h).run, _MAIN)
