@@ -8,6 +8,7 @@ finished. A row that no longer fits is passed over: the table decides how long t
 wait is, never what is compiled in the end.
 """
 
+import dis
 import gc
 import importlib
 import json
@@ -35,17 +36,15 @@ def compile_ahead(command: str) -> int:
         command: Its name in the table, such as "run".
 
     Returns:
-        How many loops were compiled, or found compiled; each counts for each of its
-        types.
+        How many loops were compiled, each for some types, those already there included.
     """
     processes = min(MOST_PROCESSES, _cores())
     if processes < 2 or sum(Compiling(command).missing().values()) < WORTH_S:
-        return
-    with (
-        temporary_folder() as folder,
-        _beside(processes - 1, folder, command) as others,
-    ):
-        _work(folder, command, others)
+        return 0
+    with temporary_folder() as folder:
+        with _beside(processes - 1, folder, command) as others:
+            _work(folder, command, others)
+        return sum(name.endswith(".done") for name in os.listdir(folder))
 
 
 def _cores() -> int:
@@ -85,9 +84,12 @@ def _work(folder: Path, command: str, others: list, parent: int | None = None) -
     while left:
         there = set(os.listdir(folder))
         left = [k for k in left if f"{k}.taken" not in there]
-        ready = (k for k in left if all(f"{n}.done" in there for n in jobs[k][2]))
+        ready = [k for k in left if all(f"{n}.done" in there for n in jobs[k][2])]
         if any(_take(folder, k, jobs[k]) for k in ready):
             continue
+        under_way = sum(n.endswith(".taken") for n in there)
+        if not ready and under_way == sum(n.endswith(".done") for n in there):
+            return  # they wait for each other
         if parent is not None and os.getppid() != parent:
             return
         if others and not all(other.is_alive() for other in others):
@@ -128,7 +130,8 @@ def _jobs(command: str) -> list[tuple]:
         of_loop.setdefault(loop, []).append(k)
     jobs = []
     for loop, given in found:
-        scope, names = loop.py_func.__globals__, loop.py_func.__code__.co_names
+        scope, code = loop.py_func.__globals__, dis.get_instructions(loop.py_func)
+        names = {step.argval for step in code if step.opname == "LOAD_GLOBAL"}
         called = {id(v): v for n in names if isinstance(v := scope.get(n), Dispatcher)}
         before = [k for other in called.values() for k in of_loop.get(other, ())]
         jobs.append((loop, given, tuple(before)))

@@ -1,4 +1,4 @@
-"""What is compiled ahead: the table fits the loops, and each is begun by one process."""
+"""What is compiled ahead: the table fits the loops, one process begins each of them."""
 
 import json
 import os
@@ -34,6 +34,12 @@ def test_the_table_names_loops_that_are_there():
         assert isinstance(loop, Dispatcher)
         assert None not in given
         assert k not in before
+    done: set[int] = set()
+    while ready := [
+        k for k, job in enumerate(jobs) if {*job[2]} <= done and k not in done
+    ]:
+        done.update(ready)
+    assert len(done) == len(jobs), "some wait for each other"
 
 
 def test_each_loop_is_compiled_once_and_after_those_it_calls(tmp_path, monkeypatch):
@@ -57,6 +63,12 @@ def test_each_loop_is_compiled_once_and_after_those_it_calls(tmp_path, monkeypat
     for one in two:
         one.join()
     assert order == ["a", "b", "top"]
+
+
+def test_loops_that_wait_for_each_other_keep_nobody_waiting(tmp_path, monkeypatch):
+    monkeypatch.setattr(ahead, "_jobs", lambda command: [(None, (), (0,))])
+    ahead._work(tmp_path, "run", [])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_loop_that_cannot_be_compiled_keeps_nobody_waiting(tmp_path):
