@@ -54,6 +54,7 @@ class LoopLibrary(JITCodeLibrary):
     """
 
     has_door = True
+    _final_module: llvm.ModuleRef
 
     def _optimize_functions(self, ll_module: llvm.ModuleRef) -> None:
         """Leave it to the one run over the module; there are no counts to prune."""
