@@ -82,6 +82,8 @@ def _work(folder: Path, command: str, others: list, parent: int | None = None) -
     jobs = _jobs(command)
     left = list(range(len(jobs)))
     while left:
+        if parent is not None and os.getppid() != parent:
+            return
         there = set(os.listdir(folder))
         left = [k for k in left if f"{k}.taken" not in there]
         ready = [k for k in left if all(f"{n}.done" in there for n in jobs[k][2])]
@@ -90,8 +92,6 @@ def _work(folder: Path, command: str, others: list, parent: int | None = None) -
         under_way = sum(n.endswith(".taken") for n in there)
         if not ready and under_way == sum(n.endswith(".done") for n in there):
             return  # they wait for each other
-        if parent is not None and os.getppid() != parent:
-            return
         if others and not all(other.is_alive() for other in others):
             return
         time.sleep(_WAIT_S)
