@@ -10,6 +10,8 @@ Every set says all options: numba hands those that a loop leaves open down from 
 calls it, and the machine code that is kept must not depend on who called first.
 """
 
+from roadmap.linking import LoopCompiler
+
 # Makes no array; called from Python. A division by zero is an error.
 LEAN = {
     "cache": True,
@@ -19,6 +21,7 @@ LEAN = {
     "_nrt": False,
     "no_cfunc_wrapper": True,
     "no_cpython_wrapper": False,
+    "pipeline_class": LoopCompiler,
 }
 
 # The same without a door: called by other loops alone. Python must never call it.

@@ -3,12 +3,15 @@
 import numpy as np
 
 from odm.close_test._arm import Arm
-from roadmap.arrays import frozen
 from roadmap.robot.robot import Robot
 
 
 def arm_of(robot: Robot) -> Arm:
-    """Return a robot's moving spheres, sorted by body, with bounding balls."""
+    """Return a robot's moving spheres, sorted by body, with bounding balls.
+
+    The arrays are copies that can be written: to numba a read-only array is another
+    type, and the close test would be compiled twice.
+    """
     order = _moving_order(robot)
     spheres = robot.spheres[order]
     body = robot.sphere_body[order]
@@ -22,13 +25,13 @@ def arm_of(robot: Robot) -> Arm:
             far = np.linalg.norm(own - center, axis=1).max() * (1 + 1e-12) + 1e-12
             bound[b, :3], bound[b, 3] = center, far
     return Arm(
-        robot.tree_i,
-        robot.tree_f,
-        frozen(spheres, float),
-        frozen(body, np.int32),
-        frozen(robot.sphere_reach[order], float),
-        frozen(ptr, np.int64),
-        frozen(bound, float),
+        np.array(robot.tree_i),
+        np.array(robot.tree_f),
+        np.array(spheres, float),
+        np.array(body, np.int32),
+        np.array(robot.sphere_reach[order], float),
+        ptr,
+        bound,
     )
 
 

@@ -47,13 +47,17 @@ class WorkspaceGrid:
         return np.where(inside[..., None], cells, -1).astype(np.int64)
 
     def new_cloud(self, capacity: int) -> Cloud:
-        """Return an empty Cloud on this grid for up to `capacity` points."""
+        """Return an empty Cloud on this grid for up to `capacity` points.
+
+        Its arrays can be written, as those of a planner's memory: to numba a read-only
+        one is another type, and all that takes a cloud would be compiled twice.
+        """
         return new(
             Cloud,
             {"blocks": self.n_blocks, "points": capacity},
-            origin=self.origin,
+            origin=np.array(self.origin),
             h=self.h,
-            shape=self.blocks,
+            shape=np.array(self.blocks),
         )
 
 

@@ -1,5 +1,6 @@
 """One frame from scratch: points to occupancy, then a path to the first goal."""
 
+import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import (
@@ -178,7 +179,7 @@ def plan(state, points, starts, start_vertex, most, last):
         return False
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, points, starts, -1)
+    entry = a_star(state, points, starts, np.int64(-1))  # compiled once, as an int64
     if entry >= 0 and write_path(state, starts, entry, start_vertex):
         take_shortcuts(state)
         return True

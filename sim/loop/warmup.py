@@ -48,6 +48,7 @@ from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from roadmap.unfinished import temporary_folder
+from sim.terminal.ahead import compile_ahead
 
 if TYPE_CHECKING:
     from handover import Chain, ReachMap
@@ -89,11 +90,14 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
     """
     begun = time.perf_counter()
     sizes = (COARSE, FINE) if fine else (COARSE,)
-    done, total = 0, len(sizes) * (len(_FRAMES) + len(_OTHERS))
-    compiled = 0
+    done, total = 0, len(sizes) * len(_MAIN)
+    compiled = compile_ahead("warmup")
     for h in sizes:
-        with temporary_folder() as folder, _beside(folder, h, _OTHERS) as beside:
-            for misses in chain(map(_Jobs(folder, h).run, _FRAMES), beside):
+        with temporary_folder() as folder, _beside(folder, h, _BESIDE) as beside:
+            here = map(_Jobs(folder, h).run, _MAIN)
+            for misses in chain(here, beside):
+                if misses is None:  # the other process did that one
+                    continue
                 compiled += misses
                 done += 1
                 progress("kernels", done, total)
@@ -101,7 +105,7 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
 
 
 class _Jobs:
-    """What is compiled, job by job.
+    """What is compiled, job by job; whichever process comes first takes a job.
 
     Args:
         folder: Where the map is stored, and read again.
@@ -112,8 +116,12 @@ class _Jobs:
         self.folder, self.h = folder, h
         self._map: CellMap | None = None
 
-    def run(self, name: str) -> int:
-        """Run one job; return how many kernels it compiled."""
+    def run(self, name: str) -> int | None:
+        """Run one job; return how many kernels it compiled, None if it was taken."""
+        try:
+            (self.folder / f"{name}.taken").touch(exist_ok=False)
+        except FileExistsError:
+            return None
         before = cache_misses()
         if name == "build":
             build_map(tiny_recipe(self.folder, self.h)).save(self.folder / "map")
@@ -135,13 +143,15 @@ class _Jobs:
 
 
 @contextmanager
-def _beside(folder: Path, h: float, names: tuple[str, ...]) -> Iterator[Iterator[int]]:
-    """Yield what other jobs compiled, one after the other, in a process of their own.
+def _beside(
+    folder: Path, h: float, names: tuple[str, ...]
+) -> Iterator[Iterator[int | None]]:
+    """Yield what jobs compiled, one after the other, in a process of their own.
 
-    On a single core they wait until they are asked for.
+    None: that job was taken already. On a single core nothing is yielded.
     """
     if (os.cpu_count() or 1) < 2:
-        yield map(_Jobs(folder, h).run, names)
+        yield iter(())
         return
     context = multiprocessing.get_context("spawn")
     with context.Pool(1, _prepare_child, (folder, h, gc.get_threshold())) as pool:
@@ -157,7 +167,7 @@ def _prepare_child(folder: Path, h: float, collect: tuple[int, int, int]) -> Non
     _shared["jobs"] = _Jobs(folder, h)
 
 
-def _run_job(name: str) -> int:
+def _run_job(name: str) -> int | None:
     return _shared["jobs"].run(name)
 
 
@@ -470,9 +480,12 @@ _WITH_MAP = {
     "see": _see,
     "audit": _audit,
 }
-_FRAMES = ("build", "load", "exercise", "ask", "carry", "measure")
-# those first that need no map
-_OTHERS = (*_ALONE, "reach", "see", "audit")
+# Jobs in the order of each process: the frame's first, and beside it those that need
+# no map first. Towards the end each takes what the other has not begun.
+_MAIN = ("build", "load", "exercise", "ask", "carry", "measure", "audit", "see")
+_MAIN += ("reach", *reversed(_ALONE))
+_BESIDE = ("hand-over", "person's reach", "person", "watch", "reach", "see", "audit")
+_BESIDE += ("measure",)  # the others share loops with what the first one does
 
 
 def cache_misses() -> int:

@@ -16,6 +16,7 @@ from sim.run.places import DEMO, Live, PlacesTask
 from sim.run.planned import PlanTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
+from sim.terminal.ahead import compile_ahead
 from sim.terminal.output import stdout_to_stderr, write_text
 from sim.terminal.progress import Bars, silence
 
@@ -47,6 +48,7 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
         silence()
         live.open()
     with Bars() as tell:
+        compile_ahead("run")
         task.open(tell)
         loop = task.loop(person, settings)
     with (

@@ -1,0 +1,106 @@
+"""What is compiled ahead: the table fits the loops, one process begins each of them."""
+
+import json
+import os
+import threading
+from pathlib import Path
+
+from numba import njit, types
+from numba.core.dispatcher import Dispatcher
+
+from sim.bench.compile_jobs import Types
+from sim.terminal import ahead
+
+
+def test_types_come_back_as_they_were_written():
+    from odm.close_test._arm import Arm
+
+    array = types.Array(types.float64, 2, "C", readonly=True)
+    named = types.BaseTuple.from_types([array, types.int32], None)
+    arm = types.BaseTuple.from_types([array] * 7, Arm)
+    given = [array, types.boolean, types.literal(-1), named, arm, types.uint64]
+    table = Types([])
+    at = [table.add(one) for one in given]
+    there = ahead.decoded(json.loads(json.dumps(table.rows)))
+    assert [there[k] for k in at] == given
+
+
+def test_the_table_names_loops_that_are_there():
+    jobs = ahead._jobs("run")
+    rows = json.loads(ahead.TABLE.read_text())["jobs"]
+    named = sum("run" in by.split() for *_, by in rows)
+    assert len(jobs) > 0.95 * named, "python -m sim.bench.compile_jobs run FOLDER"
+    for k, (loop, given, before) in enumerate(jobs):
+        assert isinstance(loop, Dispatcher)
+        assert None not in given
+        assert k not in before
+    done: set[int] = set()
+    while ready := [
+        k for k, job in enumerate(jobs) if {*job[2]} <= done and k not in done
+    ]:
+        done.update(ready)
+    assert len(done) == len(jobs), "some wait for each other"
+
+
+def test_each_loop_is_compiled_once_and_after_those_it_calls(tmp_path, monkeypatch):
+    order = []
+
+    class Loop:
+        def __init__(self, name):
+            self.name = name
+
+        def compile(self, given):
+            order.append(self.name)
+
+    jobs = [(Loop("top"), (), (1, 2)), (Loop("a"), (), ()), (Loop("b"), (), (1,))]
+    monkeypatch.setattr(ahead, "_jobs", lambda command: jobs)
+    two = [
+        threading.Thread(target=ahead._work, args=(tmp_path, "run", []))
+        for _ in range(2)
+    ]
+    for one in two:
+        one.start()
+    for one in two:
+        one.join()
+    assert order == ["a", "b", "top"]
+
+
+def test_loops_that_wait_for_each_other_keep_nobody_waiting(tmp_path, monkeypatch):
+    monkeypatch.setattr(ahead, "_jobs", lambda command: [(None, (), (0,))])
+    ahead._work(tmp_path, "run", [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_loop_that_cannot_be_compiled_keeps_nobody_waiting(tmp_path):
+    @njit
+    def adds(a):
+        return a + 1
+
+    bad, good = types.Array(types.int64, 1, "C"), types.unicode_type
+    assert ahead._take(tmp_path, 0, (adds, (good,), ()))
+    assert not ahead._take(tmp_path, 0, (adds, (bad,), ()))
+    assert (tmp_path / "0.done").exists()
+    assert adds.signatures == []
+
+
+def test_nothing_is_begun_on_one_core_or_where_all_is_compiled(monkeypatch):
+    def refuse(*given):
+        raise AssertionError("a process was begun")
+
+    monkeypatch.setattr(ahead, "_beside", refuse)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0})
+    assert ahead.compile_ahead("run") == 0
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
+    monkeypatch.setattr(ahead, "Compiling", lambda command: _Nothing())
+    assert ahead.compile_ahead("run") == 0
+
+
+class _Nothing:
+    def missing(self):
+        return {}
+
+
+def test_the_others_end_with_the_command(monkeypatch):
+    with ahead._beside(1, Path("/nowhere"), "run") as others:
+        assert others[0].is_alive()
+    assert not others[0].is_alive()
