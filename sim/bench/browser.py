@@ -58,7 +58,7 @@ class Browser:
             [path, *_FLAGS, f"--user-data-dir={self._folder}", "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,
+            process_group=0,
         )
         told = Path(self._folder) / "DevToolsActivePort"
         end = time.perf_counter() + _OPEN_S
@@ -101,7 +101,7 @@ class Browser:
                 row = stat.read_text().rpartition(")")[2].split()
             except OSError:
                 continue  # it has ended meanwhile
-            if int(row[3]) == self._process.pid:  # of its session
+            if int(row[2]) == self._process.pid:  # of its group
                 ticks += int(row[11]) + int(row[12])
         return ticks / os.sysconf("SC_CLK_TCK")
 

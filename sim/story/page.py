@@ -64,10 +64,15 @@ class StoryPage:
         if moment.T_object is not None:
             thing = moved_rods(self._run.setup.obj.capsules, moment.T_object)
             rows = np.vstack([rows, thing])
+        answer = story.answer
+        if isinstance(answer, SimpleNamespace) and not answer.reason:
+            if answer.status == "holding":  # it waits, or its fingers move
+                answer = SimpleNamespace(status="standing", path=None)
         frame = SimpleNamespace(
             q=moment.q,
-            answer=story.answer,
+            answer=answer,
             capsules=rows,
+            things=len(rows) - len(moment.capsules),
             separation=moment.separation,
             pace=moment.pace,
             brake=story.executor.reason,

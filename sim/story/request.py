@@ -120,8 +120,9 @@ class DemoRequest:
         person = ("direction", "human", "file", "mapping", "accept_defects")
         for name in (*person, "view", "port", "host", "token"):
             if getattr(self, name):
+                word = name.replace("_", "-")
                 return (
-                    f"--{name.replace('_', '-')} goes with `odm demo handover`, a maintenance cycle "
+                    f"--{word} goes with `odm demo handover`, a maintenance cycle "
                     "gives and takes; leave it out"
                 )
         if self.robot == FINGERLESS:

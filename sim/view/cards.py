@@ -211,6 +211,7 @@ def legend(has_map: bool, has_quality: bool) -> str:
     """Return what each colour means."""
     rows = [("box", looks.SKIN, "person"), ("line", looks.PATH, "path of the tool")]
     rows.append(("line", looks.BEFORE, "the path before it"))
+    rows.append(("box", looks.LOAD, "what is carried"))
     if has_map:
         rows.append(("line", looks.FREE_EDGE, "edge that is free"))
         rows.append(("line", looks.BLOCKED_EDGE, "edge that is blocked"))

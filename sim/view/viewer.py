@@ -242,6 +242,7 @@ class Viewer:
             targets=targets,
             points=points,
             payload=getattr(frame, "payload", None),
+            things=getattr(frame, "things", 0),
             rows=self._latest(),
             events=tuple(self._happenings.events[-KEPT_EVENTS:]),
         )
