@@ -107,14 +107,13 @@ class Browser:
 
 
 class _Door:
-    """Questions and answers of the protocol; events are counted by name."""
+    """Questions and answers of the protocol; events are left unread."""
 
     def __init__(self, address: str) -> None:
         from websockets.sync.client import connect
 
         self._socket = connect(address, max_size=None)
         self._number = 0
-        self.messages = self.bytes = 0  # that came over the page's own sockets
 
     def ask(self, method: str, **told: object) -> dict:
         self._number += 1
@@ -122,10 +121,6 @@ class _Door:
         self._socket.send(json.dumps(asked))
         while True:
             answer = json.loads(self._socket.recv())
-            if answer.get("method") == "Network.webSocketFrameReceived":
-                told = answer["params"]["response"]["payloadData"]
-                self.messages += 1
-                self.bytes += 3 * len(told) // 4  # it is told as base64
             if answer.get("id") == self._number:
                 if "error" in answer:
                     raise BadInput(f"the browser refuses {method}: {answer['error']}")
@@ -149,7 +144,6 @@ class Tab:
         self._door = _Door(address)
         width, height = size
         self._ask("Page.enable")
-        self._ask("Network.enable")
         self._ask(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -184,10 +178,9 @@ class Tab:
         told = self._ask("Runtime.evaluate", expression=script, returnByValue=True)
         return told["result"].get("value")
 
-    def counts(self) -> tuple[int, int, int]:
-        """Return pictures drawn, messages and bytes that came since it was opened."""
-        pictures = int(self.ask("window.__pictures") or 0)
-        return pictures, self._door.messages, self._door.bytes
+    def pictures(self) -> int:
+        """Return how many pictures were drawn since it was opened."""
+        return int(self.ask("window.__pictures") or 0)
 
     def press(self, text: str) -> bool:
         """Click what has exactly this text; return whether there was anything."""
@@ -199,18 +192,15 @@ class Tab:
             self.ask(f"(() => {{const e = {found}; e?.click(); return !!e}})()")
         )
 
-    def mouse(self, kind: str, x: float, y: float) -> None:
-        """Move, press or release the mouse: mouseMoved, mousePressed, mouseReleased."""
-        held = kind != "mouseMoved"
-        button = "left" if held else "none"
-        self._ask(
-            "Input.dispatchMouseEvent",
-            type=kind,
-            x=x,
-            y=y,
-            button=button,
-            clickCount=int(held),
+    def toggle(self, label: str) -> bool:
+        """Click the box beside a label; return whether there is one."""
+        found = (
+            "[...document.querySelectorAll('label')]"
+            f".find(e => e.innerText.trim() === {json.dumps(label)})"
         )
+        box = f"document.getElementById({found}?.htmlFor) ?? {found}?.closest('div')"
+        box += "?.parentElement?.querySelector('input')"
+        return bool(self.ask(f"(() => {{const e = {box}; e?.click(); return !!e}})()"))
 
     def picture(self, path: Path) -> Path:
         """Write what is seen as PNG."""

@@ -15,6 +15,7 @@ from sim.view.moment import (
     ON_THE_WAY,
     STATE,
     STICKY_S,
+    STILL,
     TIME,
     WORDS,
     Event,
@@ -221,7 +222,7 @@ def legend(has_map: bool, has_quality: bool) -> str:
     items = "".join(_swatch(kind, looks.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
         _swatch("box", looks.STATE_COLOURS[s], WORDS[s])
-        for s in (ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
+        for s in (STILL, ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
     )
     bar = ""
     if has_quality:

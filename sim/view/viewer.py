@@ -136,7 +136,7 @@ class Viewer:
             stdout=subprocess.PIPE,
             pass_fds=kept,
             env={**os.environ, "PYTHONPATH": paths},
-            start_new_session=True,  # Ctrl-C is the loop's
+            process_group=0,  # Ctrl-C is the loop's; in one session nice counts
         )
         data = pickle.dumps(told)
         self._process.stdin.write(len(data).to_bytes(8, "little") + data)
