@@ -1,5 +1,6 @@
 """A hand-over as a film: robot, person, object, and what the story says."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ _COLOURS = {
     "retreat": "#7050b0",
     "put_down": "#4a7fb5",
 }
+_WORDS = 0.17  # share of half the picture's height by which it is above the words
 _THING = -1  # the label of what is handed over
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
 
@@ -72,7 +74,16 @@ def _camera(
         arms.append(_beads(_near(rows[arm])))
         rest.append(_beads(_near(rows[above])))
     camera = framed(settings.camera(), np.vstack(robots + arms + rest), cut=0.0)
-    return clearest(camera, list(zip(robots, arms, strict=True)), rest[0])
+    camera = clearest(camera, list(zip(robots, arms, strict=True)), rest[0])
+    away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    down = np.array(
+        [0.0, 0.0, _WORDS * away * np.tan(0.5 * np.radians(camera.fov_deg))]
+    )
+    return replace(
+        camera,
+        eye=tuple((np.array(camera.eye) - down).tolist()),
+        target=tuple((np.array(camera.target) - down).tolist()),
+    )
 
 
 def _paint(record, robot, world, canvas, i: int) -> object:
