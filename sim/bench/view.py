@@ -12,6 +12,7 @@ from handover import load_reach_map
 from odm import load_map
 from roadmap.errors import BadInput
 from sim.bench.browser import Browser, found_browser
+from sim.run.folders import REACH_MAPS
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.page import StoryPage
 from sim.story.play import StoryPlay
@@ -56,15 +57,29 @@ def run(
     rounds = 1 if short else ROUNDS
     seconds = min(seconds, 1.0) if short else seconds
     cell_map = load_map(map_dir, verify=False)
-    from sim.run.folders import REACH_MAPS
-
     folder = REACH_MAPS / cell_map.robot.name if reach is None else Path(reach)
     setup = setup_of(cell_map, load_reach_map(folder))
     case = StoryCase.drawn("give", seed)
     tell("compiling")
     rehearse(setup)
+    rows = _compared(setup, case, seconds, rounds, tell)
+    tell("a browser looks")
+    with _page(setup, case) as page:
+        rows += _looked_at(page, plot, short)
+    found = {"runs of each": rounds, "seconds of each run": seconds, "clients": CLIENTS}
+    return {"bench": "view", "header": header(cell_map), "setup": found, "rows": rows}
+
+
+def _compared(
+    setup: StorySetup,
+    case: StoryCase,
+    seconds: float,
+    rounds: int,
+    tell: Callable[[str], None],
+) -> list[dict]:
+    """Return what a frame takes with and without clients, in turn."""
     bare, seen, shown = [], [], []
-    rows: list[dict] = []
+    sent: list[dict] = []
     for k in range(rounds):  # in turn: what else the machine does meets both
         tell(f"round {k + 1} of {rounds}")
         bare.append(_alone(setup, case, seconds))
@@ -73,25 +88,19 @@ def run(
                 took, more = _watched(page, seconds)
             seen.append(took)
             shown.append(more)
-            if k == 0:
-                rows += _messages(clients, len(took))
+            sent = sent or _messages(clients, len(took))
     without, beside = _least(bare), _least(seen)
     p99 = [1e3 * float(np.percentile(c, 99)) for c in (without, beside)]
     show_us = 1e6 * np.concatenate(shown)
     note = f"thread time, least of {rounds} rounds of each frame, {len(without)} frames"
-    rows = [
+    return [
         value_row("frame, nobody watches: p99", p99[0], "ms", note),
         value_row(f"frame, {CLIENTS} clients watch: p99", p99[1], "ms"),
         value_row("the same, of the one before", p99[1] / p99[0], "", most=SHARE),
         value_row("to show a frame: p50", float(np.percentile(show_us, 50)), "us"),
         value_row("to show a frame: p99", float(np.percentile(show_us, 99)), "us"),
-        *rows,
+        *sent,
     ]
-    tell("a browser looks")
-    with _page(setup, case) as page:
-        rows += _looked_at(page, plot, short)
-    found = {"runs of each": rounds, "seconds of each run": seconds, "clients": CLIENTS}
-    return {"bench": "view", "header": header(cell_map), "setup": found, "rows": rows}
 
 
 def _page(setup: StorySetup, case: StoryCase) -> StoryPage:
