@@ -249,7 +249,8 @@ class LiveTargets:
             missing = 0.0 if self._targets else self.meet.missing_m
             found = (state, None, "", 0.0)
         else:
-            self.counts["changes"] += goal.key != self._last_key
+            left = self._last_key is not None and goal.key != self._last_key
+            self.counts["changes"] += left  # the first choice leaves none
             self._last_key = goal.key
             off = np.abs(difference(self.planner.robot, q, goal.q)).max()
             state = THERE if off <= _ARRIVED else UNDER_WAY

@@ -29,7 +29,7 @@ class BenchRequest:
         "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
         "clutter, scene, human, handover, handover-recording, approach, attach, "
         "workspace, story, "
-        "targets, interrupts, peers, scale or golden.",
+        "targets, interrupts, peers, scale, view or golden.",
         metavar="NAME",
     )
     map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
@@ -60,7 +60,7 @@ class BenchRequest:
     )
     runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
-    reach: Path | None = flag(None, "Reach map (targets, story).", metavar="DIR")
+    reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
     distances: list[float] | None = flag(
         None, "Of the person, in m; again for more (targets).", "--distance"
     )
@@ -68,7 +68,10 @@ class BenchRequest:
         None, "A recording, too; again for more.", "--file", metavar="F"
     )
     plot: Path | None = flag(
-        None, "Draw the figures, if it can.", metavar="PNG", writes=PICTURE
+        None,
+        "Draw the figures, or the page (view), if it can.",
+        metavar="PNG",
+        writes=PICTURE,
     )
     against: Path | None = flag(
         None, "Another checkout to compare with (golden).", metavar="DIR"

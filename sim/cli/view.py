@@ -50,6 +50,7 @@ def view(request: ViewRequest) -> None:
     A running loop is shown by `odm run --view`.
     """
     from roadmap.errors import BadInput
+    from sim.terminal.progress import silence
     from sim.view.gate import is_local, listening, new_token
     from sim.view.viewer import check_viewer
 
@@ -69,6 +70,7 @@ def view(request: ViewRequest) -> None:
 
     page = Page(shown, door, request.host, token)
     page.playback.seek(request.at)
+    silence()  # what it does is seen
     print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)
     page.run()
 

@@ -18,6 +18,7 @@ STATES = {  # what is said of a robot, and on which colour
 }
 TABLE_X, TABLE_Y = (-0.35, 1.05), (-0.8, 0.8)  # [m]
 FINE = 1.5  # the film is drawn larger and scaled down: smooth edges
+BAND = 200  # of 255: how much of the picture the ground of words hides
 SHADOW = 0.17  # share of the light that a shadow takes away
 
 
@@ -115,8 +116,10 @@ class Canvas:
         light = 1.0 - SHADOW * np.asarray(mask, np.float32) / 255.0
         return self._ground * light[..., None]
 
-    def begin(self, picture: np.ndarray, depth: np.ndarray) -> object:
+    def begin(self, picture: np.ndarray, depth: np.ndarray, lines: int = 1) -> object:
         """Begin a frame: colours (h, w, 3), distances along the view (h, w) [m].
+
+        Behind `lines` lines of words at the bottom the picture is paler.
 
         Returns:
             The PIL image that everything else is drawn to.
@@ -125,6 +128,9 @@ class Canvas:
 
         image = Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8))
         self._draw, self._depth = ImageDraw.Draw(image, "RGBA"), depth
+        top = self.camera.height - (24 + 28 * lines) * self.unit
+        box = (0, top, self.camera.width, self.camera.height)
+        self._draw.rectangle(box, (*rgb(WHITE), BAND))
         return image
 
     def ring(self, place: np.ndarray, colour: str, chosen: bool) -> None:

@@ -107,14 +107,15 @@ def clearest(
     return _turned(camera, TURNS[int(np.argmax(found))])
 
 
-def framed(camera: Camera, balls: np.ndarray) -> Camera:
+def framed(camera: Camera, balls: np.ndarray, cut: float = CUT) -> Camera:
     """Return the camera, farther away where a body is too large for the picture.
 
     Args:
         camera: Where it stands by choice; kept where the body fits.
         balls: (n, 4) the body, at some moments [m].
+        cut: Share of it that may be outside before the camera moves.
     """
-    if not len(balls) or _outside(camera, balls) <= CUT:
+    if not len(balls) or _outside(camera, balls) <= cut:
         return camera
     low, high = balls[:, :3].min(axis=0), balls[:, :3].max(axis=0)
     middle = 0.5 * (low + high)

@@ -1,15 +1,19 @@
 """A hand-over as a film: robot, person, object, and what the story says."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from handover.human.body import Part
+from handover.human.human import Human
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, write_gif
 from sim.draw.style import AMBER, FAINT, INK, RED, TEAL
-from sim.draw.viewpoint import clearest
+from sim.draw.viewpoint import Camera, clearest, framed
 from sim.record.run_record import RunRecord
+from sim.story.partner import ARMS
 
 _COLOURS = {
     "fetch": FAINT,
@@ -21,6 +25,8 @@ _COLOURS = {
     "retreat": "#7050b0",
     "put_down": "#4a7fb5",
 }
+_WORDS = 0.17  # share of half the picture's height by which it is above the words
+_THING = -1  # the label of what is handed over
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
 
 
@@ -47,10 +53,37 @@ def write_story_film(
     step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)
     shown = range(0, record.frames, step)
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
-    bodies = [_bodies(record, robot, i) for i in moments]
-    canvas = Canvas(clearest(settings.camera(), bodies))
+    canvas = Canvas(_camera(record, robot, moments, settings))
     pictures = [_paint(record, robot, world, canvas, i) for i in shown]
     return write_gif(pictures, path, settings)
+
+
+def _camera(
+    record: RunRecord, robot: Robot, moments: list[int], settings: FilmSettings
+) -> Camera:
+    """Return from where the robot and the arm that takes part are seen, and whole."""
+    labels = np.full(record.arrays["capsules"].shape[1], _THING)
+    known = Human().labels
+    labels[: len(known)] = known
+    arm = np.isin(labels, [_THING, *ARMS[record.head["story"]["person"]["side"]]])
+    above = ~arm & ~np.isin(labels, [Part.LEFT_LEG, Part.RIGHT_LEG])
+    robots, arms, rest = [], [], []
+    for i in moments:
+        rows = record.arrays["capsules"][i]
+        robots.append(_bodies(record, robot, i)[0])
+        arms.append(_beads(_near(rows[arm])))
+        rest.append(_beads(_near(rows[above])))
+    camera = framed(settings.camera(), np.vstack(robots + arms + rest), cut=0.0)
+    camera = clearest(camera, list(zip(robots, arms, strict=True)), rest[0])
+    away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    down = np.array(
+        [0.0, 0.0, _WORDS * away * np.tan(0.5 * np.radians(camera.fov_deg))]
+    )
+    return replace(
+        camera,
+        eye=tuple((np.array(camera.eye) - down).tolist()),
+        target=tuple((np.array(camera.target) - down).tolist()),
+    )
 
 
 def _paint(record, robot, world, canvas, i: int) -> object:
@@ -58,7 +91,7 @@ def _paint(record, robot, world, canvas, i: int) -> object:
     world.place(arrays["q"][i], _near(arrays["capsules"][i]))
     colour, depth, ground = world.picture(canvas.camera)
     floor = canvas.floor(np.vstack(_bodies(record, robot, i)))
-    image = canvas.begin(np.where(ground[..., None], floor, colour), depth)
+    image = canvas.begin(np.where(ground[..., None], floor, colour), depth, lines=2)
     state = told["states"][arrays["story.state"][i]]
     canvas.pill(16, 104, state.replace("_", " "), _COLOURS.get(state, INK))
     gap = arrays["separation"][i]
@@ -91,9 +124,15 @@ def _near(capsules: np.ndarray) -> np.ndarray:
 
 def _bodies(record: RunRecord, robot: Robot, i: int) -> tuple[np.ndarray, np.ndarray]:
     centers = sphere_centers(robot, record.arrays["q"][i])
-    person = [np.zeros((0, 4))]
-    for row in _near(record.arrays["capsules"][i]):
-        s = np.linspace(0.0, 1.0, 12)[:, None]
+    balls = np.column_stack([centers, robot.spheres[:, 3]])
+    return balls, _beads(_near(record.arrays["capsules"][i]))
+
+
+def _beads(capsules: np.ndarray) -> np.ndarray:
+    """Return balls (12 k, 4) along capsules (k, 7) [m]."""
+    s = np.linspace(0.0, 1.0, 12)[:, None]
+    found = [np.zeros((0, 4))]
+    for row in capsules:
         beads = row[:3] + s * (row[3:6] - row[:3])
-        person.append(np.column_stack([beads, np.full(12, row[6])]))
-    return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)
+        found.append(np.column_stack([beads, np.full(12, row[6])]))
+    return np.vstack(found)

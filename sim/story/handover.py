@@ -17,7 +17,7 @@ from handover.human.human import Human
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
-from odm.execution.executor import BRAKED, Executor
+from odm.execution.executor import BRAKED, RETREATING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
 from odm.frame.last_phase import gripper_links
@@ -53,6 +53,7 @@ _CALM, _BUSY = (
     1,
 )  # what may be bettered between frames: in others, and in costly ones
 _GRAVITY = 9.81  # [m/s2]
+_GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
@@ -611,6 +612,10 @@ class Handover:
         """Answer the frame, as the step asks for it."""
         step = self._step
         self._light = True
+        if self._driven_off(seen.frame):
+            self.fingers, self._at = OPEN, -1  # to above the object, and down anew
+            self._next()
+            step = self._step
         if self._begun is None:
             self._begun = seen.frame.now
         if step.kind == "targets":
@@ -631,6 +636,12 @@ class Handover:
             if sensed:
                 self._next()
         return self._stand(seen, q)
+
+    def _driven_off(self, frame: StoryFrame) -> bool:
+        """Whether somebody made it leave what it was about to fetch, its hand empty."""
+        leaves = self.executor.state == RETREATING and not self.executor.at_rest
+        down = self.state == table.FETCH and 0 < self._at <= _GRIP
+        return leaves and down and not frame.holds
 
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
         """Go to the best target."""

@@ -23,6 +23,9 @@ class StoryPage:
         run: The run; not begun.
         port, host, token: See `sim.Viewer`.
         paced: Whether `hear` waits for the clock; False: somebody else does.
+
+    Attributes:
+        viewer: See `sim.Viewer`.
     """
 
     def __init__(
@@ -34,7 +37,7 @@ class StoryPage:
         paced: bool = True,
     ) -> None:
         """Open the page and say where."""
-        self._run, self._paced = run, paced
+        self.run, self._paced = run, paced
         cell_map = run.setup.cell_map
         self.viewer = Viewer(
             cell_map,
@@ -60,14 +63,19 @@ class StoryPage:
 
     def hear(self, moment: StoryMoment) -> None:
         """Show a moment, and wait until the clock has come as far."""
-        rows, story = moment.capsules, self._run.story
+        rows, story = moment.capsules, self.run.story
         if moment.T_object is not None:
-            thing = moved_rods(self._run.setup.obj.capsules, moment.T_object)
+            thing = moved_rods(self.run.setup.obj.capsules, moment.T_object)
             rows = np.vstack([rows, thing])
+        answer = story.answer
+        if isinstance(answer, SimpleNamespace) and not answer.reason:
+            if answer.status == "holding":  # it waits, or its fingers move
+                answer = SimpleNamespace(status="standing", path=None)
         frame = SimpleNamespace(
             q=moment.q,
-            answer=story.answer,
+            answer=answer,
             capsules=rows,
+            things=len(rows) - len(moment.capsules),
             separation=moment.separation,
             pace=moment.pace,
             brake=story.executor.reason,
@@ -90,7 +98,7 @@ class StoryPage:
 
     def _targets(self, index: int) -> np.ndarray:
         if index % _TARGETS_EVERY == 0:
-            live = self._run.story.targets
+            live = self.run.story.targets
             rows = [
                 [*t.T_world_tool[:3, 3], t.quality, t.key == live.pursuit.key]
                 for t in live.targets[:_TARGETS]

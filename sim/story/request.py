@@ -35,6 +35,14 @@ class DemoRequest:
         metavar="scripted|mocap|keyboard",
     )
     file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
+    mapping: Path | None = flag(
+        None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
+    )
+    accept_defects: bool = flag(
+        False,
+        "Play a recording even where it shows what no person does (--file).",
+        "--accept-defects",
+    )
     seed: Seed = 0
     reach: Path | None = flag(
         None, "Reach map of the robot (handover); built if left.", metavar="DIR"
@@ -84,12 +92,13 @@ class DemoRequest:
         if self.robot is not None or self.cycles != 1:
             word = "cycles" if self.robot is None else "robot"
             return f"--{word} goes with `odm demo maintenance`; leave it out"
-        only = ("direction", "human", "file", "reach", "map_dir", "record", "film")
+        only = ("direction", "human", "file", "mapping", "reach", "map_dir")
+        only = (*only, "record", "film")
         if self.story == WORK:
             given = [n for n in only if getattr(self, n) is not None]
-            given += ["view"] if self.view else []
+            given += [n for n in ("accept_defects", "view") if getattr(self, n)]
             if given:
-                word = given[0].replace("map_dir", "map")
+                word = given[0].replace("map_dir", "map").replace("_", "-")
                 return f"--{word} goes with `odm demo handover`; leave it out"
             return ""
         if self.direction not in (None, "give", "receive"):
@@ -100,15 +109,20 @@ class DemoRequest:
             return "the keys' person takes, and cannot give: leave --direction out"
         if (self.human == "mocap") != (self.file is not None):
             return "--human mocap and --file F go together; give both or neither"
+        if self.file is None and (self.mapping or self.accept_defects):
+            word = "mapping" if self.mapping else "accept-defects"
+            return f"--{word} goes with --human mocap --file F; leave it out"
         if self.human == "mocap" and self.direction == "receive":
             return "a recorded person takes, and cannot give: leave --direction out"
         return page_trouble(self.view, self.port, self.host, self.token)
 
     def _trouble_of_the_cycle(self) -> str:
-        for name in ("direction", "human", "file", "view", "port", "host", "token"):
+        person = ("direction", "human", "file", "mapping", "accept_defects")
+        for name in (*person, "view", "port", "host", "token"):
             if getattr(self, name):
+                word = name.replace("_", "-")
                 return (
-                    f"--{name} goes with `odm demo handover`, a maintenance cycle "
+                    f"--{word} goes with `odm demo handover`, a maintenance cycle "
                     "gives and takes; leave it out"
                 )
         if self.robot == FINGERLESS:

@@ -12,7 +12,7 @@ from handover import ReachMap
 from odm import CellMap
 from sim.draw.world import SimulatorMissing
 from sim.loop.run_result import percentiles
-from sim.people.mocap import load_mocap
+from sim.people.mocap import MocapSettings, load_mocap
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
@@ -23,6 +23,7 @@ from sim.story.page import StoryPage
 from sim.story.partner import PartnerTraits, RecordedPartner
 from sim.story.play import StoryMoment, StoryPlay, StoryResult, play
 from sim.story.record import StoryRecorder
+from sim.story.rehearsal import rehearse
 from sim.story.request import KEYBOARD, MOCAP, DemoRequest
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
@@ -78,7 +79,7 @@ def tell_story(
             told += 1
 
     with Bars("playing the hand-over"):
-        play(StoryPlay(setup, run.case), 1.0)  # so that everything is compiled
+        rehearse(setup)
     with _page(request, run, live is None) as shown:
 
         def hear(moment: StoryMoment) -> None:
@@ -150,7 +151,7 @@ def _run_of(
 ) -> StoryPlay:
     direction = request.direction or "give"
     if request.human in (MOCAP, KEYBOARD):
-        person = live.person if live else RecordedPerson(load_mocap(request.file))
+        person = live.person if live else _recorded(request)
         traits = PartnerTraits()
         case = StoryCase(direction, request.seed, traits=traits)
         partner = RecordedPartner(person, setup.side, setup.obj, traits)
@@ -158,6 +159,12 @@ def _run_of(
     case = StoryCase.drawn(direction, request.seed)
     case = replace(case, distance=0.95, bearing=0.2 * case.bearing)
     return StoryPlay(setup, case, wrist=wrist, fetch=direction == "give")
+
+
+def _recorded(request: DemoRequest) -> RecordedPerson:
+    settings = MocapSettings(accept_defects=request.accept_defects)
+    motion = load_mocap(request.file, mapping=request.mapping, settings=settings)
+    return RecordedPerson(motion)
 
 
 def line_of(event: StoryEvent) -> str:

@@ -15,6 +15,7 @@ from sim.view.moment import (
     ON_THE_WAY,
     STATE,
     STICKY_S,
+    STILL,
     TIME,
     WORDS,
     Event,
@@ -211,6 +212,7 @@ def legend(has_map: bool, has_quality: bool) -> str:
     """Return what each colour means."""
     rows = [("box", looks.SKIN, "person"), ("line", looks.PATH, "path of the tool")]
     rows.append(("line", looks.BEFORE, "the path before it"))
+    rows.append(("box", looks.LOAD, "what is carried"))
     if has_map:
         rows.append(("line", looks.FREE_EDGE, "edge that is free"))
         rows.append(("line", looks.BLOCKED_EDGE, "edge that is blocked"))
@@ -220,7 +222,7 @@ def legend(has_map: bool, has_quality: bool) -> str:
     items = "".join(_swatch(kind, looks.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
         _swatch("box", looks.STATE_COLOURS[s], WORDS[s])
-        for s in (ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
+        for s in (STILL, ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
     )
     bar = ""
     if has_quality:

@@ -98,7 +98,10 @@ def wxyz_of(R: np.ndarray) -> np.ndarray:
 
 
 def eye_on(
-    robot_points: np.ndarray, person_points: np.ndarray, aspect: float = 1.6
+    robot_points: np.ndarray,
+    person_points: np.ndarray,
+    aspect: float = 1.6,
+    side: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands, and what it looks at, to see robot and person.
 
@@ -109,6 +112,8 @@ def eye_on(
         robot_points: (n, 3) of the robot [m].
         person_points: (k, 3) of the person [m]; none: the robot alone.
         aspect: Width of the picture in heights.
+        side: 1: from the right of the line from robot to person; -1: from its left,
+            where the right hand of somebody is who faces the robot.
     """
     whole = np.vstack([robot_points, person_points])
     low, high = whole.min(axis=0), whole.max(axis=0)
@@ -119,7 +124,7 @@ def eye_on(
         toward[2] = 0.0
     length = np.linalg.norm(toward)
     toward = toward / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
-    across = np.array([toward[1], -toward[0], 0.0])
+    across = side * np.array([toward[1], -toward[0], 0.0])
     radius = 0.5 * float(np.linalg.norm(high - low)) + 0.1
     distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(aspect, 0.3))
     back = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])

@@ -57,6 +57,8 @@ class Moment:
             1 where it is pursued.
         points: (n, 3) what a sensor saw [m].
         payload: (k, 4) spheres in the hand, tool frame [m].
+        things: How many of the capsules, the last ones, are no person but what is
+            handed over.
         rows: (n, 5) time, separation, latency [s], state, place of each frame since
             the moment before, this one last.
         events: What happened since the run began, at most the latest.
@@ -73,6 +75,7 @@ class Moment:
     targets: np.ndarray | None = None
     points: np.ndarray | None = None
     payload: np.ndarray | None = None
+    things: int = 0
     rows: np.ndarray | None = None
     events: tuple[Event, ...] = ()
 
@@ -83,6 +86,8 @@ def state_of(status: str, pace: str, separation: float = np.inf) -> int:
         return CONTACT
     if pace == RETREATING:
         return AWAY
+    if status == "standing":  # it means to
+        return STILL
     if status == "holding":
         return HOLDING
     if pace in (BRAKED, SLOWED):

@@ -26,6 +26,7 @@ from sim.view.stage import Stage
 
 RATE_HZ = 30.0  # pictures a second
 _IDLE_S = 0.05  # from look to look while nobody watches
+_WHOLE = 8  # so many capsules are a whole person
 _FAR = 3.0  # a hand is not dragged farther from the base [m]
 
 
@@ -198,7 +199,7 @@ class Page:
         if whole and not self._placed:
             self._placed = True
             self._seen.clear()
-            eye, target = looks.eye_on(*self.stage.bounds(moment))
+            eye, target = looks.eye_on(*self.stage.bounds(moment), side=_side(moment))
             camera = self.server.initial_camera
             camera.position, camera.look_at = eye, target
             camera.fov = looks.FOV
@@ -207,8 +208,14 @@ class Page:
                 continue
             self._seen.add(number)
             aspect = client.camera.aspect
-            eye, target = looks.eye_on(*self.stage.bounds(moment), aspect)
+            bounds = self.stage.bounds(moment)
+            eye, target = looks.eye_on(*bounds, aspect, _side(moment))
             with suppress(AssertionError, RuntimeError):  # it has left meanwhile
                 client.camera.fov = looks.FOV
                 client.camera.position = eye
                 client.camera.look_at = target
+
+
+def _side(moment: Moment) -> float:
+    """Return from which side a camera sees the hand of a whole person that takes."""
+    return -1.0 if len(moment.capsules) >= _WHOLE else 1.0

@@ -19,7 +19,15 @@ from sim.record import RunRecord
 from sim.record.again import robot_of
 from sim.record.standing import shapes_of
 from sim.view.mailbox import Mailbox
-from sim.view.moment import ON_THE_WAY, Event, Happenings, Moment, state_of
+from sim.view.moment import (
+    HOLDING,
+    ON_THE_WAY,
+    STILL,
+    Event,
+    Happenings,
+    Moment,
+    state_of,
+)
 
 KEPT = 18_000  # moments of a live run: ten minutes at 30 a second
 KEPT_ROWS = 60_000  # its frames: ten minutes at 100 a second
@@ -74,8 +82,10 @@ class Recorded:
         self.record, self.robot = record, robot_of(record)
         self._place_q = record.arrays["places"]
         self._goals: dict[int, np.ndarray] = {}
+        self._things, self._stands = _of_story(record)
         self._rows, self._reasons = self._read()
-        self._ends = _trip_ends(record.arrays["place"])
+        told = record.arrays.get("story.state", record.arrays["place"])
+        self._ends = _trip_ends(told)
         self._driven: tuple[int, np.ndarray] = (-1, np.zeros((0, self.robot.dof)))
 
     def _read(self) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
@@ -90,6 +100,10 @@ class Recorded:
         reasons = [(h["start_s"], h["end_s"], h["reason"]) for h in record.holds]
         reasons += [(s["start_s"], s["end_s"], s["reason"]) for s in record.slow]
         reasons.sort()
+        for begin, end, why in reasons:
+            if why in self._stands:
+                for i in range(_frame(record, begin), _frame(record, end)):
+                    states[i] = STILL if states[i] == HOLDING else states[i]
         begins = {round(r[0] * record.rate_hz): r[2] for r in reasons}
         seen = Happenings()
         times = arrays["time_s"]
@@ -98,7 +112,11 @@ class Recorded:
             fresh = bool(i) and status[i] == new
             why = begins.get(i, "")
             seen.take(float(times[i]), state, int(place[i]), why, fresh)
-        self.events = seen.events
+        story = record.head["outcome"].get("story", [])
+        self.events = sorted(
+            [*seen.events, *(_told_by(event) for event in story)],
+            key=lambda event: event.time_s,
+        )
         rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
         return rows, reasons
 
@@ -130,6 +148,7 @@ class Recorded:
             path=self._path(i),
             targets=self._targets(int(arrays["place"][i])),
             payload=arrays.get("payload"),
+            things=self._things,
         )
 
     def _reason(self, now: float, state: int) -> str:
@@ -148,6 +167,33 @@ class Recorded:
         if place not in self._goals:
             self._goals[place] = place_targets(self.robot, self._place_q, place)
         return self._goals[place]
+
+
+def _frame(record: RunRecord, time_s: float) -> int:
+    return min(max(round(time_s * record.rate_hz), 0), record.frames)
+
+
+def _of_story(record: RunRecord) -> tuple[int, set[str]]:
+    """Return how many capsules are the object, and the reasons to stand at will.
+
+    A hold that says no more than how the story came to its state waits for somebody,
+    or for the fingers.
+    """
+    told = record.head.get("story")
+    if told is None:
+        return 0, set()
+    from handover.human.human import Human
+
+    known = len(Human().labels)
+    things = max(0, record.arrays["capsules"].shape[1] - known)
+    events = record.head["outcome"].get("story", [])
+    stands = {f"{e['state']}: {e['reason']}" for e in events}
+    return things, stands | {f"{state}: " for state in told["states"]}
+
+
+def _told_by(event: dict) -> Event:
+    word = event["state"].replace("_", " ")
+    return Event(event["time_s"], ON_THE_WAY, f"{word}: {event['reason']}")
 
 
 def standing_of_record(record: RunRecord) -> np.ndarray:

@@ -64,6 +64,7 @@ class Stage:
         self._edges_at = -np.inf
         self._person: list = []
         self._sizes = np.zeros((0, 2))
+        self._things = 0  # from which capsule on they are no person's
         self._add_light()
         self._meshes: list = []
         self._bodies: dict[int, object] = {}
@@ -146,6 +147,7 @@ class Stage:
         if moment.payload is not None and len(moment.payload):
             balls = ball_rows(self.robot, moment.payload, moment.q)
             capsules = np.vstack([capsules if len(capsules) else NOBODY, balls])
+        self._things = len(moment.capsules) - moment.things
         self._if_new("person", capsules, self._place_person)
         self._if_new("path", moment.path, self._path)
         self._if_new("before", moment.before, self._before)
@@ -192,6 +194,8 @@ class Stage:
         for i, (length, radius) in enumerate(sizes):
             vertices, _, faces = capsule_mesh(length, radius, 8, 24)
             colour = looks.SLEEVE if i % 2 == 0 else looks.SKIN
+            if i >= self._things:
+                colour = looks.LOAD
             node = self.scene.add_mesh_simple(
                 f"/person/part_{i}",
                 vertices,

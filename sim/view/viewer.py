@@ -136,7 +136,7 @@ class Viewer:
             stdout=subprocess.PIPE,
             pass_fds=kept,
             env={**os.environ, "PYTHONPATH": paths},
-            start_new_session=True,  # Ctrl-C is the loop's
+            process_group=0,  # Ctrl-C is the loop's; in one session nice counts
         )
         data = pickle.dumps(told)
         self._process.stdin.write(len(data).to_bytes(8, "little") + data)
@@ -242,6 +242,7 @@ class Viewer:
             targets=targets,
             points=points,
             payload=getattr(frame, "payload", None),
+            things=getattr(frame, "things", 0),
             rows=self._latest(),
             events=tuple(self._happenings.events[-KEPT_EVENTS:]),
         )

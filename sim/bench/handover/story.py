@@ -13,7 +13,8 @@ from roadmap.errors import BadInput
 from sim.run.meet import reach_map_of
 from sim.story.cases import StoryCase, setup_of, with_traits
 from sim.story.machine import DIRECTIONS
-from sim.story.play import StoryPlay, play
+from sim.story.play import RATE, StoryPlay, play
+from sim.story.rehearsal import rehearse
 from sim.story.tell import figures_of
 from sim.tables.header import header
 from sim.tables.table import value_row
@@ -133,15 +134,14 @@ def _played(job: tuple) -> dict:
     if "setup" not in _KEPT:
         cell_map = load_map(map_dir, verify=False)
         _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach))
-        play(StoryPlay(_KEPT["setup"], StoryCase("give")), 1.0)  # compiled from here on
-        play(StoryPlay(_KEPT["setup"], StoryCase("receive")), 1.0)
-        gc.collect()
-        gc.freeze()  # a collection of all that was loaded would be some frame's
+        rehearse(_KEPT["setup"])  # nothing is compiled or loaded from here on
     run = StoryPlay(_KEPT["setup"], case)
     whole = 60.0 if name else seconds
     result = play(run, whole)
     told = figures_of(result) | {"name": name}
     told["cpu_ms"] = [round(1e3 * c, 3) for c in result.cpu_s]
+    del run, result
+    gc.collect()  # a run is some 100 MB, and a later run's frame would free it
     return told
 
 
@@ -192,7 +192,13 @@ def _frames(runs: list[dict]) -> list[dict]:
         value_row("frame, CPU: p50", shares["p50"], "ms", most=P50_MS),
         value_row("frame, CPU: p99", shares["p99"], "ms", most=P99_MS),
         value_row("frame, CPU: max", float(cpu.max()), "ms"),
-        value_row("frames over 10 ms", 100.0 * float((cpu > 10.0).mean()), "%"),
+        value_row(
+            f"deadlines missed, of {len(cpu) / RATE / 60.0:.1f} minutes at 100 Hz",
+            float((cpu > 1e3 / RATE).sum()),
+            "frames",
+            "a frame that computes for more than 10 ms",
+            most=0.0,
+        ),
     ]
 
 

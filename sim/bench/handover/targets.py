@@ -20,6 +20,7 @@ from sim.tables.table import value_row
 DISTANCES = (0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.3)
 MOTION = "reach"
 P50_MS, P99_MS = 3.0, 8.0  # asked of a frame's loop
+CHANGES, ARRIVALS = 4.0, 12.0  # asked, a minute
 TIMES = ("distance", "CPU p50", "p99", "max", "wall p50", "p99", "max")
 SHARES = (
     "distance", "there", "on the way", "blocked", "top", "near", "changes", "contacts"
@@ -131,7 +132,8 @@ def _played(job: RunRequest) -> dict:
     summary = result.summary()
     same = {k: summary[k] for k in ("trajectory_sha256", "path_changes", "held_s")}
     found = task.figures(loop, result)["targets"]
-    return {"distance_m": job.distances[0], "seed": job.seed} | found | same
+    told = {"distance_m": job.distances[0], "seed": job.seed, "seconds": job.seconds}
+    return told | {"changes": loop.live.counts["changes"]} | found | same
 
 
 def _rows(runs: list[dict]) -> list[dict]:
@@ -149,6 +151,14 @@ def _rows(runs: list[dict]) -> list[dict]:
         value_row(f"loop, wall: p99, {n}", worst("wall", "p99"), "ms", most=P99_MS),
         value_row("contacts", float(sum(r["contacts"] for r in runs)), "", most=0.0),
     ]
+    minutes = sum(r["seconds"] for r in runs) / 60.0
+    for name, what, asked in (
+        ("changes", "target changes a minute, all runs", {"most": CHANGES}),
+        ("arrivals", "arrivals a minute, all runs", {"least": ARRIVALS}),
+    ):
+        note = f"{sum(r[name] for r in runs)} in {minutes:.1f} minutes"
+        value = sum(r[name] for r in runs) / minutes
+        rows.append(value_row(what, value, "", note, **asked))
     judged = sum(r["audit"]["judged"] for r in runs)
     none = sum(r["audit"]["out_of_reach"] for r in runs)
     note = f"{judged} frames audited; in {none} no target could be reached"

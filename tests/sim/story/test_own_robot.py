@@ -10,12 +10,13 @@ import handover
 import odm
 import sim
 from handover.targets.node_index import NodeIndex
-from odm.execution.executor import Executor
+from odm.execution.executor import RETREATING, Executor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
 from sim.story.handover import Step
+from sim.story.machine import FETCH, TABLES, Machine
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -96,6 +97,25 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert tell(story, 8.0, look) == ["retreat", "done"]
     assert story.outcome == "the object was dropped on the way"
     assert story.planner.attached is None and not story.holding
+
+
+def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatch):
+    story, human = story_of(maps)
+    story.machine = Machine(TABLES["give"], FETCH)  # as with a T_base_place
+    story.holding, story.fingers = False, "open"
+    above = story.executor.set_point.q
+    story._steps = [Step("goal", [above]), Step("line", above), Step("grip", "closed")]
+
+    def update(now):
+        story.update(sim.StoryFrame(now, human, pulled(0.0), True, False))
+
+    for k in range(8):
+        update(PERIOD * k)
+    assert story.fingers == "closed" and story._at == 2
+    story.executor.state = RETREATING
+    monkeypatch.setattr(Executor, "at_rest", property(lambda self: False))
+    update(0.08)
+    assert story.fingers == "open" and story._at == 0
 
 
 def test_who_leaves_is_waited_for_and_then_the_object_is_kept(maps):

@@ -97,6 +97,8 @@ def test_still_capsules_of_no_length_have_a_distance():
         ),
         ({"story": "work", "view": True}, "--view goes with `odm demo handover`"),
         ({"story": "handover", "port": 9}, "--port goes with --view"),
+        ({"story": "handover", "accept_defects": True}, "--accept-defects goes with"),
+        ({"story": "work", "accept_defects": True}, "--accept-defects goes with"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(options, told):

@@ -1,10 +1,12 @@
 """Moments of a recording, and of a live run's letters."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sim.loop.run_result import STATUS
 from sim.record import read_record
 from sim.view.mailbox import Mailbox
 from sim.view.moment import HOLDING, NEW_PATH, STILL, Event, Happenings, Moment
@@ -91,3 +93,36 @@ def test_happenings_tell_goals_new_paths_and_states_once():
         (0.4, STILL),
     ]
     assert seen.events[1].text == "holding: a hand"
+
+
+def test_a_story_tells_its_events_and_stands_where_it_waits(view_file):
+    record = read_record(view_file)
+    n, k = record.arrays["capsules"].shape[:2]
+    head = record.head | {
+        "story": {"states": ["fetch", "wait"]},
+        "outcome": record.head["outcome"]
+        | {
+            "story": [{"time_s": 0.5, "state": "wait", "reason": "the hand is there"}],
+            "holds": [
+                {"start_s": 0.5, "end_s": 1.0, "reason": "wait: the hand is there"},
+                {"start_s": 1.5, "end_s": 2.0, "reason": "wait: goal 0 is blocked"},
+            ],
+        },
+    }
+    status = np.full(n, STATUS.index("following"), np.uint8)
+    status[50:100] = status[150:200] = STATUS.index("holding")
+    rows = np.zeros((n, 17, 7))
+    rows[..., 6] = 0.05
+    arrays = record.arrays | {
+        "status": status,
+        "pace": np.full_like(record.arrays["pace"], head["pace_names"].index("moving")),
+        "separation": np.full(n, 0.3),
+        "capsules": rows,
+        "story.state": (np.arange(n) >= 50).astype(np.uint8),
+    }
+    source = Recorded(replace(record, head=head, arrays=arrays))
+    states = source.rows()[:, 3]
+    assert (states[50:100] == STILL).all() and (states[150:200] == HOLDING).all()
+    assert any(e.text == "wait: the hand is there" for e in source.events)
+    assert source.at(0.1).things == 2  # of 17 capsules 15 are the person's
+    assert len(source.at(0.4).path) < 20  # to the end of the state, not of the run

@@ -1,0 +1,214 @@
+"""A headless Chromium that looks at a page, driven by its DevTools protocol."""
+
+import base64
+import json
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from urllib.request import urlopen
+
+from roadmap.errors import BadInput
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+# drawn by the processor: a server has no graphics card
+_FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--no-first-run",
+    "--remote-debugging-port=0",
+)
+_OPEN_S = 60.0  # it has to be there by then [s]
+_LOOK_S = 0.05
+_SIZE = (1440, 900)
+# counts the pictures the browser draws: each wants one turn of this
+_COUNT = """(() => {
+  window.__pictures = 0;
+  const next = () => { window.__pictures += 1; requestAnimationFrame(next); };
+  requestAnimationFrame(next);
+})()"""
+
+
+def found_browser() -> str | None:
+    """Return the path of a Chromium, None where there is none."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Browser:
+    """A Chromium without a window; a context manager.
+
+    Raises:
+        BadInput: There is none, or it does not start.
+    """
+
+    def __init__(self) -> None:
+        """Start it."""
+        path = found_browser()
+        if path is None:
+            raise BadInput(f"there is no browser; install one of {', '.join(NAMES)}")
+        self._folder = tempfile.mkdtemp(prefix="odm-browser-")
+        self._process = subprocess.Popen(
+            [path, *_FLAGS, f"--user-data-dir={self._folder}", "about:blank"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            process_group=0,
+        )
+        told = Path(self._folder) / "DevToolsActivePort"
+        end = time.perf_counter() + _OPEN_S
+        while not (told.is_file() and told.read_text().count("\n")):
+            if self._process.poll() is not None or time.perf_counter() > end:
+                self.close()
+                raise BadInput(f"{path} does not start; try `{path} --headless`")
+            time.sleep(_LOOK_S)
+        self._port = int(told.read_text().splitlines()[0])
+
+    def __enter__(self) -> "Browser":
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self.close()
+
+    def close(self) -> None:
+        """End it and all that it started."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def tab(self, size: tuple[int, int] = _SIZE, mobile: bool = False) -> "Tab":
+        """Return a new tab, of a window of so many pixels."""
+        with urlopen(f"http://127.0.0.1:{self._port}/json/version") as answer:
+            browser = json.load(answer)["webSocketDebuggerUrl"]
+        door = _Door(browser)
+        page = door.ask("Target.createTarget", url="about:blank")["targetId"]
+        door.close()
+        return Tab(f"ws://127.0.0.1:{self._port}/devtools/page/{page}", size, mobile)
+
+    def cpu_s(self) -> float:
+        """Return the CPU time of the browser's processes so far [s]."""
+        ticks = 0
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                row = stat.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue  # it has ended meanwhile
+            if int(row[2]) == self._process.pid:  # of its group
+                ticks += int(row[11]) + int(row[12])
+        return ticks / os.sysconf("SC_CLK_TCK")
+
+
+class _Door:
+    """Questions and answers of the protocol; events are left unread."""
+
+    def __init__(self, address: str) -> None:
+        from websockets.sync.client import connect
+
+        self._socket = connect(address, max_size=None)
+        self._number = 0
+
+    def ask(self, method: str, **told: object) -> dict:
+        self._number += 1
+        asked = {"id": self._number, "method": method, "params": told}
+        self._socket.send(json.dumps(asked))
+        while True:
+            answer = json.loads(self._socket.recv())
+            if answer.get("id") == self._number:
+                if "error" in answer:
+                    raise BadInput(f"the browser refuses {method}: {answer['error']}")
+                return answer["result"]
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Tab:
+    """One page in a browser.
+
+    Args:
+        address: Of its DevTools.
+        size: Of its window [pixels].
+        mobile: Whether it is a telephone's.
+    """
+
+    def __init__(self, address: str, size: tuple[int, int], mobile: bool) -> None:
+        """Lay it out."""
+        self._door = _Door(address)
+        width, height = size
+        self._ask("Page.enable")
+        self._ask(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=mobile,
+        )
+        self._ask("Page.addScriptToEvaluateOnNewDocument", source=_COUNT)
+
+    def _ask(self, method: str, **told: object) -> dict:
+        return self._door.ask(method, **told)
+
+    def open(self, address: str, until: str, limit_s: float = 120.0) -> float:
+        """Open a page; return how long it took until its text has `until` in it [s].
+
+        Raises:
+            BadInput: It took longer than `limit_s`.
+        """
+        begun = time.perf_counter()
+        self._ask("Page.navigate", url=address)
+        while True:
+            passed = time.perf_counter() - begun
+            text = self.ask("document.body ? document.body.innerText : ''") or ""
+            if until in text and self.ask("!!document.querySelector('canvas')"):
+                return passed
+            if passed > limit_s:
+                raise BadInput(f"{address} does not show {until!r} within {limit_s} s")
+            time.sleep(_LOOK_S)
+
+    def ask(self, script: str) -> object:
+        """Return what a line of JavaScript gives."""
+        told = self._ask("Runtime.evaluate", expression=script, returnByValue=True)
+        return told["result"].get("value")
+
+    def pictures(self) -> int:
+        """Return how many pictures were drawn since it was opened."""
+        return int(self.ask("window.__pictures") or 0)
+
+    def press(self, text: str) -> bool:
+        """Click what has exactly this text; return whether there was anything."""
+        found = (
+            "[...document.querySelectorAll('label,button,span,div,p')]"
+            f".reverse().find(e => e.innerText?.trim() === {json.dumps(text)})"
+        )
+        return bool(
+            self.ask(f"(() => {{const e = {found}; e?.click(); return !!e}})()")
+        )
+
+    def toggle(self, label: str) -> bool:
+        """Click the box beside a label; return whether there is one."""
+        found = (
+            "[...document.querySelectorAll('label')]"
+            f".find(e => e.innerText.trim() === {json.dumps(label)})"
+        )
+        box = f"document.getElementById({found}?.htmlFor) ?? {found}?.closest('div')"
+        box += "?.parentElement?.querySelector('input')"
+        return bool(self.ask(f"(() => {{const e = {box}; e?.click(); return !!e}})()"))
+
+    def picture(self, path: Path) -> Path:
+        """Write what is seen as PNG."""
+        told = self._ask("Page.captureScreenshot", format="png")
+        path.write_bytes(base64.b64decode(told["data"]))
+        return path
+
+    def close(self) -> None:
+        """Leave."""
+        self._door.ask("Page.close")
+        self._door.close()

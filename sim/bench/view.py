@@ -1,0 +1,219 @@
+"""`odm bench view`: what the page costs the loop beside it, how soon it is there."""
+
+import gc
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from handover import load_reach_map
+from odm import load_map
+from roadmap.errors import BadInput
+from sim.bench.browser import Browser, found_browser
+from sim.run.folders import REACH_MAPS
+from sim.story.cases import StoryCase, StorySetup, setup_of
+from sim.story.page import StoryPage
+from sim.story.play import StoryPlay
+from sim.story.rehearsal import rehearse
+from sim.tables.header import header
+from sim.tables.table import value_row
+
+ROUNDS = 3  # of each; a frame counts with the least time of its rounds
+CLIENTS = 2
+USABLE_S, SHARE, HIDDEN_HZ, SHOWN_HZ = 3.0, 1.3, 30.0, 10.0  # asked
+_OPENED = "robot to person"  # the panel says so once a moment is drawn
+_LOOK_S = 4.0
+
+
+def run(
+    map_dir: str | Path,
+    *,
+    reach: str | Path | None = None,
+    seconds: float = 5.0,
+    seed: int = 0,
+    short: bool = False,
+    plot: str | Path | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> dict:
+    """Play a hand-over with and without the page, in turn, and look at it.
+
+    Args:
+        map_dir: Folder of a map of a robot with fingers.
+        reach: Folder of its reach map; None: maps/built/reach/NAME.
+        seconds: Simulated time of each run [s].
+        seed: Of the person.
+        short: One second, one round: to see that it runs, not to measure.
+        plot: PNG of what a browser shows; nothing without one.
+        tell: Called with what is done.
+
+    Raises:
+        BadInput: A robot without fingers, or no seconds.
+    """
+    tell = tell or (lambda text: None)
+    if not 0 < seconds < np.inf:
+        raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
+    rounds = 1 if short else ROUNDS
+    seconds = min(seconds, 1.0) if short else seconds
+    cell_map = load_map(map_dir, verify=False)
+    folder = REACH_MAPS / cell_map.robot.name if reach is None else Path(reach)
+    setup = setup_of(cell_map, load_reach_map(folder))
+    case = StoryCase.drawn("give", seed)
+    tell("compiling")
+    rehearse(setup)
+    rows = _compared(setup, case, seconds, rounds, tell)
+    tell("a browser looks")
+    with _page(setup, case) as page:
+        rows += _looked_at(page, plot, short)
+    found = {"runs of each": rounds, "seconds of each run": seconds, "clients": CLIENTS}
+    return {"bench": "view", "header": header(cell_map), "setup": found, "rows": rows}
+
+
+def _compared(
+    setup: StorySetup,
+    case: StoryCase,
+    seconds: float,
+    rounds: int,
+    tell: Callable[[str], None],
+) -> list[dict]:
+    """Return what a frame takes with and without clients, in turn."""
+    bare, seen, shown = [], [], []
+    sent: list[dict] = []
+    for k in range(rounds):  # in turn: what else the machine does meets both
+        tell(f"round {k + 1} of {rounds}")
+        bare.append(_alone(setup, case, seconds))
+        with _page(setup, case) as page:
+            with _Clients(page.viewer.address) as clients:
+                took, more = _watched(page, seconds)
+            seen.append(took)
+            shown.append(more)
+            sent = sent or _messages(clients, len(took))
+    without, beside = _least(bare), _least(seen)
+    p99 = [1e3 * float(np.percentile(c, 99)) for c in (without, beside)]
+    show_us = 1e6 * np.concatenate(shown)
+    note = f"thread time, least of {rounds} rounds of each frame, {len(without)} frames"
+    return [
+        value_row("frame, nobody watches: p99", p99[0], "ms", note),
+        value_row(f"frame, {CLIENTS} clients watch: p99", p99[1], "ms"),
+        value_row("the same, of the one before", p99[1] / p99[0], "", most=SHARE),
+        value_row("to show a frame: p50", float(np.percentile(show_us, 50)), "us"),
+        value_row("to show a frame: p99", float(np.percentile(show_us, 99)), "us"),
+        *sent,
+    ]
+
+
+def _page(setup: StorySetup, case: StoryCase) -> StoryPage:
+    return StoryPage(StoryPlay(setup, case), port=0, paced=False)
+
+
+def _alone(setup: StorySetup, case: StoryCase, seconds: float) -> np.ndarray:
+    run = StoryPlay(setup, case)
+    gc.collect()
+    return np.array([run.step().cpu_s for _ in range(round(seconds * 100))])
+
+
+def _watched(page: StoryPage, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F,) thread time of frames, and of showing them [s]."""
+    took, shown = [], []
+    gc.collect()
+    for _ in range(round(seconds * 100)):
+        moment = page.run.step()
+        begun = time.thread_time()
+        page.hear(moment)
+        shown.append(time.thread_time() - begun)
+        took.append(moment.cpu_s)
+    return np.array(took), np.array(shown)
+
+
+def _least(rounds: list[np.ndarray]) -> np.ndarray:
+    """Return (F,) the least time of each frame: all rounds compute the same."""
+    return np.min(rounds, axis=0)
+
+
+class _Clients:
+    """Who watches without drawing: their messages and bytes are counted."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address.replace("http", "ws", 1)
+        self._over = threading.Event()
+        self.messages = self.bytes = 0
+        self.scene = 0  # bytes of the first second
+
+    def __enter__(self) -> "_Clients":
+        self._begun = time.perf_counter()
+        self._threads = [threading.Thread(target=self._hear) for _ in range(CLIENTS)]
+        for thread in self._threads:
+            thread.start()
+        time.sleep(2.0)  # the scene has been sent
+        self.scene, self.messages, self.bytes = self.bytes, 0, 0
+        self._begun = time.perf_counter()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds = time.perf_counter() - self._begun
+        self._over.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _hear(self) -> None:
+        import viser
+        from websockets.sync.client import connect
+
+        told = [f"viser-v{viser.__version__}"]
+        options = {"subprotocols": told, "max_size": None, "compression": None}
+        with connect(self._address, **options) as line:
+            while not self._over.is_set():
+                try:
+                    letter = line.recv(timeout=0.2)
+                except TimeoutError:
+                    continue
+                self.messages += 1
+                self.bytes += len(letter)
+
+
+def _messages(clients: _Clients, frames: int) -> list[dict]:
+    per = CLIENTS * clients.seconds
+    note = f"{frames} frames in {clients.seconds:.1f} s, not held to the clock"
+    return [
+        value_row("scene, sent to a client", clients.scene / CLIENTS / 1e6, "MB"),
+        value_row("messages to a client", clients.messages / per, "1/s", note),
+        value_row("bytes to a client", clients.bytes / per / 1e3, "kB/s"),
+    ]
+
+
+def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[dict]:
+    """Return how soon a browser shows the page, and how many pictures it draws."""
+    if found_browser() is None:
+        return [value_row("page usable after", np.nan, "s", "no browser was found")]
+    for _ in range(50):
+        page.hear(page.run.step())
+    look_s = 1.0 if short else _LOOK_S
+    with Browser() as browser:
+        tab = browser.tab()
+        tab.open(page.viewer.address, _OPENED)  # the browser's own beginning
+        tab.close()
+        tab = browser.tab()
+        after = tab.open(page.viewer.address, _OPENED)
+        note = "the processor draws: what limits is the drawing of a picture"
+        rows = [value_row("page usable after", after, "s", most=USABLE_S)]
+        edges = len(page.run.setup.cell_map.roadmap.edges)
+        for word, asked in (("hidden", HIDDEN_HZ), ("shown", SHOWN_HZ)):
+            if word == "shown":
+                tab.press("Layers")
+                time.sleep(1.0)
+                tab.toggle("Roadmap, all edges")
+                time.sleep(1.0)
+            before, busy = tab.pictures(), browser.cpu_s()
+            begun = time.perf_counter()
+            while time.perf_counter() - begun < look_s:
+                page.hear(page.run.step())
+            passed = time.perf_counter() - begun
+            drawn = tab.pictures() - before
+            name = f"pictures a second, {edges} edges {word}"
+            rows.append(value_row(name, drawn / passed, "1/s", note, least=asked))
+            cost = (browser.cpu_s() - busy) / max(drawn, 1)
+            rows.append(value_row(f"  CPU of the browser a picture, {word}", cost, "s"))
+        if plot is not None:
+            tab.picture(Path(plot))
+    return rows

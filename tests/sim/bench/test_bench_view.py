@@ -1,0 +1,45 @@
+"""The bench of the page: what it counts, without a browser."""
+
+import json
+
+import numpy as np
+import pytest
+
+from roadmap.errors import BadInput
+from sim.bench import view
+from sim.bench.browser import Browser
+
+
+def test_a_frame_counts_with_the_least_of_its_rounds():
+    rounds = [np.array([2.0, 5.0, 1.0]), np.array([3.0, 4.0, 9.0])]
+    np.testing.assert_array_equal(view._least(rounds), [2.0, 4.0, 1.0])
+
+
+def test_messages_and_bytes_are_those_of_a_client_in_a_second():
+    clients = view._Clients("http://127.0.0.1:1/")
+    clients.scene, clients.messages, clients.bytes = 4_000_000, 40, 8_000
+    clients.seconds = 2.0
+    rows = {row["name"]: row["value"] for row in view._messages(clients, 200)}
+    assert rows == {
+        "scene, sent to a client": 2.0,
+        "messages to a client": 10.0,
+        "bytes to a client": 2.0,
+    }
+    json.dumps(rows, allow_nan=False)
+
+
+def test_without_a_browser_one_sentence_says_what_to_install(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(BadInput, match="no browser; install one of chromium"):
+        Browser()
+    (row,) = view._looked_at(*_page_that_is_never_shown())
+    assert row["value"] is None and "no browser" in row["note"]
+
+
+def _page_that_is_never_shown():
+    return None, None, True
+
+
+def test_no_seconds_are_refused(tmp_path):
+    with pytest.raises(BadInput, match="0 s of each run are none"):
+        view.run(tmp_path, seconds=0)
