@@ -184,7 +184,8 @@ def build_to(
 
     begun = time.perf_counter()
     parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
-    with crew(target, threads, place) as workers, Bars() as tell:
+    loads = "odm.cell_map.chunk_work"
+    with crew(target, threads, place, loads) as workers, Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:
             _tell_size(robot, recipe)
