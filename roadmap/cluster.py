@@ -54,6 +54,7 @@ class Cluster:
             makes ready what they will be given. None: with the first chunk.
 
     Raises:
+        BadInput: The address is none.
         BuildRefused: `distributed` is not installed, or no scheduler answers.
         ForeignWorker: A worker runs another version.
     """
@@ -141,6 +142,11 @@ class Cluster:
                 )
                 self.client.wait_for_workers(1, timeout=left)
                 break
+            except ValueError as error:  # a name without a port, another protocol
+                raise BadInput(
+                    f"the scheduler's address is {self.address!r} ({error}); give one "
+                    "such as tcp://host:8786"
+                ) from error
             except (OSError, self.dask.TimeoutError, TimeoutError) as error:
                 with suppress(Exception):
                     self.client.close(timeout=1)
