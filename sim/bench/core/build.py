@@ -89,7 +89,8 @@ def _worker_rows(
     return [
         value_row(f"{name}: all", took, "s"),
         value_row(f"{name}: all, CPU time", used, "s"),
-        value_row(f"{name}: CPU overhead", used / alone["all, CPU time"], "times", note),
+        value_row(f"{name}: CPU overhead", used / alone["all, CPU time"], "times",
+                  note),
         value_row(f"{name}: speed-up against one thread", alone["all"] / took, "times",
                   "times of the clock: on free cores only", least=least),
     ]  # fmt: skip
