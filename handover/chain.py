@@ -14,6 +14,7 @@ from roadmap.kinematics import _chain as kernels
 from roadmap.kinematics._chain import ChainArrays
 from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.kinematics.tool_chain import tool_chain
+from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 
 _ARRAYS = ("fixed", "kind", "scale", "limits", "endless", "length")
@@ -142,6 +143,7 @@ def chain_of(robot: Robot, self_collisions: bool = True) -> Chain:
     Raises:
         BadInput: No joint moves the tool.
     """
+    check_kind("a robot", robot, Robot, "give what roadmap.load_robot returns")
     chain, rows = tool_chain(robot)
     return Chain(
         name=robot.name,

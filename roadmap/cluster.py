@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -49,8 +50,11 @@ class Cluster:
         shared: Folder that all workers see too: they write finished chunks there, so
             that none goes through the scheduler. None: they come over the network.
         patience: How long a scheduler may be away [s].
+        loads: Module that jobs will need; workers load it while this process still
+            makes ready what they will be given. None: with the first chunk.
 
     Raises:
+        BadInput: The address is none.
         BuildRefused: `distributed` is not installed, or no scheduler answers.
         ForeignWorker: A worker runs another version.
     """
@@ -62,6 +66,7 @@ class Cluster:
         store: ChunkStore | None = None,
         shared: Path | None = None,
         patience: float = PATIENCE_S,
+        loads: str | None = None,
     ) -> None:
         """Connect, and look at the workers."""
         if (scheduler is None) == (workers == 0):
@@ -78,6 +83,7 @@ class Cluster:
         self.address = scheduler or self._own.scheduler_address
         self.client: Any = None
         self._connect(time.monotonic() + min(patience, _FIRST_S))
+        self._loading = [] if loads is None else self._load(loads)
 
     def __enter__(self) -> "Cluster":
         """Return the cluster."""
@@ -136,6 +142,11 @@ class Cluster:
                 )
                 self.client.wait_for_workers(1, timeout=left)
                 break
+            except ValueError as error:  # a name without a port, another protocol
+                raise BadInput(
+                    f"the scheduler's address is {self.address!r} ({error}); give one "
+                    "such as tcp://host:8786"
+                ) from error
             except (OSError, self.dask.TimeoutError, TimeoutError) as error:
                 with suppress(Exception):
                     self.client.close(timeout=1)
@@ -148,6 +159,13 @@ class Cluster:
                 time.sleep(0.2)
         refuse_foreign(self.client.run(_told_by_worker, on_error="return"))
         self.threads = sum(self.client.nthreads().values())
+
+    def _load(self, module: str) -> list[Any]:
+        """Let every worker load a module; nobody waits for it, and it may fail."""
+        return [
+            self.client.submit(_loaded, module, workers=[address], pure=False)
+            for address in self.client.nthreads()
+        ]
 
     def again(self) -> None:
         """Reach the scheduler again, which went away."""
@@ -312,6 +330,11 @@ def work(
         return packed(found)
     ChunkStore(shared).put(name, found)
     return None
+
+
+def _loaded(module: str) -> None:
+    with suppress(Exception):  # the first chunk tells what is wrong
+        import_module(module)
 
 
 def _told_by_worker() -> dict[str, str]:

@@ -47,6 +47,20 @@ def check_number(
     )
 
 
+def check_kind(
+    name: str, value: object, kinds: type | tuple[type, ...], remedy: str
+) -> None:
+    """Refuse what is no such thing, such as a path where a map is wanted.
+
+    Raises:
+        BadInput: Names what was given, and the remedy.
+    """
+    if not isinstance(value, kinds):
+        shown = repr(value)
+        shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
+        raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
+
+
 def check_settings(
     settings: object,
     ranges: Mapping[str, tuple[float, float, str]],

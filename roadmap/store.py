@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from roadmap.errors import BadMap, PlanningError
+from roadmap.ranges import check_kind
 from roadmap.unfinished import beside, put
 
 FORMAT = 1
@@ -64,6 +65,7 @@ def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
     Raises:
         BadMap: No map there, a foreign version, a truncated or altered array.
     """
+    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
     path = Path(path)
     manifest = _read_manifest(path)
     rows = list(manifest["arrays"].items())

@@ -17,6 +17,8 @@ from odm.answer import Freedom
 from roadmap.errors import PlanningError
 
 FREE = "free"
+FAR = np.zeros((4, 4))
+FAR[:3, 3] = [600.0, 0.0, 500.0]
 
 
 def calls(odm, planner, hand, home):
@@ -25,9 +27,10 @@ def calls(odm, planner, hand, home):
     from odm.execution.threat import Threat, ThreatSettings
     from odm.obstacles.scenery import parse_scenery
     from odm.obstacles.shapes import Box
-    from roadmap.motion.motion import time_path
+    from roadmap import time_path, tool_pose
 
     nan, robot = np.nan, planner.robot
+    far_box = Box([0.1, 0.1, 0.1], Box([1.0, 1.0, 1.0]).T_base_shape + FAR)
     still = time_path(robot, home[None])
 
     def elsewhere(question):
@@ -129,6 +132,17 @@ def calls(odm, planner, hand, home):
         ),
         "a base that shears": lambda: planner.set_base(np.triu(np.ones((4, 4)))),
         "clearance NaN": lambda: planner.set_extra_clearance(nan),
+        "a stamp of text": lambda: after(hand, None, stamp="now", now=1.0),
+        "a tolerance without poses": lambda: planner.set_goals([home], tolerance=0.01),
+        "an object in millimetres": lambda: planner.scene.add("box", far_box),
+        "a planner of a path": lambda: odm.ReactivePlanner("map"),
+        "settings that are a dict": lambda: odm.ReactivePlanner(
+            planner.cell_map, settings={"hysteresis": 0.1}
+        ),
+        "a map that is a number": lambda: odm.load_map(5),
+        "a recipe that is a dict": lambda: odm.build_map({"robot": {}}),
+        "the tool at too many joints": lambda: tool_pose(robot, np.zeros(9)),
+        "a set-point at a text": lambda: still.at("end"),
     }
 
 

@@ -271,6 +271,11 @@ def check_joints(q: np.ndarray) -> np.ndarray:
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "
             f"seven finite angles in rad: {', '.join(ARM_JOINTS)}"
         )
+    if np.abs(q).max() > 4 * np.pi:
+        raise BadInput(
+            f"joints of an arm are {q.tolist()}, beyond two whole turns; this looks "
+            "like degrees, give rad"
+        )
     return q
 
 

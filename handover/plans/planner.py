@@ -17,7 +17,7 @@ from handover.plans.mover import Mover, mount_pose
 from handover.plans.paths import Blocked, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
-from roadmap.ranges import check_number
+from roadmap.ranges import check_kind, check_number
 
 LONGEST = 3600.0  # [s] time limit
 
@@ -143,6 +143,7 @@ def plan_handover(
     Raises:
         BadInput: A time limit that is none.
     """
+    check_kind("a scene", scene, Scene, "give what handover.load_scene returns")
     check_number("time_limit_s [s]", time_limit_s, 0.0, LONGEST)
     settings, report = settings or PlanSettings(), Report()
     if time_limit_s == 0.0:

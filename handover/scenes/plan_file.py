@@ -132,7 +132,10 @@ def read_plan(path: str | Path) -> dict:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise BadInput(f"{path} is no JSON file ({error}); make it again") from error
-    check_record(record)
+    try:
+        check_record(record)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
     return record
 
 
@@ -145,9 +148,10 @@ def check_record(record: Mapping) -> None:
     """
     told = isinstance(record, Mapping) and (record.get("format"), record.get("version"))
     if told != (FORMAT, VERSION):
+        what = f"it says {told[0]!r}, {told[1]!r}" if told and told[0] else "other JSON"
         raise BadInput(
-            f"this is no {FORMAT} of version {VERSION} but {told!r}; make it again "
-            "with `odm handover plan`"
+            f"this is no {FORMAT} of version {VERSION} ({what}); make one with "
+            "`odm handover plan SCENE --out plan.json`"
         )
     end = 0.0
     for who in WHO:

@@ -1,6 +1,7 @@
 """Recipes: everything a map is built from, as TOML, checked before any work."""
 
 import difflib
+import os
 import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
@@ -14,6 +15,7 @@ from odm.close_test.safety import TERMS, Safety, between
 from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
+from roadmap.ranges import check_kind
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
@@ -135,11 +137,13 @@ def load_recipe(source: str | Path) -> Recipe:
         BadRecipe: No such recipe, broken TOML, an unknown key (names the nearest
             known one) or a value out of range.
     """
+    remedy = "give its name or path, or make one with odm.load_recipe"
+    check_kind("a recipe", source, (str, os.PathLike), remedy)
     path = Path(source)
     if path.suffix == ".toml":
         if not path.is_file():
             raise BadRecipe(f"recipe file {path} does not exist; check the path")
-        text, name, folder = path.read_text(), path.stem, path.absolute().parent
+        text, name, folder = _text_of(path), path.stem, path.absolute().parent
     else:
         folder = Path(str(resources.files("maps")))
         entry = folder / f"{source}.toml"
@@ -154,7 +158,21 @@ def load_recipe(source: str | Path) -> Recipe:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadRecipe(f"recipe {source} is not valid TOML: {error}") from error
+    if not table:
+        raise BadRecipe(
+            f"recipe {source} is empty; write at least [robot] with source = 'my.urdf'"
+        )
     return parse_recipe(table, name, folder)
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise BadRecipe(
+            f"recipe {path} is not in UTF-8 ({error.reason} at byte {error.start}); "
+            "save it as UTF-8"
+        ) from error
 
 
 def parse_recipe(

@@ -15,6 +15,7 @@ import numpy as np
 
 from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE, Cloud
 from odm.obstacles._occupancy import count_beyond, deepest
+from roadmap.errors import BadInput
 
 _LEAVES = 4.0  # [m/s] nobody gets out of the grid faster
 _JITTER = 0.05  # [m] that measured points may jump
@@ -86,6 +87,10 @@ class SensorWatch:
                 "anywhere; check the sensor"
             )
         if stamp is not None or now is not None:
+            if isinstance(stamp, str) or isinstance(now, str):
+                raise BadInput(
+                    f"stamp is {stamp!r} and now is {now!r}; give seconds as numbers"
+                )
             before = self.newest
             # mostly it is like this; a NaN is not
             fine = stamp is not None and now is not None

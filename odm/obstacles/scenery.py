@@ -255,7 +255,13 @@ def _plane_row(table: dict, k: int) -> np.ndarray:
 def _pose(table: dict, k: int) -> np.ndarray:
     zeros = (0.0, 0.0, 0.0)
     position = _numbers(table, k, "position", zeros)
-    return pose_of(position, _numbers(table, k, "rpy", zeros))
+    rpy = _numbers(table, k, "rpy", zeros)
+    if np.abs(rpy).max() > 2 * np.pi:
+        raise BadRecipe(
+            f"scenery {k}: rpy {rpy.tolist()} goes beyond a whole turn; this looks "
+            "like degrees, give radians"
+        )
+    return pose_of(position, rpy)
 
 
 def _numbers(

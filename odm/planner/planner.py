@@ -64,7 +64,7 @@ from odm.search import _step as codes
 from odm.search._astar import LARGE
 from odm.search.state import Memory
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.ranges import check_number, is_between
+from roadmap.ranges import check_kind, check_number, is_between
 from roadmap.transforms import check_pose
 
 # what a frame's answer is packed with, which every frame takes apart
@@ -103,6 +103,10 @@ class ReactivePlanner:
         settings: PlannerSettings | None = None,
     ) -> None:
         """Lay out all memory and compile nothing yet."""
+        check_kind("cell_map", cell_map, CellMap, "give what odm.load_map returns")
+        if settings is not None:
+            remedy = "give odm.PlannerSettings(...)"
+            check_kind("settings", settings, PlannerSettings, remedy)
         self.cell_map, self.robot = cell_map, cell_map.robot
         s = self.settings = settings or PlannerSettings()
         watch = SensorWatch(s.max_age_s, s.max_range_m)
@@ -294,6 +298,8 @@ class ReactivePlanner:
         """
         self._memory.owner.check()
         if poses is None:
+            if tolerance is not None or most is not None:
+                raise BadInput("tolerance and most go with poses; give poses, too")
             report, goals, costs = self._valid_goals(goals, costs)
             at_once = GOAL_AT_ONCE
         else:

@@ -19,6 +19,7 @@ from roadmap.ranges import check_number
 
 PER_TEST = 4  # items that `improve` tests for each test in its budget
 LONGEST_NAME = 200
+FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
 STATIC = "the scenery set by set_static"
 _SHAPES = (Box, Capsule, Cylinder, Mesh, Sphere)
 
@@ -96,7 +97,7 @@ class Scene:
         name = self._new_name(name)
         made = Thing(name, _parts(name, thing), self._frame.rho)
         T = np.eye(4) if T is None else np.array(check_pose(T))
-        standing = made.at(self._in_base(T))
+        standing = _in_reach(made.at(self._in_base(T)))
         self._things[name] = made
         self._objects[name] = SceneObject(name, made.parts, frozen(T, np.float64))
         self._stand({**self._carrier.things, name: standing}, name)
@@ -114,7 +115,7 @@ class Scene:
         self._frame.memory.owner.check()
         known = self[name]
         T = np.array(check_pose(T))
-        standing = self._things[name].at(self._in_base(T))
+        standing = _in_reach(self._things[name].at(self._in_base(T)))
         self._objects[name] = SceneObject(name, known.parts, frozen(T, np.float64))
         self._stand({**self._carrier.things, name: standing}, name)
 
@@ -282,6 +283,17 @@ class Scene:
                 "another name"
             )
         return name
+
+
+def _in_reach(standing: Standing) -> Standing:
+    """Return it, unless it stands so far away that the unit must be another one."""
+    nearest = np.linalg.norm(standing.samples, axis=1).min(initial=np.inf)
+    if FARTHEST < nearest < np.inf:
+        raise BadInput(
+            f"{standing.name!r} would stand {nearest:.0f} m from the robot's base, "
+            f"more than {FARTHEST:g} m; give its pose in metres"
+        )
+    return standing
 
 
 def _parts(name: str, thing: object) -> tuple[Shape | Surface, ...]:

@@ -101,6 +101,7 @@ def build_roadmap(
     motions_free: MotionsFree,
     progress: Progress | None = None,
     stream: Stream | None = None,
+    threads: int = 0,
 ) -> tuple[Roadmap, BuildReport]:
     """Sample nodes, join near ones, keep the largest component.
 
@@ -112,6 +113,7 @@ def build_roadmap(
         progress: Called with (stage, done, total).
         stream: The same test of many: (stage, chunks of (q, dq)) -> a (k,) bool for
             each, in order. It may look a few chunks ahead. None: one by one.
+        threads: That look for near nodes; 0: one per core. The bytes stay the same.
 
     Raises:
         BuildRefused: Next to no configuration is valid.
@@ -121,7 +123,7 @@ def build_roadmap(
     nodes, drawn = _sample(robot, settings, stream, tell)
     weights = _weights(robot, settings)
     nodes = nodes[_spatial_order(robot, nodes * weights)]
-    pairs = _near_pairs(robot, nodes, weights, settings)
+    pairs = _near_pairs(robot, nodes, weights, settings, threads)
     dq = difference(robot, nodes[pairs[:, 0]], nodes[pairs[:, 1]])
     starts = range(0, len(pairs), _TESTED)
     parts = ((nodes[pairs[k : k + _TESTED, 0]], dq[k : k + _TESTED]) for k in starts)
@@ -188,15 +190,21 @@ def _spatial_order(robot: Robot, points: np.ndarray) -> np.ndarray:
 
 
 def _near_pairs(
-    robot: Robot, nodes: np.ndarray, weights: np.ndarray, settings: RoadmapSettings
+    robot: Robot,
+    nodes: np.ndarray,
+    weights: np.ndarray,
+    settings: RoadmapSettings,
+    threads: int,
 ) -> np.ndarray:
     tree, points = _tree(robot, nodes * weights, weights)
     k = min(settings.neighbors + 1, len(nodes))
-    _, near = tree.query(points, k=k)
+    _, near = tree.query(points, k=k, workers=threads or -1)
     a = np.repeat(np.arange(len(nodes)), k - 1)
     # a node is its own nearest one, but for twins: drop it by its number
-    b = np.array([[j for j in row if j != i][: k - 1] for i, row in enumerate(near)])
-    pairs = np.unique(np.sort(np.stack([a, b.ravel()], axis=1), axis=1), axis=0)
+    others = near != np.arange(len(nodes))[:, None]
+    others[others.all(axis=1), -1] = False
+    pairs = np.sort(np.stack([a, near[others]], axis=1), axis=1)
+    pairs = np.unique(pairs, axis=0)
     if settings.max_step is not None:
         dq = difference(robot, nodes[pairs[:, 0]], nodes[pairs[:, 1]])
         pairs = pairs[np.abs(dq).max(axis=1) <= settings.max_step]

@@ -18,8 +18,12 @@ def body_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
 
 
 def tool_pose(robot: JointTree, q: np.ndarray) -> np.ndarray:
-    """Return T_base_tool, (4, 4) [m]."""
-    return body_frames(robot, q)[robot.tip_body] @ robot.T_body_tip
+    """Return T_base_tool, (4, 4) [m], at q (dof,) [rad or m].
+
+    Raises:
+        BadConfiguration: Wrong length or not finite.
+    """
+    return body_frames(robot, checked(robot, q))[robot.tip_body] @ robot.T_body_tip
 
 
 def sphere_centers(robot: JointTree, q: np.ndarray) -> np.ndarray:

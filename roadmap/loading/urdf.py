@@ -79,6 +79,11 @@ def load_robot(
     given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
     tree = build_tree(description, tip, locked, given)
     disabled = {} if srdf is None else read_disabled_pairs(srdf)
+    if isinstance(package_dirs, str | os.PathLike):
+        raise BadRobot(
+            f"package_dirs is {str(package_dirs)!r}; give a list of folders, such as "
+            f"[{str(package_dirs)!r}]"
+        )
     lookup = (path, tuple(package_dirs))
     parts = Parts(description, tree, tip, locked, disabled, lookup, str(source))
     if travel is None:

@@ -64,7 +64,7 @@ class SpeedProfile:
         Raises:
             BadInput: `t` is negative or not a number.
         """
-        if not t >= 0.0:
+        if isinstance(t, str) or not t >= 0.0:
             raise BadInput(f"a motion has no set-point at {t} s; ask from 0 s on")
         if t >= self.duration or not self.phases:
             return State(self.end, 0.0, 0.0)

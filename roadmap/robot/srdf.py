@@ -17,7 +17,8 @@ def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
     path = Path(path)
     if not path.is_file():
         raise BadRobot(
-            f"there is no SRDF file at {str(path)!r}; give srdf=None or a file"
+            f"there is no SRDF file at {str(path)!r}; give the path of one, or leave "
+            "it out"
         )
     try:
         root = etree.fromstring(path.read_bytes())

@@ -60,6 +60,7 @@ class BenchRequest:
     )
     runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
+    workers: int | None = flag(None, "Build on so many processes, too (build).", min=1)
     reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
     distances: list[float] | None = flag(
         None, "Of the person, in m; again for more (targets).", "--distance"

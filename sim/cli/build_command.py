@@ -123,6 +123,11 @@ def parse_locked(pairs: list[str] | None) -> dict[str, float]:
     locked = {}
     for pair in pairs or []:
         joint, _, value = pair.partition("=")
+        if joint in locked:
+            raise Refused(
+                f"--lock names {joint!r} twice, at {locked[joint]:g} and {value}; "
+                "leave one of them out"
+            )
         try:
             locked[joint] = float(value)
         except ValueError:
@@ -156,6 +161,11 @@ def recipe_of(request: BuildRequest) -> "Recipe":
         given = {k: v for k, v in values.items() if v not in (None, {})}
         table[section] = table.get(section, {}) | given
     if request.name is not None:
+        if not request.name.strip() or "/" in request.name:
+            raise Refused(
+                f"--name is {request.name!r}: give a name without '/', and the folder "
+                "with --out"
+            )
         table["name"] = request.name
     table["scenery"] = [*table.get("scenery", ()), *_scenery(request.scenery)]
     return parse_recipe(table, table["name"], folder)
@@ -184,7 +194,8 @@ def build_to(
 
     begun = time.perf_counter()
     parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
-    with crew(target, threads, place) as workers, Bars() as tell:
+    loads = "odm.cell_map.chunk_work"
+    with crew(target, threads, place, loads) as workers, Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:
             _tell_size(robot, recipe)

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from sim.run.folders import GRASPS
+from sim.terminal.checks import FILM, PICTURE, Limits, Writes
 from sim.terminal.flags import Json, argument, flag, from_request
 from sim.terminal.output import Bars, bytes_text, guarded, report
 
@@ -18,10 +19,6 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-Plot = Annotated[
-    Path | None,
-    typer.Option(metavar="PNG", help="Draw the hand-over from three sides."),
-]
 
 
 @app.callback()
@@ -37,15 +34,24 @@ class PlanRequest:
         ..., "butler, stool, kneeling or a TOML file.", metavar="SCENE"
     )
     seed: int = flag(0, "What the scene's random parts are drawn with.", min=0)
-    time_limit: float = flag(60.0, "Give up after so long [s].")
+    time_limit: float = flag(
+        60.0,
+        "Give up after so many s.",
+        limits=Limits(0.0, 86_400.0, "s", above=True, hint="such as 60"),
+    )
     grasps: Path = flag(GRASPS, "Folder of the grasp sets.", metavar="DIR")
     out: Path | None = flag(
         None,
         "Write the plan to this file, for `odm replay` and others.",
         metavar="JSON",
+        writes=Writes((".json",), "plan"),
     )
-    animation: Path | None = flag(None, "Write a film of it.", metavar="GIF")
-    plot: Plot = None
+    animation: Path | None = flag(
+        None, "Write a film of it.", metavar="GIF", writes=FILM
+    )
+    plot: Path | None = flag(
+        None, "Draw the hand-over from three sides.", metavar="PNG", writes=PICTURE
+    )
     json: Json = None
 
 

@@ -24,7 +24,7 @@ from sim.cli import (
 )
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded
-from sim.terminal.words import mistake, with_new_names, with_targets
+from sim.terminal.words import mistake, nothing_given, with_new_names, with_targets
 
 app = typer.Typer(
     name="odm",
@@ -66,6 +66,9 @@ def main() -> None:
     with interrupt.interruptible():
         door = typer.main.get_command(app)
         words = with_targets(with_new_names(sys.argv[1:]), door)
+        if told := nothing_given(words):
+            print(told, file=sys.stderr)
+            sys.exit(MISTAKE)
         try:
             code = door.main(words, prog_name="odm", standalone_mode=False)
         except Exception as error:

@@ -112,6 +112,7 @@ def replay(request: ReplayRequest) -> None:
         _play_plan(path, request)
         return
     _refuse(given(request, _PLAN), f"a hand-over plan, which {path} is not")
+    _check_archive(path)
     if is_record(path):
         what = f"recorded obstacle frames, but {path} is a recorded run"
         _refuse(given(request, _FRAMES), what)
@@ -123,6 +124,24 @@ def replay(request: ReplayRequest) -> None:
             f"{path} holds recorded obstacle frames, which need a map: add --map MAP"
         )
     _play(path, request)
+
+
+def _check_archive(path: Path) -> None:
+    """Refuse what is neither a recording nor frames, before anything is asked for."""
+    if not path.exists():
+        raise Refused(
+            f"there is no file {path}; give a recording of `odm run --record`"
+        )
+    if path.is_dir():
+        raise Refused(f"{path} is a folder; give a recording of `odm run --record`")
+    with path.open("rb") as stream:
+        start = stream.read(4)
+    if not start.startswith(b"PK"):
+        what = "is empty" if not start else "is no .npz archive"
+        raise Refused(
+            f"{path} {what}; give a recording of `odm run --record`, a plan (.json), "
+            "or frames that numpy.savez wrote"
+        )
 
 
 def _refuse(flags: list[str], what: str) -> None:

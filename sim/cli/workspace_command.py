@@ -104,7 +104,8 @@ def build_reach(request: ReachRequest) -> None:
             request.threads,
             Place(request.workers, request.scheduler, request.shared),
         )
-        with crew(target, threads, place) as workers:
+        loads = "handover.reach.reach_chunks"
+        with crew(target, threads, place, loads) as workers:
             build_reach_map(chain, settings, threads, tell, workers).save(target)
         reach = load_reach_map(target)
         facts = reach_facts(reach, target, chain, request.recall, tell)

@@ -116,6 +116,10 @@ def _members(path: Path) -> dict[str, bytes]:
         return read_members(path)
     except FileNotFoundError as error:
         raise BadRecord(f"there is no file {path}; give a recording") from error
+    except IsADirectoryError as error:
+        raise BadRecord(
+            f"{path} is a folder, not a recording; of a map say --map {path}"
+        ) from error
     except TooLarge as error:
         raise BadRecord(str(error)) from error
     except ValueError as error:

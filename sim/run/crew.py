@@ -35,7 +35,9 @@ def chunk_folder(target: Path, shared: Path | None = None) -> Path:
 
 
 @contextmanager
-def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
+def crew(
+    target: Path, threads: int, place: Place, loads: str | None = None
+) -> Iterator["Workers"]:
     """Yield who does the chunks; they are kept beside `target` until it is there.
 
     Those of threads go, too, where somebody presses Ctrl-C.
@@ -44,6 +46,7 @@ def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
         target: What is built.
         threads: Of this process, where there is no cluster; 0: one per core.
         place: Where they are done.
+        loads: Module that the chunks need; processes load it ahead.
 
     Raises:
         BadInput: Two clusters are asked for, or a shared folder without one.
@@ -72,11 +75,14 @@ def crew(target: Path, threads: int, place: Place) -> Iterator["Workers"]:
     else:
         from roadmap.cluster import Cluster
 
+        # processes here see the folder, so that nothing goes through the scheduler
+        sees = place.shared is not None or place.workers > 0
         with Cluster(
             place.workers,
             place.scheduler,
             store,
-            shared=None if place.shared is None else store.folder.absolute(),
+            shared=store.folder.absolute() if sees else None,
+            loads=loads,
         ) as cluster:
             if cluster.dashboard:
                 print(f"progress is on {cluster.dashboard}", file=sys.stderr)

@@ -172,13 +172,21 @@ class RunRequest:
             read_scene(self.scene)  # or it is refused
 
     def _of_the_person(self) -> str:
+        """Return what is wrong with the motion's options, "" for nothing."""
         if self.no_yield and self.execution != "timed":
             return "--no-yield goes with --execution timed; leave it out"
-        """Return what is wrong with the motion's options, "" for nothing."""
         if self.motion == "mocap" and self.file is None:
             return "--motion mocap plays a recording; name it with --file F"
         if self.motion != "mocap" and self.file is not None:
             return f"--file goes with --motion mocap, not with {self.motion}"
+        if self.motion != "mocap":
+            of_it = {"mapping": self.mapping, "stand": self.stand}
+            of_it["accept-defects"] = self.accept_defects or None
+            for name, value in of_it.items():
+                if value is not None:
+                    return (
+                        f"--{name} goes with --motion mocap; add that or leave it out"
+                    )
         pictures = {"--out": self.out, "--plot": self.plot}
         pictures["--animation"] = self.animation
         asked = [name for name, path in pictures.items() if path is not None]

@@ -100,7 +100,7 @@ class DemoRequest:
             if given:
                 word = given[0].replace("map_dir", "map").replace("_", "-")
                 return f"--{word} goes with `odm demo handover`; leave it out"
-            return ""
+            return page_trouble(False, self.port, self.host, self.token)
         if self.direction not in (None, "give", "receive"):
             return f"--direction is {self.direction!r}: choose give or receive"
         if self.human not in (None, "scripted", MOCAP, KEYBOARD):

@@ -107,6 +107,7 @@ _KINDS = {  # what typer and its pydantic say, and what we do
     "valid number": "give a number, such as 0.5",
     "valid integer": "give a whole number, such as 10",
 }
+_BOUND = re.compile(r"should be (?:greater|less) than or equal to (\S+)")
 
 
 def mistake(error: Exception, words: list[str], door: object) -> str | None:
@@ -123,6 +124,9 @@ def mistake(error: Exception, words: list[str], door: object) -> str | None:
         for kind, remedy in _KINDS.items():
             if kind in why:
                 why = remedy
+        if bound := _BOUND.search(why):
+            side = "or more" if "greater" in why else "or less"
+            why = f"give {bound[1].rstrip('.')} {side}"
         value = _value_of(name, words)
         told = "" if value is None else f" is {value!r}"
         return f"odm: {name}{told}: {why[:1].lower()}{why[1:].rstrip('.')}"
@@ -134,6 +138,22 @@ def mistake(error: Exception, words: list[str], door: object) -> str | None:
         return f"odm: {name} needs {count} values behind it: {behind}"
     text = text.removeprefix("Invalid value: ").rstrip(".?").replace(". Did", "; did")
     return f"odm: {text[:1].lower()}{text[1:]}; see {helped}"
+
+
+def nothing_given(words: list[str]) -> str:
+    """Return a sentence for an empty word, as of a shell's unset $NAME; "": none."""
+    for at, word in enumerate(words):
+        flag, _, value = word.partition("=")
+        before = words[at - 1] if at else ""
+        if flag == "--token" or before == "--token":
+            continue  # the one that may be empty, which its command looks at
+        if word == "" and before.startswith("--"):
+            return f"odm: {before} is '': give a value behind it, or leave it out"
+        if word == "":
+            return "odm: an empty word '' was given; is a variable of your shell unset?"
+        if flag.startswith("--") and value == "" and word.endswith("="):
+            return f"odm: {flag} is '': give a value behind it, or leave it out"
+    return ""
 
 
 def _metavar(name: str, command: object) -> str:

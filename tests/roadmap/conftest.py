@@ -11,7 +11,10 @@ from roadmap import load_robot
 
 
 def _folder(package: str, inside: str = "") -> Path | None:
-    spec = importlib.util.find_spec(package)
+    try:
+        spec = importlib.util.find_spec(package)
+    except ModuleNotFoundError:  # nor is the package that it lies in
+        spec = None
     places = list(spec.submodule_search_locations or []) if spec else []
     return Path(places[0]) / inside if places else None
 

@@ -184,15 +184,17 @@ def test_a_missing_ompl_is_one_clear_sentence(map_dir, monkeypatch):
         ompl.run(map_dir, pairs=1, frames=2)
 
 
-def test_a_recipe_builds_to_the_same_bytes_with_one_and_two_threads(tmp_path):
+def test_a_recipe_builds_to_the_same_bytes_by_threads_and_processes(tmp_path):
     recipe = tmp_path / "tiny.toml"
     recipe.write_text(
         f'[robot]\nsource = "{DATA / "arm3.urdf"}"\ntip = "tool"\n'
         "[roadmap]\nnodes = 60\nneighbors = 5\n[safety]\nh = 0.05\n"
     )
-    rows = build.run((str(recipe),))["rows"]
+    pytest.importorskip("distributed")
+    rows = build.run((str(recipe),), workers=1)["rows"]
     same = next(row for row in rows if "same bytes" in row["name"])
     assert same["met"]
+    assert sum("1 workers" in row["name"] for row in rows) == 4
 
 
 def test_a_row_is_met_where_all_its_limits_are():
