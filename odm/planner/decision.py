@@ -124,9 +124,9 @@ class Decision:
         if joined:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
-            if self._join(NO_PATH, q):
+            if self._join(NO_PATH, q) or self.attacher.join_start():
                 said, code = self._again(points, q, now)
-            elif self.attacher.waits and not joined:  # one such job a frame
+            elif self.attacher.lacks_nodes and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
                 said, code = self._again(points, q, now)
         if code == step.BETTER:

@@ -546,7 +546,9 @@ class ReactivePlanner:
         if self.frame.trouble is not None:
             return 0
         if budget > 1 and self.attacher.waits:
-            budget -= self.attacher.attach_more(budget // 2)
+            half = budget // 2
+            swept = self.attacher.sweep_cells(half)
+            budget -= swept + self.attacher.attach_more(half - swept)
         if not self.path.followed:
             return self.connector.improve(budget)
         if self.always_replan:
