@@ -501,15 +501,14 @@ class ReactivePlanner:
         stage: str | None,
         why: Reasons | None = None,
     ) -> Answer:
-        memory, held = self._memory, None
-        if self.frame.thing is not None:
-            held = self.held_by
+        memory = self._memory
+        held = None if self.frame.thing is None else self.held_by
         answer = self.last = Answer(
             status,
             path,
             goal,
             WHOLE if closed else VISIBLE,
-            (*times, perf_counter_ns()),
+            (times[0], times[1], perf_counter_ns()),
             (memory.cloud.counts.tobytes(), memory.counted.tobytes()),
             why,
             self._step.item(),
