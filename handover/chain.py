@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class Chain:
         """Number of joints."""
         return len(self.joint_names)
 
-    @property
+    @cached_property
     def arrays(self) -> ChainArrays:
         """The arrays for the kernels."""
         return ChainArrays(*(getattr(self, name) for name in _ARRAYS))

@@ -41,11 +41,6 @@ class Part:
     points: np.ndarray
     radius: float
 
-    @property
-    def ball(self) -> tuple[float, float, float, float]:
-        """A ball around it: centre in the body's frame, radius [m]."""
-        return ball_of(self.points, self.radius)
-
 
 @dataclass(frozen=True, eq=False)
 class AgentModel:
@@ -134,6 +129,19 @@ def ball_of(points: np.ndarray, radius: float = 0.0) -> tuple:
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     far = np.linalg.norm(points - center, axis=1).max()
     return (*center.tolist(), float(far + radius + 1e-9))
+
+
+def balls_of(points: np.ndarray, first: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Return balls (k, 4) around runs of points (n, 3) that begin at rows first (k,).
+
+    radius: (k,) that the points of a run have [m].
+    """
+    low, high = (m.reduceat(points, first) for m in (np.minimum, np.maximum))
+    center = 0.5 * (low + high)
+    counts = np.diff(np.append(first, len(points)))
+    away = points - np.repeat(center, counts, axis=0)
+    far = np.sqrt(np.maximum.reduceat((away * away).sum(axis=1), first))
+    return np.column_stack([center, far + radius + 1e-9])
 
 
 @lru_cache(maxsize=8)

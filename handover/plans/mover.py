@@ -13,7 +13,7 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
-from handover.plans.limb import Limb, ball_of, hull_points, prism
+from handover.plans.limb import Limb, ball_of, balls_of, hull_points, prism
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
@@ -26,7 +26,6 @@ SELF_MARGIN = 1e-4  # [m] the same between links of one arm
 TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-_NOTHING = np.empty(0)
 _STEPS = 12  # values of the free angle of an arm
 
 
@@ -62,7 +61,7 @@ class Mover:
         self._scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
         self.stamp = 0
-        self._q_other = self._held = _NOTHING
+        self._q_other = self._held = b""  # the numbers of the last ones
         self._T_mount_world = np.linalg.inv(self.T_mount)
         self.put_object(scene.T_world_start)
         self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
@@ -82,39 +81,28 @@ class Mover:
         )
         tree_i[:n], tree_f[:n] = limb.tree_i, limb.tree_f
         tree_f[0, :12] = flat_pose(self.T_mount)
-        groups = [  # name, body of the ball, its parts (body, points, radius), ball
-            *_limb_groups(limb, 0, limb.groups),
-            ("object", self._object, _object_parts(scene, self._object)),
-        ]
-        self.n_limb, self.object_group = len(limb.groups), len(limb.groups)
-        self.hand_group = self.n_limb - 1
-        still = [
-            *_limb_groups(other, self._first_other, other.groups),
-            *_rest(placed, limb, self._world, "own "),
-            *_rest(other_placed, other, self._world, "other "),
-            *(
-                (f.name, self._world, [(self._world, *shape_points(f.shape))])
-                for f in scene.scenery
-            ),
-        ]
-        groups += still
+        groups, by_hand = self._groups(scene, placed, other_placed)
         self.names = tuple(g[0] for g in groups)
-        balls = [_group_ball(g, limb, other, self._first_other) for g in groups]
-        self._object_ball = np.array(balls[self.object_group])
-        pairs, reach, margin, first = self._pairs(groups, balls, placed)
         parts = [p for g in groups for p in g[2]]
         ends = np.cumsum([0, *(len(p[1]) for p in parts)])
         spans = np.cumsum([0, *(len(g[2]) for g in groups)])
+        points = np.ascontiguousarray(np.concatenate([p[1] for p in parts]))
+        radius = np.array([p[2] for p in parts], float)
+        most = np.maximum.reduceat(radius, spans[:-1])
+        balls = balls_of(points, ends[spans[:-1]], most)
+        self._put_hand_balls(groups, balls)
+        self._object_ball = balls[self.object_group].copy()
+        pairs, reach, margin, first = self._pairs(groups, balls, placed, by_hand)
         self.space = kernels.Space(
             tree_i=tree_i,
             tree_f=tree_f,
             part_body=np.array([p[0] for p in parts]),
             part_span=np.stack([ends[:-1], ends[1:]], axis=1),
-            part_ball=np.array([ball_of(p[1], p[2]) for p in parts]),
-            radius=np.array([p[2] for p in parts], float),
-            points=np.ascontiguousarray(np.concatenate([p[1] for p in parts])),
+            part_ball=balls_of(points, ends[:-1], radius),
+            radius=radius,
+            points=points,
             group_body=np.array([g[1] for g in groups]),
-            group_ball=np.array(balls),
+            group_ball=balls,
             group_span=np.stack([spans[:-1], spans[1:]], axis=1),
             pairs=pairs,
             reach=reach,
@@ -125,10 +113,43 @@ class Mover:
             turn_body=_turn_bodies(limb),
         )
         self._margin = margin
-        self._rows = _object_rows(pairs, self.object_group, limb, other)
+        self._rows = _object_rows(
+            pairs, self.hand_group, self.object_group, limb, other
+        )
 
-    def _pairs(self, groups, balls, placed) -> tuple:
-        """Return pairs, reach, margins, and how many depend on the hand alone."""
+    def _groups(self, scene, placed, other_placed) -> tuple[list, list]:
+        """Return groups (name, body of the ball, parts), and links fingers shun."""
+        limb, other = self.limb, self.other
+        groups = _limb_groups(limb, 0, limb.groups)
+        self.hand_group = len(groups) - 1
+        fingers = _fingers(groups, limb, placed.body.neighbours)
+        groups += [fingers[a] for a in fingers]
+        self.object_group = len(groups)
+        groups.append(("object", self._object, _object_parts(scene, self._object)))
+        still = [
+            *_limb_groups(other, self._first_other, other.groups),
+            *_rest(placed, limb, self._world, "own "),
+            *_rest(other_placed, other, self._world, "other "),
+            *(
+                (f.name, self._world, [(self._world, *shape_points(f.shape))])
+                for f in scene.scenery
+            ),
+        ]
+        groups += still
+        return groups, list(fingers)
+
+    def _put_hand_balls(self, groups: list, balls: np.ndarray) -> None:
+        for ball, (name, body, _) in zip(balls, groups, strict=True):
+            if name == "hand":  # for all joints of its fingers
+                mine = body < self._first_other
+                ball[:] = hand_ball(self.limb if mine else self.other)
+
+    def _pairs(self, groups, balls, placed, by_hand) -> tuple:
+        """Return pairs, reach, margins, and how many depend on the hand alone.
+
+        by_hand: Links that only the fingers are tested against, in the order of these
+        groups, which follow the hand.
+        """
         limb, hand, thing = self.limb, self.hand_group, self.object_group
         near = placed.body.neighbours
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
@@ -138,7 +159,7 @@ class Mover:
             name, body, _ = groups[k]
             center, radius = np.array(balls[k][:3]), balls[k][3]
             away = np.linalg.norm(center - origin) if body == self._world else 0.0
-            for a in range(thing + 1):
+            for a in (*range(hand + 1), thing):
                 far = extent[min(a, hand)] + (
                     2.0 * balls[thing][3] if a == thing else 0.0
                 )
@@ -157,6 +178,7 @@ class Mover:
                 other = limb.spec.root if b == hand else limb.groups[b][0]
                 if (limb.groups[a][0], other) not in near:
                     rows_arm.append((a, b, SELF_MARGIN))
+        rows_arm += [(a, hand + 1 + k, SELF_MARGIN) for k, a in enumerate(by_hand)]
         rows = [*rows_hand, *rows_arm]
         pairs = np.array([r[:2] for r in rows])
         margin = np.array([r[2] for r in rows])
@@ -165,18 +187,19 @@ class Mover:
             if a == thing:
                 continue  # when it is held
             reach[p] = reaches[a]
-            if b <= hand:  # joints below a carry both
+            if b < thing:  # joints below a carry both
                 body = limb.parts[limb.groups[a][1]].body
-                reach[p] = reaches[b] * (np.arange(limb.dof) >= body)
+                reach[p] = reaches[min(b, hand)] * (np.arange(limb.dof) >= body)
         return pairs, reach, margin, first
 
     # --- where things are ---------------------------------------------------------
 
     def put_other(self, q: np.ndarray) -> None:
         """Let the other arm stand at joints (dof,), its hand included."""
-        if np.array_equal(q, self._q_other):
+        q = np.ascontiguousarray(q, float)
+        if q.tobytes() == self._q_other:
             return
-        self._q_other = np.array(q, float)
+        self._q_other = q.tobytes()
         frames = limb_frames(self.other, self._T_other, q)
         n = len(self.other.tree_i)
         rows = slice(self._first_other, self._first_other + n)
@@ -185,7 +208,7 @@ class Mover:
 
     def put_object(self, T_world_object: np.ndarray) -> None:
         """Let the object stand somewhere; the arm does not hold it."""
-        self.T_world_object, self._held = np.asarray(T_world_object, float), _NOTHING
+        self.T_world_object, self._held = np.asarray(T_world_object, float), b""
         space, rows = self.space, self._rows
         space.tree_i[self._object] = -1, -1, 0
         space.tree_f[self._object, :12] = flat_pose(self.T_world_object)
@@ -196,9 +219,10 @@ class Mover:
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
-        if np.array_equal(T_palm_object, self._held):
+        held = np.ascontiguousarray(T_palm_object, float).tobytes()
+        if held == self._held:
             return
-        self.T_world_object, self._held = None, np.array(T_palm_object, float)
+        self.T_world_object, self._held = None, held
         space, rows, limb = self.space, self._rows, self.limb
         T = limb.T_body_palm @ T_palm_object
         space.tree_i[self._object] = limb.palm, -1, 0
@@ -226,7 +250,7 @@ class Mover:
     def let_touch(self) -> None:
         """Let both hands touch the object: they grasp it, or have just let go."""
         self.space.margin[self._rows.touching] = _OFF
-        self._held = _NOTHING
+        self._held = b""
         self.stamp += 1
 
     def _moved(self) -> None:
@@ -339,18 +363,20 @@ class _Rows(NamedTuple):
     touching: np.ndarray  # it and either hand
 
 
-def _object_rows(pairs: np.ndarray, thing: int, limb: Limb, other: Limb) -> _Rows:
+def _object_rows(
+    pairs: np.ndarray, hand: int, thing: int, limb: Limb, other: Limb
+) -> _Rows:
     rows = np.flatnonzero(pairs[:, 1] == thing)
     group = pairs[rows, 0]
     body = np.array([limb.parts[limb.groups[a][1]].body for a in group])
-    hands = {thing - 1, thing + len(other.groups)}
+    hands = {hand, thing + len(other.groups)}
     either = [set(pair) & hands and thing in pair for pair in pairs.tolist()]
     return _Rows(
         still=np.flatnonzero(pairs[:, 0] == thing),
         limb=rows,
         group=group,
         beyond=np.arange(limb.dof) >= body[:, None],
-        hand=rows[group == thing - 1],
+        hand=rows[group == hand],
         touching=np.flatnonzero(np.array([bool(e) for e in either])),
     )
 
@@ -387,18 +413,6 @@ def _limb_groups(limb: Limb, first: int, groups: Sequence) -> list[tuple]:
         parts = [(first + p.body, p.points, p.radius) for p in own]
         found.append((name, first + body, parts))
     return found
-
-
-def _group_ball(group, limb: Limb, other: Limb, first_other: int) -> tuple:
-    """Return a group's ball in its body's frame; a hand's holds all its postures."""
-    name, body, parts = group
-    if name == "hand":
-        mine = body < first_other
-        owner = limb if mine else other
-        return hand_ball(owner)
-    points = np.concatenate([p[1] for p in parts])
-    radius = max(p[2] for p in parts)
-    return ball_of(points, radius)
 
 
 @lru_cache(maxsize=16)
@@ -444,6 +458,26 @@ def _extent(limb: Limb) -> list[float]:
                 for p in parts
             )
         )
+    return found
+
+
+def _fingers(groups: list, limb: Limb, near: frozenset) -> dict[int, tuple]:
+    """Return, for each link that meets the palm, what of the hand must not touch it.
+
+    The palm may: it is joined to that link. The fingers are not, and a bent wrist
+    brings them to it. A link welded to the palm is as near to them as the hand is made.
+    """
+    name, body, parts = groups[-1]
+    links = [p.link for p in limb.parts[limb.groups[-1][1] :]]
+    found = {}
+    for a, (link, begin, _) in enumerate(limb.groups[:-1]):
+        if limb.parts[begin].body == limb.palm or (link, limb.spec.root) not in near:
+            continue  # in the latter case the whole hand is tested against it
+        apart = [
+            p for p, own in zip(parts, links, strict=True) if (link, own) not in near
+        ]
+        if apart:
+            found[a] = name, body, apart
     return found
 
 

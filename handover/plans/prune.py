@@ -60,7 +60,9 @@ class Grasper:
         limb, space = mover.limb, mover.space
         rows = np.arange(len(space.pairs))
         hand = rows < space.first
-        both = ~hand & (space.pairs == mover.hand_group).any(axis=1)
+        fingers = mover.hand_group, mover.object_group  # the hand, and these alone
+        both = (fingers[0] <= space.pairs) & (space.pairs < fingers[1])
+        both = ~hand & both.any(axis=1)
         # links behind the last joint of the arm go where the palm goes
         bodies = [limb.parts[begin].body for _, begin, _ in limb.groups]
         fixed = [k for k, body in enumerate(bodies) if body == limb.palm]
