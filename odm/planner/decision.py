@@ -43,7 +43,7 @@ JOIN = {
 
 _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
-_MORE = 12  # nodes that start and goals are joined with in a frame without a path
+_MORE = 4  # nodes that start and goals are joined with in a frame without a path
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
