@@ -127,7 +127,8 @@ class Frame:
         self.heeded = 0
         # the arrays that came last, as they were found good: they need no second look
         self._taken, self._taken_shape = self._nothing.xyz, (-1,)
-        self._asked, self._dof = self.q, cell_map.robot.dof
+        self._asked: np.ndarray | None = self.q
+        self._own_q, self._dof = False, cell_map.robot.dof
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -191,7 +192,11 @@ class Frame:
             points = check_points(points, labels, covering_radius, self.rho)
             self._taken, self._taken_shape = points, points.shape
         if q is not self._asked or len(q) != self._dof or dq is not None:
-            q = self._asked = check_configuration(self.robot, q, dq)
+            given, q = q, check_configuration(self.robot, q, dq)
+            self._asked = given if type(given) is np.ndarray else None
+            self._own_q = q is not given
+        elif self._own_q:  # a read-only array is of another type to compiled loops
+            q = np.array(q, np.float64)
         self.classes = None if classes is None else check_classes(classes, len(points))
         self.obstacles = obstacles
         return points, q

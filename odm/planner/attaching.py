@@ -49,6 +49,7 @@ class Attacher:
         without_cells: Whether the start was attached by a few motions without cells.
         is_stale: Whether the hand has changed, so that goals must be attached anew.
         start_waits: Whether the start lacks motions yet; see `attach_more`.
+        is_bare: Whether the start's motions lack their cells yet; see `sweep_cells`.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class Attacher:
         self.next_vertex = self.roadmap.n_nodes + 1
         # nodes that the start or a goal may yet be joined with, by its vertex
         self._later: dict[int, np.ndarray] = {}
-        self.start_waits = False
+        self.start_waits = self.is_bare = False
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -213,7 +214,8 @@ class Attacher:
         goals, q = m.goals, m.goals.q[g]
         k = int(goals.number[g])
         wanted = self._for_goals - k
-        tried, ids, refs = self._next_motions(q, goals.vertex[g], wanted, most, False)
+        tried, ids, begin, dq = self._next(q, goals.vertex[g], wanted, most, False)
+        ids, refs = self._with_cells(ids, begin, dq)
         if not tried:
             return 0
         n = k + len(ids)
@@ -236,9 +238,41 @@ class Attacher:
         starts, vertex = m.start_connections, m.goals.count[1]
         k, q = int(starts.count[0]), self.q_attached
         wanted = self._for_starts - k
-        tried, ids, refs = self._next_motions(q, vertex, wanted, most, True)
+        tried, ids, begin, dq = self._next(q, vertex, wanted, most, True)
+        if self.is_bare:
+            refs = np.full(len(ids), kinds.NO_ITEM)
+        else:
+            ids, refs = self._with_cells(ids, begin, dq)
         self._add_starts(q, ids, refs)
         return tried
+
+    def sweep_cells(self, most: int) -> int:
+        """Sweep the cells of up to `most` motions of a bare start; return how many.
+
+        A search tells by them which motions the frame leaves free, before it asks the
+        close test.
+        """
+        if not self.is_bare:
+            return 0
+        self.tidy()
+        m, q = self.frame.memory, self.q_attached
+        starts, goals = m.start_connections, m.goals
+        k, g, begin = int(starts.count[0]), int(goals.count[0]), int(goals.count[1])
+        nodes, direct = starts.node[:k], goals.vertex[:g]
+        refs = np.concatenate([starts.ref[:k], goals.attached_ref[:g]])
+        ends = np.concatenate([self.roadmap.nodes[nodes], goals.q[:g]])
+        bare = np.flatnonzero(refs == kinds.NO_ITEM)
+        now = bare[:most]
+        here = np.repeat(q[None], len(now), axis=0)
+        first = self.sweep(here, self.frame.difference(here, ends[now]))
+        self.is_bare = first >= 0 and (len(bare) > len(now) or not k)
+        if first >= 0:
+            refs[now] = first + np.arange(len(now))
+            starts.ref[:k], goals.attached_ref[:g] = refs[:k], refs[k:]
+            vertices = np.concatenate([nodes, direct])
+            for i in now.tolist():
+                self.path.take_cells(begin, vertices[i], refs[i])
+        return len(now)
 
     def _add_starts(self, q: np.ndarray, ids: np.ndarray, refs: np.ndarray) -> None:
         """Let the start have these motions, too."""
@@ -254,6 +288,11 @@ class Attacher:
 
     @property
     def waits(self) -> bool:
+        """Whether start or goals may yet have more motions, or the start's cells."""
+        return self.is_bare or self.lacks_nodes
+
+    @property
+    def lacks_nodes(self) -> bool:
         """Whether the start or a goal may yet have more motions; see `attach_more`."""
         waiting = self._later.keys()
         return self.start_waits or not waiting.isdisjoint(self._vertices())
@@ -274,7 +313,7 @@ class Attacher:
         self.tidy()
         m, left = self.frame.memory, most
         n = int(m.goals.count[0])
-        if self.start_waits:
+        if self.start_waits and left > 0:
             done = self._more_of_start(left)
             self.start_waits = done == left
             left -= done
@@ -299,7 +338,7 @@ class Attacher:
     def forget_start(self) -> None:
         """Drop the attached start."""
         self.q_attached[:] = np.nan
-        self._attached_key, self.start_waits = b"", False
+        self._attached_key, self.start_waits, self.is_bare = b"", False, False
         self._later.pop(int(self.frame.memory.goals.count[1]), None)
         self.frame.memory.start_connections.count[0] = 0
         self.path.forget_off_path()
@@ -370,9 +409,15 @@ class Attacher:
 
         `without_cells`: the cells of its motions are not swept; the close test decides
         about a few of them. Cheaper for a robot that moves, which uses them once.
+        Beside shapes alone the cells of the other motions, too, are left for later:
+        there the close test costs little. Where the straight motion to the best goal is
+        free now and no path has to avoid the history, no others are needed yet:
+        `join_start` makes them, or `attach_more`.
         """
         self.tidy()
         m = self.frame.memory
+        asks = m.rules.close_test_connections[0] > 0  # else cells alone decide
+        self.is_bare = bool(asks and not without_cells and self.frame.heeded == 0)
         self.without_cells, self.start_waits = without_cells, not without_cells
         self.q_attached[:] = q
         self._attached_key = self.q_attached.tobytes()
@@ -383,18 +428,46 @@ class Attacher:
         self._set_beyond(True)
         self.distances(q)
         m.start_connections.count[0] = 0
+        self._attach_direct()
         if without_cells:
             self._add_starts(q, *self._motions_without_cells(q))
-        else:
-            vertex = int(m.goals.count[1])
-            self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
-            while not m.start_connections.count[0]:
-                if not self._more_of_start(_START_AT_ONCE):
-                    break
-        self._attach_direct()
+            return
+        vertex = int(m.goals.count[1])
+        self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
+        if not self._goes_straight():
+            self.join_start()
+
+    def join_start(self) -> bool:
+        """Join the start by its first motions, if it has none; True: now it has."""
+        starts = self.frame.memory.start_connections
+        if starts.count[0] or not self.start_waits:
+            return False
+        while not starts.count[0] and self._more_of_start(_START_AT_ONCE):
+            pass
+        return starts.count[0] > 0
+
+    def _goes_straight(self) -> bool:
+        """Return whether the path to the best goal is the straight motion, surely."""
+        m = self.frame.memory
+        goals, rules = m.goals, m.rules
+        if m.numbers.joint_costs[0] or not goals.count[0]:
+            return False
+        if not rules.always[0] and rules.history_s[0] > 0.0:
+            return False
+        if goals.attached_ref[0] == kinds.NO_MOTION:
+            return False
+        return self._is_clear(goals.q[0])
+
+    def _is_clear(self, goal: np.ndarray) -> bool:
+        """Return whether the frame leaves the motion from the start to a goal free."""
+        frame, q = self.frame, self.q_attached
+        dq = frame.difference(q, goal)
+        return judge.close_free(frame.memory.table, frame.points, q, dq)
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
+
+        Of a bare start those alone that the frame leaves free: cells calm.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
@@ -420,6 +493,9 @@ class Attacher:
         if self.without_cells:
             m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             return
+        if self.is_bare:
+            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
+            free &= [self._is_clear(q_goal) for q_goal in m.goals.q[new]]
         first = self.sweep(q[free], dq[free])
         if first >= 0:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
@@ -467,10 +543,10 @@ class Attacher:
             self.distances(self.frame.q)
             self.beyond = self.near.copy()
 
-    def _next_motions(
+    def _next(
         self, q: np.ndarray, vertex: int, wanted: int, most: int, outward: bool
-    ) -> tuple[int, np.ndarray, np.ndarray]:
-        """Certify motions between q and the next near nodes that wait, with cells.
+    ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+        """Certify motions between q and the next near nodes that wait.
 
         Args:
             q: (dof,) the configuration of `vertex`.
@@ -480,23 +556,29 @@ class Attacher:
             outward: From q to the nodes; else the other way.
 
         Returns:
-            How many were tried, the nodes (k,) and the pool's items (k,) of what is
-            free of all that stands still.
+            How many were tried, the nodes (k,) and the motions' begins and
+            displacements (k, dof) of those that are free of all that stands still.
         """
         waiting = self._later.pop(int(vertex), _NONE)
         part, rest = waiting[:most], waiting[most:]
-        if not len(part):
-            return 0, part, part
         begin, dq = self._between(q, part, outward)
-        free = self.frame.static.motions_free(begin, dq)
-        free &= np.cumsum(free) <= wanted
-        nodes = part[free]
-        first = self.sweep(begin[free], dq[free])
+        if len(part):
+            free = self.frame.static.motions_free(begin, dq)
+            free &= np.cumsum(free) <= wanted
+            nodes, begin, dq = part[free], begin[free], dq[free]
+            if len(rest) and len(nodes) < wanted:
+                self._later[int(vertex)] = rest
+            return len(part), nodes, begin, dq
+        return 0, part, begin, dq
+
+    def _with_cells(
+        self, nodes: np.ndarray, begin: np.ndarray, dq: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Sweep motions; return (nodes, items), both empty where that fails."""
+        first = self.sweep(begin, dq) if len(nodes) else -1
         if first < 0:
-            return len(part), nodes[:0], nodes[:0]
-        if len(rest) and len(nodes) < wanted:
-            self._later[int(vertex)] = rest
-        return len(part), nodes, first + np.arange(len(nodes))
+            return nodes[:0], nodes[:0]
+        return nodes, first + np.arange(len(nodes))
 
     def _motions_without_cells(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, no items) of certified motions to a few near nodes.
@@ -597,6 +679,7 @@ class Attacher:
             self.next_vertex,
             self.costs is not None,
             self.start_waits,
+            self.is_bare,
         ]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
@@ -611,8 +694,8 @@ class Attacher:
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
         state = saved["state"].tolist()
-        without_cells, stale, self.next_vertex, has_costs, waits = state
-        self.start_waits = bool(waits)
+        without_cells, stale, self.next_vertex, has_costs, waits, bare = state
+        self.start_waits, self.is_bare = bool(waits), bool(bare)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None

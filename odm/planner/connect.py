@@ -19,7 +19,8 @@ from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
 
 _SHORTEN = 1000  # configurations looked at to shorten a path that was found
-_AGAIN = 16  # a frame that asks again, or of a robot that moves, has so much less
+_PART = 8  # a frame has this part of the budget, until all of it is spent; after that,
+_AGAIN = 16  # and where the robot moves, this part
 _SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
@@ -93,8 +94,9 @@ class Connector:
         path = self._free_path(q)
         if path is None:
             self._asked = self.frame.number
-            again = moves or self._is_known()
-            if self._search(max(1, self.budget // _AGAIN) if again else self.budget):
+            left = self.budget - (self.looked if self._is_known() else 0)
+            part = 0 if moves else min(self.budget // _PART, left)
+            if self._search(max(1, self.budget // _AGAIN, part)):
                 path = self._free_path(q)
         if path is None:
             self._frames_to_persist = patience if self._frames_to_persist else 0
@@ -165,7 +167,7 @@ class Connector:
         self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, min(budget, _SHORTEN))
+        kernels.shorten(problem, min(max(budget, self.budget // 4), _SHORTEN))
         self._asked = -1
         return self._remember()
 

@@ -43,7 +43,7 @@ JOIN = {
 
 _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
-_MORE = 12  # nodes that start and goals are joined with in a frame without a path
+_MORE = 4  # nodes that start and goals are joined with in a frame without a path
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
@@ -124,9 +124,9 @@ class Decision:
         if joined:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
-            if self._join(NO_PATH, q):
+            if self._join(NO_PATH, q) or self.attacher.join_start():
                 said, code = self._again(points, q, now)
-            elif self.attacher.waits and not joined:  # one such job a frame
+            elif self.attacher.lacks_nodes and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
                 said, code = self._again(points, q, now)
         if code == step.BETTER:

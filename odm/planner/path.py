@@ -5,7 +5,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.search import _paths as kernels
 from odm.search import _step as step
-from odm.search._state import EDITED, NO_MOTION
+from odm.search._state import EDITED, NO_ITEM, NO_MOTION
 
 _TUBE_RADIUS = 0.01  # [m] of the tube around a segment that one static test covers
 
@@ -85,6 +85,12 @@ class PathInUse:
         if len(self):
             same = np.flatnonzero(vertices == vertex)
             self._count[1] = same[0] if len(same) else -1
+
+    def take_cells(self, begin: int, end: int, item: int) -> None:
+        """Let its first segment have cells, if it leads between these vertices."""
+        if len(self) and self.vertex[0] == begin and self.vertex[1] == end:
+            if self.item[0] == NO_ITEM:
+                self.item[0] = item
 
     def certify_off_path(self, q: np.ndarray) -> None:
         """Test the motions from q, off its segment, to that segment's two ends.

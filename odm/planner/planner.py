@@ -507,15 +507,14 @@ class ReactivePlanner:
         stage: str | None,
         why: Reasons | None = None,
     ) -> Answer:
-        memory, held = self._memory, None
-        if self.frame.thing is not None:
-            held = self.held_by
+        memory = self._memory
+        held = None if self.frame.thing is None else self.held_by
         answer = self.last = Answer(
             status,
             path,
             goal,
             WHOLE if closed else VISIBLE,
-            (*times, perf_counter_ns()),
+            (times[0], times[1], perf_counter_ns()),
             (memory.cloud.counts.tobytes(), memory.counted.tobytes()),
             why,
             self._step.item(),
@@ -552,7 +551,9 @@ class ReactivePlanner:
         if self.frame.trouble is not None:
             return 0
         if budget > 1 and self.attacher.waits:
-            budget -= self.attacher.attach_more(budget // 2)
+            half = budget // 2
+            swept = self.attacher.sweep_cells(half)
+            budget -= swept + self.attacher.attach_more(half - swept)
         if not self.path.followed:
             return self.connector.improve(budget)
         if self.always_replan:

@@ -70,10 +70,10 @@ class PlannerSettings:
         cached_goals: Number of goals, set or prepared, whose connections are kept, so
             that to set them again costs little; 0: only of those that are set.
         search: Where the roadmap has no path, a frame looks for one beyond it, by a
-            tree search that looks at so many configurations (about 2 us each). It goes
-            on in `improve`, and by a sixteenth of that in the next frames, as in those
-            of a robot on its way; 0: never. More answers sooner
-            in narrow places, and makes frames longer that would hold.
+            tree search that looks at so many configurations (about 3 us each): an
+            eighth of them in a frame until all are spent, then a sixteenth, as in the
+            frames of a robot on its way. It goes on in `improve`; 0: never. More
+            answers sooner in narrow places, and makes frames longer that would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].
     """

@@ -34,7 +34,7 @@ RECENT_TESTS = 700  # cell lists compared before it does so then
 ITEMS = 50_000
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
-GREEDY_AFTER, LARGE, GREED = 200, 200_000, 1.5
+GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
 

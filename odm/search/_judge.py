@@ -132,14 +132,22 @@ def rest_free(state, points, path, segment, q):
 
 @njit(**INNER)
 def judge_starts(state, starts):
-    """Write this frame's verdict by cells of each start motion; True if any is free."""
+    """Write this frame's verdict by cells of each start motion; True if any is free.
+
+    Beside shapes alone one without cells may be: the close test costs little there.
+    """
     frame = view(state, "numbers").frame[0]
+    shapes_alone = view(state, "cloud").counts[N_LISTED] == 0
     any_ = False
     for k in range(starts.count[0]):
         if starts.memo[k] >> 2 == frame:
-            any_ = any_ or starts.memo[k] & 3 == FREE
+            any_ = any_ or starts.memo[k] & 3 == FREE or starts.memo[k] & 3 == MAYBE
             continue
         ref = starts.ref[k]
+        if shapes_alone and ref == NO_ITEM and starts.static[k] == 1:
+            starts.memo[k] = 4 * frame + MAYBE
+            any_ = True
+            continue
         free = starts.static[k] == 1 and ref != NO_ITEM and ref_free(state, ref)
         starts.memo[k] = 4 * frame + (FREE if free else BLOCKED)
         any_ = any_ or free

@@ -7,6 +7,8 @@ import odm
 from odm.planner.attaching import _START_AT_ONCE, GOAL_AT_ONCE
 from odm.planner.settings import PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
+from odm.search._state import NO_ITEM
+from roadmap.kinematics.forward import tool_pose
 
 PLAIN = PlannerSettings(search=0, history_s=0.0)
 
@@ -36,7 +38,7 @@ def test_few_motions_are_joined_at_once_and_all_between_frames(small_map):
     planner.set_goals([AWAY])
     assert m.goals.number[0] <= GOAL_AT_ONCE
     planner.step(NOBODY, q=HOME)
-    assert m.start_connections.count[0] <= _START_AT_ONCE
+    assert m.start_connections.count[0] == 0  # the straight motion is free
     # the straight motion has its cells at once: the toll on cells is what calms
     assert m.goals.attached_ref[0] >= 0
     assert planner.path.item[0] == m.goals.attached_ref[0]
@@ -60,10 +62,44 @@ def test_no_frame_that_has_a_path_waits_for_more_motions(small_map):
     for _ in range(4):
         planner.step(NOBODY, q=HOME)
         counts.append(int(planner.memory.start_connections.count[0]))
-    assert counts == [_START_AT_ONCE] * 4
+    assert counts == [0] * 4  # the straight motion serves
     assert planner.memory.goals.attached_ref[0] >= 0
     finish(planner)
     assert planner.memory.start_connections.count[0] == 8
+
+
+def test_a_start_whose_straight_motion_is_blocked_gets_its_cells_later(small_map):
+    """Beside shapes; the frame is answered by the close test of its motions."""
+    planner = odm.ReactivePlanner(small_map, settings=PLAIN)
+    planner.set_goals([AWAY])
+    m, middle = planner.memory, tool_pose(small_map.robot, 0.5 * (HOME + AWAY))[:3, 3]
+    away = odm.Obstacles(spheres=np.array([[0.0, 0.0, 9.0, 0.1]]))
+    ball = odm.Obstacles(spheres=np.array([[*middle, 0.03]]))
+    assert planner.step(away, q=HOME).stage == "straight"
+    assert m.start_connections.count[0] == 0
+    answer = planner.step(ball, q=HOME)  # in this very frame
+    assert answer.stage == "roadmap"
+    count = int(m.start_connections.count[0])
+    assert 0 < count <= _START_AT_ONCE and planner.attacher.is_bare
+    assert (m.start_connections.ref[:count] == NO_ITEM).all()
+    assert planner.path.item[0] == NO_ITEM
+    finish(planner)
+    count = int(m.start_connections.count[0])
+    assert count == planner.settings.start_connections
+    assert (m.start_connections.ref[:count] >= 0).all()
+    assert not planner.attacher.is_bare
+    for k, (q, dq) in enumerate(motions(planner)[:count]):
+        items = m.start_connections.ref[k], planner.attacher.sweep(q[None], dq[None])
+        mine, again = (cells_of(m.pool, item) for item in items)
+        assert np.array_equal(mine[0], again[0])
+        assert np.array_equal(mine[1], again[1])
+    assert planner.step(ball, q=HOME).status != "holding"
+
+
+def cells_of(pool, item):
+    """Return blocks and masks of an item of the pool."""
+    part = slice(pool.begin[item], pool.end[item])
+    return pool.block[part].copy(), pool.mask[part].copy()
 
 
 def test_what_more_motions_can_answer_is_answered_after_some_frames(small_map, rng):

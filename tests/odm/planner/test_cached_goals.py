@@ -108,6 +108,7 @@ def test_what_is_kept_survives_when_old_motions_are_thrown_away(planner):
     planner.set_goals([AWAY])
     for _ in range(40):
         planner.attacher.attach_start(draw_valid(planner, rng))
+        planner.attacher.sweep_cells(100)  # as `improve` does
     used = planner.memory.pool.used.copy()
     # as if it were full
     planner.memory.shortcuts.count[0] = len(planner.memory.shortcuts.key)

@@ -193,6 +193,7 @@ def test_a_new_path_heeds_who_will_be_somewhere_as_who_has_been_there(small_map)
             planner = odm.ReactivePlanner(small_map)
             planner.set_goals([-AWAY])
             planner.step(first, q=HOME, now=0.0, stamp=0.0)
+            planner.attacher.sweep_cells(8)  # as `improve` does: cells are tolled
             planner.set_goals([AWAY])
             planner.expect(soon)
             answer = planner.step(NOBODY, q=HOME, now=0.01, stamp=0.01)

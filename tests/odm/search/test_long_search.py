@@ -36,6 +36,7 @@ def standing_at_nodes(wide_map, a, b):
     planner = odm.ReactivePlanner(wide_map, True, SETTINGS)
     planner.set_goals([wide_map.roadmap.nodes[b]])
     planner.attacher.attach_start(wide_map.roadmap.nodes[a])
+    planner.attacher.join_start()
     planner.memory.goals.attached_ref[:] = NO_MOTION
     return planner
 
