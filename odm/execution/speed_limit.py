@@ -28,6 +28,7 @@ import numpy as np
 
 from odm.execution._speed import allowed_share
 from odm.execution.threat import Threat
+from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import difference, sphere_centers
 from roadmap.motion.motion import Motion
 from roadmap.ranges import check_settings
@@ -141,13 +142,7 @@ class SpeedLimit:
         self, hands: np.ndarray, centers: np.ndarray, moved: np.ndarray
     ) -> float:
         """Return the share at which what is near a hand keeps `hand_speed`."""
-        s = self.settings
-        a, axis = hands[:, :3], hands[:, 3:6] - hands[:, :3]
-        off = centers[:, None] - a
-        along = np.einsum("nki,ki->nk", off, axis)
-        along /= np.maximum(np.einsum("ki,ki->k", axis, axis), 1e-12)
-        off -= np.clip(along, 0.0, 1.0)[..., None] * axis
-        gaps = np.sqrt(np.einsum("nki,nki->nk", off, off)) - hands[:, 6]
-        near = (gaps - self._radii[:, None] < s.hand_near).any(axis=1)
+        s, balls = self.settings, np.column_stack([centers, self._radii])
+        near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
         fastest = np.sqrt(np.einsum("ni,ni->n", moved[near], moved[near]))
         return min(1.0, s.hand_speed / max(fastest.max(initial=0.0), 1e-9))

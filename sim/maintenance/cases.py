@@ -9,11 +9,11 @@ from handover.meet.held_object import HeldObject, fist_grasps
 from odm import CellMap, ReactivePlanner
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import capsule_gap
 from roadmap.transforms import pose_of
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
 from sim.story.cases import HOLDER, StoryCase, StorySetup, in_reach, setup_of
 from sim.story.cases import story_wrench as whole_wrench
-from sim.story.distance import capsule_gap
 from sim.story.grasping import box_of
 from sim.story.partner import PartnerTraits
 

@@ -25,11 +25,11 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import shunned
-from sim.story.distance import ball_gaps, capsule_gap, moved_rods
 from sim.story.grasping import (
     KEPT,
     Reach,

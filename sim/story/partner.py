@@ -11,8 +11,8 @@ import numpy as np
 from handover.human.body import Part
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
+from roadmap.geometry.gaps import ball_gaps
 from sim.people.arm_path import minimum_jerk
-from sim.story.distance import ball_gaps
 
 ARMS = {
     "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),

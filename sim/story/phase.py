@@ -17,8 +17,8 @@ import numpy as np
 from odm.checks import OBJECT
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
+from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import sphere_centers
-from sim.story.distance import ball_gaps
 
 
 class PhasePlanner:

@@ -10,11 +10,11 @@ from handover.human.body import Part
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import ExecutionSettings, Executor
+from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
-from sim.story.distance import ball_gaps, capsule_gap, moved_rods
 from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover, StoryFrame
 from sim.story.machine import StoryEvent

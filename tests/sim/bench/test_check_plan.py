@@ -243,7 +243,7 @@ def test_it_imports_nothing_of_ours():
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda p: p.update(version=9), "make it again"),
+        (lambda p: p.update(version=9), "make one with"),
         (lambda p: p["holds"].pop(0), "nothing holds the object from 0"),
         (lambda p: p["holds"].pop(), "nothing holds|let the last hold"),
         (lambda p: p["motions"][0].update(times=[1.0, 0.0]), "do not grow"),

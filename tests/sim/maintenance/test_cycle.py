@@ -9,6 +9,7 @@ import odm
 from handover import InteractionWorkspace, MeetSettings, load_reach_map
 from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import capsule_gap
 from sim.maintenance import play as cycle_play
 from sim.maintenance.cases import (
     PLACES_XY,
@@ -24,7 +25,6 @@ from sim.maintenance.play import MaintenancePlay, play_cycle, trouble_of
 from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
-from sim.story.distance import capsule_gap
 from sim.story.partner import Partner
 from sim.story.play import StoryPlay, StoryResult
 from sim.story.request import DemoRequest

@@ -5,8 +5,8 @@ import pytest
 
 from handover import Human, wrench
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import ball_gaps, capsule_gap
 from roadmap.transforms import pose_of
-from sim.story.distance import ball_gaps, capsule_gap
 from sim.story.partner import Partner, PartnerTraits
 from sim.story.request import DemoRequest
 
