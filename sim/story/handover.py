@@ -116,6 +116,7 @@ class _Seen:
     classes: np.ndarray  # of each
     threat: Threat | None
     people: int  # how many of its parts are the person's: they come first
+    hands: np.ndarray  # (k, 7) capsules of the hand that takes part [m]
     hand_gap: float  # from the receiving hand to the object [m]
     object_speed: float  # [m/s]
     dt: float
@@ -265,9 +266,7 @@ class Handover:
             full = executor.settings.speed_scale
             motion, t = executor.motion, executor.t
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
-            rows, labels = _person_of(frame)
-            hands = rows[self._parts(labels)[0]]
-            share = self._limit.share(motion, t, full, person, hands)
+            share = self._limit.share(motion, t, full, person, seen.hands)
             executor.limit_speed(share)
         executor.update(self.answer, commit, seen.threat)
         self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
@@ -321,7 +320,8 @@ class Handover:
         dt = self.executor.period if last is None else frame.now - last.frame.now
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame, dt)
-        return _Seen(frame, there, classes, threat, people, gap, speed, dt)
+        who = threat, people, rows[hand]
+        return _Seen(frame, there, classes, *who, gap, speed, dt)
 
     def _has_left(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
