@@ -23,7 +23,7 @@ from numba.core.compiler_lock import require_global_compiler_lock
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
 # 55 that cost it something, and few of the others cost nothing.
-MOST_INSTRUCTIONS = 150
+MOST_INSTRUCTIONS = 300
 # Numba before drives LLVM in another way; of those after, nobody has looked.
 KNOWN = (0, 62) <= version_info.short <= (0, 68)
 

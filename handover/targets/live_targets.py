@@ -27,6 +27,12 @@ _IDLE = 3  # times as many choices between two rankings
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
+def with_arm_at_rest(human: Human, side: str) -> Human:
+    """Return a person whose arm of a side hangs down; see `LiveSettings.from_rest`."""
+    others = {k: v for k, v in human.arms.items() if k != side}
+    return replace(human, arms=others)
+
+
 @dataclass(frozen=True)
 class Pursuit:
     """State of the pursuit in one frame.
@@ -195,9 +201,7 @@ class LiveTargets:
         """Return the person from whose arm the way of the hand counts."""
         if not self.settings.from_rest:
             return human
-        side = self.meet.settings.side
-        others = {k: v for k, v in human.arms.items() if k != side}
-        return replace(human, arms=others)
+        return with_arm_at_rest(human, self.meet.settings.side)
 
     def _take_ranked(self, targets: list[Target]) -> None:
         self._best = targets[0].quality if targets else 0.0

@@ -24,6 +24,9 @@ class ChoiceSettings:
             reach is replaced by the next one.
         retry_frames: Frames until such a target may be offered again.
         fallbacks: Worse targets on offer, for when the pursued one is blocked.
+        patience_frames: Frames for which a blocked target is waited for before worse
+            ones are on offer: a hand that reaches for it is soon gone again. 0: another
+            one is pursued at once.
     """
 
     quality_hysteresis: float = 0.03
@@ -33,6 +36,7 @@ class ChoiceSettings:
     untried_frames: int = 16
     retry_frames: int = 200
     fallbacks: int = 1
+    patience_frames: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
@@ -52,6 +56,7 @@ class ChoiceSettings:
             "untried_frames": 1,
             "retry_frames": 0,
             "fallbacks": 0,
+            "patience_frames": 0,
         }
         for name, low in counts.items():
             value = getattr(self, name)

@@ -39,6 +39,7 @@ class TargetChoice:
         self.settings = settings or ChoiceSettings()
         self.keys: tuple[int, ...] = ()
         self._frame = 0
+        self._waited_for: tuple[int, int] | None = None  # last pursued, and when
         self._since: dict[int, int] = {}  # frame in which a key was offered
         self._reached: set[int] = set()  # of those on offer
         self._shelf: dict[int, int] = {}  # frame from which on it may be offered again
@@ -63,6 +64,7 @@ class TargetChoice:
         s, self._frame = self.settings, self._frame + 1
         if pursued is not None:
             self._reached.add(pursued)
+        pursued = self._or_waited_for(pursued, worth)
         least = (
             max((quality for _, quality in ranked[:1]), default=0.0)
             - s.max_quality_loss
@@ -73,6 +75,8 @@ class TargetChoice:
         else:
             alive = [k for k in alive if k == pursued or worth[k] >= least]
         bar = -np.inf if pursued is None else worth[pursued] + s.quality_hysteresis
+        if s.patience_frames and pursued is not None:
+            alive = [k for k in alive if k == pursued or worth[k] > bar]
         worth = dict(worth) | dict(ranked)
         wish = None
         for key, quality in ranked:
@@ -86,7 +90,7 @@ class TargetChoice:
                 break
             if made is Offer.COMING and wish is None:
                 wish = key
-        if pursued is not None:
+        if pursued is not None and not s.patience_frames:
             alive = self._spared(alive, ranked, worth, bar, is_cheap)
         self._take(self._ordered(alive, worth, pursued))
         return Decision(self.keys, wish)
@@ -95,6 +99,18 @@ class TargetChoice:
         """Take a cell off the offers for a while, though the planner found a path."""
         self._shelf[key] = self._frame + self.settings.retry_frames
         self.keys = tuple(k for k in self.keys if k != key)
+        self._waited_for = None
+
+    def _or_waited_for(self, pursued: int | None, worth: Mapping) -> int | None:
+        """Return the pursued cell, or one that was until lately and may be again."""
+        if pursued is not None:
+            self._waited_for = pursued, self._frame
+            return pursued
+        if self._waited_for is None:
+            return None
+        key, when = self._waited_for
+        late = self._frame - when > self.settings.patience_frames
+        return key if key in self.keys and key in worth and not late else None
 
     def _may_offer(self, alive: list[int], worth: Mapping, bar: float) -> bool:
         """Whether another one may be offered: a place is free, or one had its time."""

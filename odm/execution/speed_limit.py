@@ -142,7 +142,12 @@ class SpeedLimit:
         self, hands: np.ndarray, centers: np.ndarray, moved: np.ndarray
     ) -> float:
         """Return the share at which what is near a hand keeps `hand_speed`."""
-        s, balls = self.settings, np.column_stack([centers, self._radii])
+        s = self.settings
+        speeds = np.sqrt(np.einsum("ni,ni->n", moved, moved))
+        quick = np.flatnonzero(speeds > s.hand_speed)
+        if not len(quick):
+            return 1.0
+        balls = np.column_stack([centers[quick], self._radii[quick]])
         near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
-        fastest = np.sqrt(np.einsum("ni,ni->n", moved[near], moved[near]))
-        return min(1.0, s.hand_speed / max(fastest.max(initial=0.0), 1e-9))
+        fastest = speeds[quick[near]].max(initial=s.hand_speed)
+        return float(s.hand_speed / fastest)

@@ -20,7 +20,7 @@ from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
-from handover.targets.settings import LiveSettings
+from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
@@ -62,9 +62,12 @@ PLANNER = PlannerSettings(
     cached_goals=32,
 )
 # The way of the hand counts from where the arm rests, else the best places follow it,
-# and a ranking goes on over several frames (docs/decisions/0027 and 0049).
+# and a ranking goes on over several frames (docs/decisions/0027 and 0049). A hand that
+# reaches for a target blocks it for a second or less: it is waited for.
 QUALITY = QualitySettings()
-LIVE = LiveSettings(rank_budget=1000, from_rest=True)
+LIVE = LiveSettings(
+    rank_budget=1000, from_rest=True, choice=ChoiceSettings(patience_frames=150)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +111,7 @@ class MeetSetup:
         """Return a loop that has not begun, and its audit."""
         human = person.human(0.0)
         loop = MeetLoop(self.live(human, side), self.rest, person, settings)
-        audit = TargetAudit(self.meet(human, side), self.cell_map)
+        audit = TargetAudit(self.meet(human, side), self.cell_map, LIVE.from_rest)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from handover import Human
 from handover.meet.workspace import InteractionWorkspace
+from handover.targets.live_targets import with_arm_at_rest
 from odm import CellMap, Obstacles, ReactivePlanner
 from odm.frame.freedom import check_valid
 from roadmap.errors import BadConfiguration
@@ -46,11 +47,15 @@ class TargetAudit:
     Args:
         meet: A workspace of its own.
         cell_map: The map.
+        from_rest: Whether the way of the hand counts from where the arm rests, as of
+            the thread that is judged.
     """
 
-    def __init__(self, meet: InteractionWorkspace, cell_map: CellMap) -> None:
+    def __init__(
+        self, meet: InteractionWorkspace, cell_map: CellMap, from_rest: bool
+    ) -> None:
         """Lay out a planner."""
-        self.meet = meet
+        self.meet, self._from_rest = meet, from_rest
         self.planner = ReactivePlanner(cell_map, always_replan=True)
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
         self._solved: dict[int, list[np.ndarray]] = {}
@@ -72,7 +77,8 @@ class TargetAudit:
             pursued: Cell of the target it is at or on the way to.
             time_s: Noted in the verdict [s].
         """
-        self.meet.update(human)
+        side = self.meet.settings.side
+        self.meet.update(with_arm_at_rest(human, side) if self._from_rest else human)
         rated = self.meet.rated([pursued])[0] if pursued is not None else None
         quality = 0.0 if rated is None else rated.quality
         ranked = self.meet.best(RANKED)

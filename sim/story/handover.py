@@ -57,6 +57,7 @@ _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
+_TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long
 _NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
@@ -195,6 +196,7 @@ class Handover:
         thing = None if self._give else self._carried
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
         self._taken: Reach | None = None
+        self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
@@ -202,6 +204,7 @@ class Handover:
         self._begun: float | None = None  # when the step began [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
+        self._told_at = -np.inf
         self._light = True  # whether nothing costly was done in this frame
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
@@ -303,7 +306,9 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
+        if abs(frame.now - self._told_at) >= _TELL_S:
+            self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
+            self._told_at = frame.now
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
         self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
@@ -554,6 +559,9 @@ class Handover:
                 "the object's place is out of the robot's reach; give another "
                 "T_base_place, or another grasp T_tool_object"
             )
+        return self._fetching_by(reach)
+
+    def _fetching_by(self, reach: Reach) -> list[Step]:
         self._T_tool_object = reach.T_tool_object
         above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
         up = Step("line", reach.q_before)
@@ -565,6 +573,9 @@ class Handover:
         self._placeless = reach is None
         if reach is None:  # it is kept
             return [Step("goal", [self._rest])]
+        return self._putting_down_by(reach)
+
+    def _putting_down_by(self, reach: Reach) -> list[Step]:
         return [
             Step("goal", [reach.q_before]),
             Step("let"),
@@ -575,6 +586,7 @@ class Handover:
 
     def _reach_at_place(self) -> Reach | None:
         """Return how the object is grasped in its place; with what it is held by."""
+        self._at_place = None
         if self._T_place is None:
             return None
         seed = self.executor.set_point.q
@@ -585,7 +597,30 @@ class Handover:
         look.begin(self._T_place, seed)
         while not look.over and not look.found:
             look.work()
-        return look.found[0] if look.found else None
+        if not look.found:
+            return None
+        self._at_place = look, 0
+        return look.found[0]
+
+    def _reach_otherwise(self) -> None:
+        """Go to the object's place with another grasp or arm: this one is blocked.
+
+        One start of the search a frame; after the last one found comes the first.
+        """
+        if self._at_place is None:
+            return
+        look, k = self._at_place
+        self._light = False
+        if k + 1 == len(look.found) and not look.over:
+            look.work()
+            return
+        if len(look.found) > 1:
+            k = (k + 1) % len(look.found)
+            self._at_place = look, k
+            fetches = self.state == table.FETCH
+            steps_by = self._fetching_by if fetches else self._putting_down_by
+            self._steps, self._at = steps_by(look.found[k]), -1
+            self._next()
 
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
@@ -615,6 +650,10 @@ class Handover:
         if self._driven_off(seen.frame):
             self.fingers, self._at = OPEN, -1  # to above the object, and down anew
             self._next()
+            step = self._step
+        comes = self.state in (table.FETCH, table.PUT_DOWN) and self._at == 0
+        if comes and "blocked" in self._signalled:
+            self._reach_otherwise()
             step = self._step
         if self._begun is None:
             self._begun = seen.frame.now

@@ -1,5 +1,7 @@
 """Which targets are offered: nothing changes but by a margin, and nothing is stuck."""
 
+from dataclasses import replace
+
 import pytest
 
 from handover.targets.settings import ChoiceSettings
@@ -189,3 +191,29 @@ def test_the_same_input_gives_the_same_offers():
 def test_settings_that_are_none_are_refused(wrong, words):
     with pytest.raises(BadInput, match=words):
         ChoiceSettings(**wrong)
+
+
+def test_a_blocked_target_is_waited_for_before_worse_ones_are_offered():
+    choice = TargetChoice(replace(SETTINGS, patience_frames=5))
+    ranked = {1: 0.5, 2: 0.45}
+    decide(choice, ranked)
+    for _ in range(20):  # worse ones are no spares
+        assert decide(choice, ranked, pursued=1, is_cheap=anything).keys == (1,)
+    for _ in range(5):
+        assert decide(choice, ranked).keys == (1,)
+    assert decide(choice, ranked).keys == (1, 2)
+
+
+def test_a_better_one_is_not_waited_with():
+    choice = TargetChoice(replace(SETTINGS, patience_frames=5))
+    decide(choice, {1: 0.5})
+    decide(choice, {1: 0.5}, pursued=1)
+    assert decide(choice, {1: 0.5, 2: 0.6}).keys == (2, 1)
+
+
+def test_one_that_was_put_off_is_not_waited_for():
+    choice = TargetChoice(replace(SETTINGS, patience_frames=50))
+    decide(choice, {1: 0.5, 2: 0.45})
+    decide(choice, {1: 0.5, 2: 0.45}, pursued=1)
+    choice.put_off(1)
+    assert decide(choice, {1: 0.5, 2: 0.45}).keys == (2,)

@@ -118,6 +118,28 @@ def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatc
     assert story.fingers == "open" and story._at == 0
 
 
+def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
+    story, human = story_of(maps, blocked_s=0.05)
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    story.holding, story.fingers = False, "open"
+    story.machine = Machine(TABLES["give"], FETCH)
+    story._enter()
+    first = story._steps[0].value[0]
+    monkeypatch.setattr(type(story), "_is_blocked", lambda self: self._at == 0)
+    gone_to = []
+    for k in range(60):
+        story.update(sim.StoryFrame(PERIOD * k, human, pulled(0.0), True, False))
+        goal = story._steps[0].value[0]
+        if not any(goal is q for q in gone_to):
+            gone_to.append(goal)
+    assert gone_to[0] is first and len(gone_to) > 1
+    assert [step.kind for step in story._steps[:3]] == ["goal", "line", "grip"]
+    assert np.abs(gone_to[1] - first).max() > 0.1
+    assert story._goals[0] is story._steps[0].value[0]
+
+
 def test_who_leaves_is_waited_for_and_then_the_object_is_kept(maps):
     story, human = story_of(maps, wait_s=2.5)
 
