@@ -6,6 +6,7 @@ does in each state what belongs to it, as a list of steps: go to goals by the pl
 follow a straight certified motion, close the fingers, take the object into the map.
 """
 
+from collections import deque
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -57,6 +58,7 @@ _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
+_GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long
 _NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
@@ -204,6 +206,7 @@ class Handover:
         self._begun: float | None = None  # when the step began [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
+        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._told_at = -np.inf
         self._light = True  # whether nothing costly was done in this frame
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
@@ -324,7 +327,7 @@ class Handover:
         last = self._last
         dt = self.executor.period if last is None else frame.now - last.frame.now
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
-        speed = self._speed_of_object(frame, dt)
+        speed = self._speed_of_object(frame)
         who = threat, people, rows[hand]
         return _Seen(frame, there, classes, *who, gap, speed, dt)
 
@@ -374,12 +377,17 @@ class Handover:
             return None
         return moved_rods(self._obj.capsules, T)
 
-    def _speed_of_object(self, frame: StoryFrame, dt: float) -> float:
-        last = self._last
-        T = frame.T_base_object
-        if T is None or last is None or last.frame.T_base_object is None or dt <= 0:
+    def _speed_of_object(self, frame: StoryFrame) -> float:
+        """Return how fast the object goes on [m/s]; a hand that trembles is still."""
+        T, past = frame.T_base_object, self._object_was
+        if T is None:
+            past.clear()
             return 0.0
-        return float(np.linalg.norm(T[:3, 3] - last.frame.T_base_object[:3, 3])) / dt
+        past.append((frame.now, T[:3, 3].copy()))
+        while past[0][0] < frame.now - _GOES_ON_S - 1e-6:
+            past.popleft()
+        (since, there), (now, here) = past[0], past[-1]
+        return float(np.linalg.norm(here - there)) / (now - since or 1.0)
 
     # --- which signals hold -----------------------------------------------------
 

@@ -49,7 +49,8 @@ class StorySettings:
         gone: It has gone away again when it is farther than this [m].
         back: Length of the straight motions to an object and away from it [m].
         follow: The robot follows an object that has moved by this [m].
-        still_speed: An object slower than this is held still [m/s].
+        still_speed: An object that goes on slower than this, to and fro left out, is
+            held still [m/s].
         steady_s: ... for so long, before the robot closes in [s].
         between: An object whose middle is so near to where a grasp would have it is
             between the fingers [m],

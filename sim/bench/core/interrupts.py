@@ -194,7 +194,8 @@ def _hear() -> None:
 
 
 def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
+    told = {"PYTHONPATH": str(ROOT), "PYTHONFAULTHANDLER": "1"}  # where it crashed
+    return os.environ | told
 
 
 def _left(

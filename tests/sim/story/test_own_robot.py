@@ -140,6 +140,21 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     assert story._goals[0] is story._steps[0].value[0]
 
 
+def test_a_hand_that_trembles_holds_still_and_one_that_goes_on_does_not(maps):
+    story, human = story_of(maps, "receive")
+
+    def speeds(x_of, n=60):
+        for k in range(n):
+            T = pose_of((x_of(PERIOD * k), 0.0, 1.0), (0.0, 0.0, 0.0))
+            frame = sim.StoryFrame(PERIOD * k, human, T_base_object=T)
+            yield story._speed_of_object(frame)
+
+    trembling = list(speeds(lambda t: 0.005 * np.sin(2 * np.pi * 4.0 * t)))
+    assert 0.0 < max(trembling[20:]) < story.settings.still_speed
+    story._speed_of_object(sim.StoryFrame(0.0, human))  # out of sight
+    assert list(speeds(lambda t: 0.2 * t))[-1] == pytest.approx(0.2)
+
+
 def test_who_leaves_is_waited_for_and_then_the_object_is_kept(maps):
     story, human = story_of(maps, wait_s=2.5)
 
