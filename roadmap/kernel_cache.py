@@ -10,8 +10,6 @@ hold, so a new folder is protected as soon as it has a loop.
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -114,25 +112,3 @@ def _known(stamp: Path) -> dict[str, str]:
 
 
 drop_stale_code()
-
-
-def load_kept(loops: Iterable[Callable]) -> int:
-    """Load the machine code that numba keeps of compiled loops, before a first call.
-
-    This is a start ahead and no more: what cannot be loaded is left to the first call.
-
-    Args:
-        loops: Functions compiled with `cache=True`.
-
-    Returns:
-        For how many types of arguments code was loaded.
-    """
-    loaded = 0
-    for loop in loops:
-        with suppress(Exception):  # other versions of numba keep it in another way
-            machine = loop.targetctx.codegen().magic_tuple()
-            for types, kept_for, _ in loop._cache._cache_file._load_index():
-                if kept_for == machine:
-                    loop.compile(types)
-                    loaded += 1
-    return loaded
