@@ -1,9 +1,10 @@
 """Machine code that numba keeps of compiled loops, loaded before a first call."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
 
 
 class KeptTypes(IndexDataCacheFile):
@@ -13,7 +14,7 @@ class KeptTypes(IndexDataCacheFile):
         loop: A function compiled with `cache=True`.
     """
 
-    def __init__(self, loop: Callable) -> None:
+    def __init__(self, loop: Dispatcher) -> None:
         """Find the file; it is not read yet."""
         kept = CompileResultCacheImpl(loop.py_func)
         place = kept.locator
@@ -26,7 +27,7 @@ class KeptTypes(IndexDataCacheFile):
         return [types for types, kind, _ in self._load_index() if kind == machine]
 
 
-def load_kept(loops: Iterable[Callable]) -> int:
+def load_kept(loops: Iterable[Dispatcher]) -> int:
     """Load what is kept of loops, so that their first calls need not.
 
     This is a start ahead and no more: what cannot be loaded is left to the first call.
