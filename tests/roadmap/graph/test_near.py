@@ -1,4 +1,4 @@
-"""Near nodes, looked for in chunks: those of a plain search, endless joints included."""
+"""Near nodes, looked for in chunks: those of a plain search, endless joints too."""
 
 import numpy as np
 
