@@ -133,6 +133,10 @@ class ChunkStore:
         except OSError as error:
             raise _unwritten(self.folder, error) from error
 
+    def remove(self, name: str) -> None:
+        """Remove a stored chunk, if it is there."""
+        (self.folder / name).unlink(missing_ok=True)
+
     def discard(self) -> None:
         """Remove what is stored, and store nothing more."""
         with self._lock:

@@ -4,13 +4,18 @@ A chunk is a task that may be done anywhere and any number of times. Where a wor
 dies, its chunks are done by another; where the scheduler goes away, what was finished
 is stored here, and the rest is handed to the scheduler that comes back. Before any work
 every worker says which program it runs: another one is refused.
+
+Workers made here are forked from a process that loads the program once. They start
+while this process makes ready what they will be given.
 """
 
 import logging
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -33,7 +38,9 @@ from roadmap.errors import BadInput, BuildRefused
 
 _AHEAD = 6  # chunks handed out for each thread of the workers
 _MOST_LOST = 20  # times that a chunk is handed out again
-_LOOK_S = 0.05  # between two looks at what is done
+_LOOK_S = 0.5  # between two looks at the workers while nothing is done
+_PAUSE_S = 0.05  # after a cluster lost what was waited for
+_GIVEN = ".given"  # ending of the file with what a chunk takes
 _CLOSE_S = 10.0  # for the workers of a cluster that was made here
 _CONNECT_S = 10.0  # one try to reach a scheduler
 _FIRST_S = 10.0  # a scheduler that was never there is not waited for longer
@@ -47,11 +54,14 @@ class Cluster:
         workers: Make a cluster on this machine with so many processes.
         scheduler: Address of one that runs, such as "tcp://host:8786".
         store: Where finished chunks are kept here; found again by the next build.
-        shared: Folder that all workers see too: they write finished chunks there, so
-            that none goes through the scheduler. None: they come over the network.
+        shared: Folder that all workers see too: what chunks take and what comes of
+            them lies there, so that nothing goes through the scheduler but names.
+            None: it goes over the network.
         patience: How long a scheduler may be away [s].
         loads: Module that jobs will need; workers load it while this process still
             makes ready what they will be given. None: with the first chunk.
+
+    Workers made here start in the background; `ready` waits for them, as `map` does.
 
     Raises:
         BadInput: The address is none.
@@ -77,13 +87,38 @@ class Cluster:
         self.store, self.shared, self.patience = store, shared, patience
         if shared is not None and store is None:
             self.store = ChunkStore(shared)
-        self._own: Any = None
-        if scheduler is None:
-            self._own = _local(self.dask, workers)
-        self.address = scheduler or self._own.scheduler_address
+        self.address, self.threads = scheduler or "", 0
         self.client: Any = None
-        self._connect(time.monotonic() + min(patience, _FIRST_S))
+        self._own: Any = None
+        self._settings: Any = None
+        self._starting: Future | None = None
+        if scheduler is None:
+            starter = ThreadPoolExecutor(1, "start of workers")
+            self._starting = starter.submit(self._start, workers, loads)
+            starter.shutdown(wait=False)
+        else:
+            self._connect(time.monotonic() + min(patience, _FIRST_S))
+            self._loading = [] if loads is None else self._load(loads)
+
+    def _start(self, workers: int, loads: str | None) -> None:
+        """Make a cluster here, and look at its workers."""
+        self._settings = _quiet_settings()
+        self._own = _local(self.dask, workers)
+        self.address = self._own.scheduler_address
+        self._connect(time.monotonic() + min(self.patience, _FIRST_S), workers)
         self._loading = [] if loads is None else self._load(loads)
+
+    def ready(self) -> "Cluster":
+        """Wait until workers are there.
+
+        Raises:
+            BuildRefused: None came.
+            ForeignWorker: A worker runs another version.
+        """
+        if self._starting is not None:
+            self._starting.result()
+            self._starting = None
+        return self
 
     def __enter__(self) -> "Cluster":
         """Return the cluster."""
@@ -96,15 +131,29 @@ class Cluster:
     def close(self) -> None:
         """Leave the user's cluster as it is; end one that was made here."""
         with suppress(Exception):
+            self.ready()
+        with suppress(Exception):
             self.client.close(timeout=2)
         if self._own is not None:
             with suppress(Exception):  # one that just starts is slow to end
                 self._own.close(timeout=_CLOSE_S)
+        if self._settings is not None:
+            self._settings.__exit__(None, None, None)
 
-    @property
-    def dashboard(self) -> str:
-        """Address of the page that shows progress; empty where there is none."""
-        return str(self.client.dashboard_link) if _has_dashboard() else ""
+    def tell_dashboard(self, tell: Callable[[str], None]) -> None:
+        """Tell the address of the page that shows progress, once workers are there.
+
+        Nothing is told where there is no page: `bokeh` is not installed.
+        """
+
+        def told(started: Future | None) -> None:
+            if _has_dashboard() and not (started and started.exception()):
+                tell(str(self.client.dashboard_link))
+
+        if self._starting is None:
+            told(None)
+        else:
+            self._starting.add_done_callback(told)
 
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order.
@@ -115,7 +164,7 @@ class Cluster:
             BuildRefused: The scheduler stayed away, a disk is full, or a chunk ends
                 every worker that tries it.
         """
-        hand = _Hand(self, job)
+        hand = _Hand(self.ready(), job)
         source = iter(parts)
         waiting: deque[_Sent] = deque()
         try:
@@ -128,7 +177,7 @@ class Cluster:
         finally:
             hand.drop(waiting)
 
-    def _connect(self, until: float) -> None:
+    def _connect(self, until: float, workers: int = 1) -> None:
         """Reach the scheduler and look at its workers, until a time.
 
         Raises:
@@ -140,7 +189,7 @@ class Cluster:
                 self.client = self.dask.Client(
                     self.address, timeout=left, set_as_default=False
                 )
-                self.client.wait_for_workers(1, timeout=left)
+                self.client.wait_for_workers(workers, timeout=left)
                 break
             except ValueError as error:  # a name without a port, another protocol
                 raise BadInput(
@@ -189,6 +238,9 @@ class _Hand:
     def __init__(self, cluster: Cluster, job: Job) -> None:
         self.cluster, self.job, self.key = cluster, job, job.key()
         self._job_there: Any = None
+        # what workers are given lies there, too: only names go through the scheduler
+        shared = cluster.shared
+        self._given = None if shared is None else ChunkStore(shared)
 
     def send(self, chunk: Chunk) -> _Sent:
         """Hand a chunk out, unless it is stored."""
@@ -221,6 +273,9 @@ class _Hand:
                     )
                 self._recover(waiting)
                 continue
+            if self._is_done_soon(sent):
+                continue
+            # this asks the scheduler over the network: not while chunks are done
             if self.cluster.client.scheduler_info()["workers"]:
                 seen = time.monotonic()
             elif time.monotonic() - seen > self.cluster.patience:
@@ -228,8 +283,18 @@ class _Hand:
                     f"all workers of {self.cluster.address} have gone; start some and "
                     "give the same command again: finished chunks are kept"
                 )
-            time.sleep(_LOOK_S)
         return waiting.popleft().found or ()
+
+    def _is_done_soon(self, sent: _Sent) -> bool:
+        """Wait a moment for a chunk; return whether something came of it."""
+        try:
+            sent.future.exception(timeout=_LOOK_S)
+        except (self.cluster.dask.TimeoutError, TimeoutError):
+            return False
+        except Exception:  # it was lost, or the scheduler: `take` finds out
+            time.sleep(_PAUSE_S)
+            return False
+        return True
 
     def drop(self, waiting: deque[_Sent]) -> None:
         """Cancel what is no longer wanted."""
@@ -241,6 +306,8 @@ class _Hand:
         with suppress(*_lost(self.cluster)):
             if self._job_there is None:
                 self._job_there = client.scatter(self.job, broadcast=True, hash=False)
+            if self._given is not None:
+                self._given.put(sent.name + _GIVEN, sent.chunk.arrays)
             sent.future = self._submitted(client, sent)
 
     def _submitted(self, client: Any, sent: _Sent) -> Any:  # noqa: ANN401
@@ -248,7 +315,7 @@ class _Hand:
             work,
             self._job_there,
             self.key,
-            sent.chunk,
+            sent.chunk if self._given is None else replace(sent.chunk, arrays=()),
             sent.name,
             about(),
             self.cluster.shared,
@@ -258,19 +325,21 @@ class _Hand:
 
     def _store(self, sent: _Sent) -> None:
         """Take what came of a chunk, and keep it here."""
-        store, data = self.cluster.store, sent.future.result()
-        if data is None:  # it lies on the shared folder
+        store = self.cluster.store
+        if self._given is not None:
             sent.found = store.get(sent.name) if store else None
             if store and sent.found:
                 store.found -= 1  # it was done just now
+            self._given.remove(sent.name + _GIVEN)
             if sent.found is None:
                 raise BuildRefused(
                     f"{self._named(sent)} is done, but its file is not in "
                     f"{self.cluster.shared} here; give a folder that this machine "
                     "and all workers share"
                 )
+            sent.future.release()
             return
-        sent.found = unpacked(data)
+        sent.found = unpacked(sent.future.result())
         if store is not None:
             store.put(sent.name, sent.found)
         sent.future.release()
@@ -322,13 +391,24 @@ def work(
     wanted: dict[str, str],
     shared: Path | None,
 ) -> bytes | None:
-    """Do a chunk on a worker: its arrays as bytes, or None where it wrote a file."""
+    """Do a chunk on a worker.
+
+    Returns:
+        Its arrays as bytes. None where there is a shared folder: what the chunk takes
+        was read there, and what came of it was written.
+    """
     if about() != wanted:
         raise ForeignWorker(_foreign("this worker", about(), wanted))
-    found = do_chunk(job, key, chunk)
     if shared is None:
-        return packed(found)
-    ChunkStore(shared).put(name, found)
+        return packed(do_chunk(job, key, chunk))
+    folder = ChunkStore(shared)
+    given = folder.get(name + _GIVEN)
+    if given is None:
+        raise BuildRefused(
+            f"a worker does not see what it was given in {shared}; give a folder that "
+            "this machine and all workers share, and give the same command again"
+        )
+    folder.put(name, do_chunk(job, key, replace(chunk, arrays=given)))
     return None
 
 
@@ -397,17 +477,29 @@ def _distributed() -> Any:  # noqa: ANN401 (a module)
     return distributed
 
 
-def _local(distributed: Any, workers: int) -> Any:  # noqa: ANN401
-    """Make a cluster of processes here, which do not watch themselves at work."""
+def _quiet_settings() -> Any:  # noqa: ANN401 (a context of dask)
+    """Set how workers made here start; they do not watch themselves at work."""
     import dask.config as config
 
-    with config.set({"distributed.worker.profile.enabled": False}):
-        return distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address=":0",
-            silence_logs=40,
-        )
+    return config.set(
+        {
+            "distributed.worker.profile.enabled": False,
+            "distributed.worker.multiprocessing-method": "forkserver",
+            "distributed.admin.system-monitor.interval": "5s",
+            "distributed.admin.tick.interval": "500ms",
+            "distributed.worker.memory.monitor-interval": "1s",
+        }
+    )
+
+
+def _local(distributed: Any, workers: int) -> Any:  # noqa: ANN401
+    """Make a cluster of processes here."""
+    return distributed.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        dashboard_address=":0",
+        silence_logs=40,
+    )
 
 
 def _has_dashboard() -> bool:

@@ -65,7 +65,7 @@ def build_map(
         StaticTest(robot, scenery, recipe.safety, threads=threads).motions_free,
         progress,
         _tested_by(workers, robot, scenery, recipe),
-        threads,
+        workers,
     )
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.chunks import Threads, Workers
 from roadmap.errors import BadInput, BuildRefused
+from roadmap.graph.near import NearSpec, near_nodes
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap, choose_landmarks
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
@@ -101,7 +103,7 @@ def build_roadmap(
     motions_free: MotionsFree,
     progress: Progress | None = None,
     stream: Stream | None = None,
-    threads: int = 0,
+    workers: Workers | None = None,
 ) -> tuple[Roadmap, BuildReport]:
     """Sample nodes, join near ones, keep the largest component.
 
@@ -113,7 +115,8 @@ def build_roadmap(
         progress: Called with (stage, done, total).
         stream: The same test of many: (stage, chunks of (q, dq)) -> a (k,) bool for
             each, in order. It may look a few chunks ahead. None: one by one.
-        threads: That look for near nodes; 0: one per core. The bytes stay the same.
+        workers: Who looks for near nodes; threads of this process when None. The
+            bytes stay the same.
 
     Raises:
         BuildRefused: Next to no configuration is valid.
@@ -123,7 +126,7 @@ def build_roadmap(
     nodes, drawn = _sample(robot, settings, stream, tell)
     weights = _weights(robot, settings)
     nodes = nodes[_spatial_order(robot, nodes * weights)]
-    pairs = _near_pairs(robot, nodes, weights, settings, threads)
+    pairs = _near_pairs(robot, nodes, weights, settings, workers or Threads())
     dq = difference(robot, nodes[pairs[:, 0]], nodes[pairs[:, 1]])
     starts = range(0, len(pairs), _TESTED)
     parts = ((nodes[pairs[k : k + _TESTED, 0]], dq[k : k + _TESTED]) for k in starts)
@@ -172,14 +175,14 @@ def _weights(robot: Robot, settings: RoadmapSettings) -> np.ndarray:
     return np.asarray(settings.weights, float)
 
 
-def _tree(robot: Robot, points: np.ndarray, weights: np.ndarray):  # noqa: ANN202
-    """Return a k-d tree in which continuous joints are periodic."""
-    from scipy.spatial import cKDTree
-
+def _wrapped(
+    robot: Robot, points: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points with continuous joints in one turn, and the length of turns."""
     period = np.where(robot.continuous, 2 * np.pi * weights, 0.0)
     wrapped = np.where(robot.continuous, np.mod(points, period + 1e-300), points)
     wrapped = np.where(robot.continuous & (wrapped >= period), 0.0, wrapped)
-    return cKDTree(wrapped, boxsize=period), wrapped
+    return wrapped, period
 
 
 def _spatial_order(robot: Robot, points: np.ndarray) -> np.ndarray:
@@ -194,11 +197,10 @@ def _near_pairs(
     nodes: np.ndarray,
     weights: np.ndarray,
     settings: RoadmapSettings,
-    threads: int,
+    workers: Workers,
 ) -> np.ndarray:
-    tree, points = _tree(robot, nodes * weights, weights)
     k = min(settings.neighbors + 1, len(nodes))
-    _, near = tree.query(points, k=k, workers=threads or -1)
+    near = near_nodes(NearSpec(*_wrapped(robot, nodes * weights, weights), k), workers)
     a = np.repeat(np.arange(len(nodes)), k - 1)
     # a node is its own nearest one, but for twins: drop it by its number
     others = near != np.arange(len(nodes))[:, None]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.run.crew import HERE, Place, crew
+from sim.run.crew import HERE, Place, begin_ahead, crew
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FOLDER, Limits, Refused
 from sim.terminal.flags import Json, argument, flag, from_request
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _OWN = "With your own robot"
 _CLUSTER = "On a Dask cluster"
 _COST = "Size and safety"
+_LOADS = "odm.cell_map.chunk_code"
 # sections of a recipe, and the options that go there under their own name
 _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
 
@@ -102,6 +103,9 @@ def build(request: BuildRequest) -> None:
             "give either a recipe (`odm build panda`, `odm build my.toml`) or --robot "
             "my.urdf --tip LINK"
         )
+    place = Place(request.workers, request.scheduler, request.shared)
+    if not request.suggest:
+        begin_ahead(place, _LOADS)
     recipe, threads, json = recipe_of(request), request.threads, request.json
     if request.suggest:
         from sim.cli.suggest import suggest_sizes
@@ -110,7 +114,6 @@ def build(request: BuildRequest) -> None:
         return
     target = request.out or MAPS / recipe.name
     check_map_folder(target, recipe, request.force)
-    place = Place(request.workers, request.scheduler, request.shared)
     cell_map, seconds = build_to(
         target, recipe, threads, quiet=json == "-", place=place
     )
@@ -194,8 +197,7 @@ def build_to(
 
     begun = time.perf_counter()
     parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
-    loads = "odm.cell_map.chunk_work"
-    with crew(target, threads, place, loads) as workers, Bars() as tell:
+    with crew(target, threads, place, _LOADS) as workers, Bars() as tell:
         robot = _load_robot(recipe, tell)
         if not quiet:
             _tell_size(robot, recipe)

@@ -1,14 +1,20 @@
 """Who does the chunks of a build: threads here, processes here, or a user's cluster."""
 
+import multiprocessing
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
+from multiprocessing.forkserver import ensure_running
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from roadmap.chunks import Workers
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,32 @@ HERE = Place()
 def chunk_folder(target: Path, shared: Path | None = None) -> Path:
     """Return where the finished chunks of what is built to `target` are kept."""
     return (shared or target.parent) / f".{target.name}.chunks"
+
+
+def begin_ahead(place: Place, loads: str) -> None:
+    """Start the process that workers made here are forked from.
+
+    It loads what they need while this process still loads its own modules, so call
+    this first; it does nothing where none are made, and nothing a second time.
+
+    Args:
+        place: Where chunks are done.
+        loads: Module that the chunks need.
+    """
+    if not place.workers or find_spec("distributed") is None:
+        return
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["distributed", loads])
+    kept = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # who has threads cannot fork
+    try:
+        ensure_running()
+    finally:
+        for name, value in kept.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 @contextmanager
@@ -65,6 +97,8 @@ def crew(
     if place.shared is not None and not is_cluster:
         raise BadInput("--shared is for clusters; give --workers or --scheduler, too")
     store = ChunkStore(chunk_folder(target, place.shared))
+    if loads is not None:
+        begin_ahead(place, loads)
     if not is_cluster:
         with kept_unless_ended(store.folder):
             try:
@@ -84,8 +118,9 @@ def crew(
             shared=store.folder.absolute() if sees else None,
             loads=loads,
         ) as cluster:
-            if cluster.dashboard:
-                print(f"progress is on {cluster.dashboard}", file=sys.stderr)
+            cluster.tell_dashboard(
+                lambda page: print(f"progress is on {page}", file=sys.stderr)
+            )
             yield cluster
     if store.found:
         print(f"went on from {store.found} stored chunks", file=sys.stderr)

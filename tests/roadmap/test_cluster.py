@@ -12,7 +12,7 @@ from chunk_jobs import chunks, job
 
 import roadmap.cluster
 from roadmap.chunks import ChunkFailed, ChunkStore, ForeignWorker, about
-from roadmap.cluster import Cluster, refuse_foreign
+from roadmap.cluster import Cluster, refuse_foreign, work
 from roadmap.errors import BuildRefused
 
 distributed = pytest.importorskip("distributed")
@@ -48,9 +48,16 @@ def test_results_come_over_the_network_or_as_files(address, tmp_path, shared):
     with Cluster(scheduler=address, store=store, shared=folder) as cluster:
         found = joined(cluster.map(job("squares"), chunks()))
         assert np.array_equal(found, SQUARES) and store.found == 0
+        # results are kept, what was given to workers is not
         assert len(list(store.folder.iterdir())) == 10
         list(cluster.map(job("squares"), chunks()))
     assert store.found == 10
+
+
+def test_a_worker_that_does_not_see_the_shared_folder_is_told(tmp_path):
+    name = "ab" * 32
+    with pytest.raises(BuildRefused, match=f"what it was given in {tmp_path}; give a"):
+        work(job("squares"), "key", chunks()[0], name, about(), tmp_path)
 
 
 def test_an_item_that_raises_on_a_worker_is_named(address):
@@ -98,6 +105,7 @@ def test_a_scheduler_that_stays_away_is_told(tmp_path):
 
 def test_workers_may_be_killed_in_mid_chunk(tmp_path):
     with Cluster(workers=2) as cluster:
+        cluster.ready()
         killed = []
 
         def kill():

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from odm import build_map, load_map
 from odm.cell_map.cell_map import CellMap
+from roadmap.errors import BadInput
+from sim.bench.fresh_build import fresh_build
 from sim.tables.header import header
 from sim.tables.table import TRUTH, value_row
 
@@ -22,6 +24,7 @@ def run(
     *,
     threads: tuple[int, ...] = (2, 1),
     workers: int | None = None,
+    node_counts: str | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> dict:
     """Build recipes in a temporary folder, with each number of threads.
@@ -30,15 +33,21 @@ def run(
         recipes: Names or paths of recipes.
         threads: Numbers of threads to build with; the first is the one that is timed.
         workers: Processes of a Dask cluster that build the first recipe again, against
-            one process with the last number of threads; None or 0: none.
+            one process with one thread, each started anew; None or 0: none.
+        node_counts: Only that comparison, with so many nodes, with commas.
         tell: Called with what is about to be built.
 
     Returns:
         Plain data for JSON: "header", "setup" and "rows".
+
+    Raises:
+        BadInput: Numbers of nodes without workers, or that cannot be read.
     """
     tell, rows, cell_map = tell or (lambda text: None), [], None
+    setup = {"recipes": ", ".join(recipes), "threads": list(threads)}
+    counts = _counts(node_counts, workers)
     with tempfile.TemporaryDirectory() as folder:
-        for recipe in recipes:
+        for recipe in recipes if not counts else ():
             hashes = []
             for n in threads:
                 tell(f"{recipe}, {n} threads")
@@ -46,11 +55,29 @@ def run(
                 hashes.append(cell_map.hash)
                 rows += _time_rows(recipe, n, times, timed=n == threads[0])
             if workers and recipe == recipes[0]:
-                tell(f"{recipe}, {workers} workers")
-                rows += _worker_rows(recipe, workers, times, Path(folder), hashes)
+                found, each = _worker_rows(recipe, None, workers, folder, tell)
+                rows, hashes = rows + found, hashes + each
             rows += _map_rows(recipe, cell_map, hashes)
-    setup = {"recipes": ", ".join(recipes), "threads": list(threads)}
+        for nodes in counts:
+            found, each = _worker_rows(recipes[0], nodes, workers, folder, tell)
+            same = float(len(set(each)) == 1)
+            rows += [*found, value_row("... same bytes", same, TRUTH, least=1.0)]
     return {"bench": "build", "header": header(cell_map), "setup": setup, "rows": rows}
+
+
+def _counts(text: str | None, workers: int | None) -> list[int]:
+    if text is None:
+        return []
+    try:
+        counts = [int(word) for word in text.split(",")]
+    except ValueError:
+        counts = []
+    if not workers or not counts or min(counts) < 2:
+        raise BadInput(
+            f"--nodes is {text!r}, and --workers {workers or 0}; give numbers of nodes "
+            "with commas, and --workers 2, too"
+        )
+    return counts
 
 
 def _build(recipe: str, threads: int, folder: Path) -> tuple[CellMap, dict[str, float]]:
@@ -71,29 +98,44 @@ def _build(recipe: str, threads: int, folder: Path) -> tuple[CellMap, dict[str, 
 
 
 def _worker_rows(
-    recipe: str, workers: int, alone: dict, folder: Path, hashes: list[str]
-) -> list[dict]:
-    """Build on a cluster made here; `alone` is what one process took."""
-    from sim.run.crew import Place, crew
-
-    path = folder / f"{Path(recipe).stem}-workers"
-    begun, busy = time.perf_counter(), _cpu_seconds()
-    place = Place(workers=workers)
-    with crew(path, 0, place, "odm.cell_map.chunk_work") as cluster:
-        build_map(recipe, workers=cluster).save(path)
-    took, used = time.perf_counter() - begun, _cpu_seconds() - busy
-    hashes.append(load_map(path, verify=False).hash)
-    name = f"{recipe}, {workers} workers"
-    note = "what all processes took, over one process; the rest is where one waits"
+    recipe: str,
+    nodes: int | None,
+    workers: int,
+    folder: str,
+    tell: Callable[[str], None],
+) -> tuple[list[dict], list[str]]:
+    """Build with one thread, then on a cluster made here, each in a new process."""
+    what = recipe if nodes is None else f"{recipe}, {nodes:,} nodes"
+    took = []
+    for n in (0, workers):
+        tell(f"{what}, {n or 'no'} workers, in a new process")
+        with tempfile.TemporaryDirectory(dir=folder) as place:
+            took.append(fresh_build(recipe, nodes, n, Path(place)))
+    alone, both = took
+    name = f"{what}, {workers} workers"
+    by_clock = "times of the clock: on free cores only"
+    by_cpu = (
+        "by CPU time: where nobody helps, or workers load meanwhile if that is more, "
+        "and chunks by the number of workers"
+    )
+    over = "CPU time in chunks over that of one thread"
     least = LEAST_TIMES if workers == 2 else None
-    return [
-        value_row(f"{name}: all", took, "s"),
-        value_row(f"{name}: all, CPU time", used, "s"),
-        value_row(f"{name}: CPU overhead", used / alone["all, CPU time"], "times",
-                  note),
-        value_row(f"{name}: speed-up against one thread", alone["all"] / took, "times",
-                  "times of the clock: on free cores only", least=least),
+    free = both.on_free_cores(workers)
+    rows = [
+        value_row(f"{what}, a new process with one thread: all", alone.wall, "s"),
+        value_row("... all, CPU time", alone.cpu, "s"),
+        value_row("... of these in chunks", alone.chunks, "s"),
+        value_row(f"{name}: all", both.wall, "s"),
+        value_row("... all, CPU time", both.cpu, "s"),
+        value_row("... of these where nobody helps", both.alone, "s"),
+        value_row("... while workers load", both.ahead, "s"),
+        value_row("... in chunks", both.chunks, "s"),
+        value_row("... over one thread", both.chunks / alone.chunks, "times", over),
+        value_row("... speed-up on free cores", alone.cpu / free, "times", by_cpu,
+                  least=least),
+        value_row("... speed-up here", alone.wall / both.wall, "times", by_clock),
     ]  # fmt: skip
+    return rows, [alone.hash, both.hash]
 
 
 def _cpu_seconds() -> float:

@@ -1,9 +1,12 @@
 """The roadmap: reproducible, connected, and handed out as a graph."""
 
+from types import SimpleNamespace
+
 import networkx
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
+from scipy.stats import qmc
 
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.graph.connecting import RoadmapSettings, build_roadmap
@@ -12,6 +15,16 @@ from roadmap.graph.sampling import SAMPLERS, draw
 
 def everything_free(q, dq):
     return np.ones(len(q), bool)
+
+
+@pytest.mark.parametrize(("dof", "seed"), [(1, 0), (7, 1), (20, 5)])
+def test_halton_is_that_of_scipy_to_the_last_bit(dof, seed):
+    robot = SimpleNamespace(dof=dof, lower=np.zeros(dof), upper=np.ones(dof))
+    drawn = draw(robot, "halton", seed, 0, None)
+    twin = qmc.Halton(dof, scramble=True, rng=np.random.default_rng(seed))
+    for _ in range(3):
+        q = next(drawn)
+        assert np.array_equal(q, twin.random(len(q)))
 
 
 def test_the_graph_handed_out_has_the_same_nodes_edges_and_lengths(small_map):

@@ -8,6 +8,7 @@ import pytest
 from small import DATA, small_recipe
 
 import odm
+from roadmap.errors import BadInput
 from sim.bench import frames
 from sim.bench.clock import Clock, time_row
 from sim.bench.core import build, frame_rows, latency, map_rows, walled
@@ -194,7 +195,20 @@ def test_a_recipe_builds_to_the_same_bytes_by_threads_and_processes(tmp_path):
     rows = build.run((str(recipe),), workers=1)["rows"]
     same = next(row for row in rows if "same bytes" in row["name"])
     assert same["met"]
-    assert sum("1 workers" in row["name"] for row in rows) == 4
+    names = [row["name"] for row in rows]
+    first = names.index(f"{recipe}, 1 workers: all")
+    clock, cpu, alone, ahead, chunks = (r["value"] for r in rows[first : first + 5])
+    assert 0 < chunks < cpu and 0 < alone < cpu and 0 <= ahead < cpu and clock > 0
+    assert rows[first + 6]["name"] == "... speed-up on free cores"
+    whole = next(r["value"] for r in rows if r["name"] == "... all, CPU time")
+    free = max(alone, ahead) + chunks
+    assert rows[first + 6]["value"] == pytest.approx(whole / free)
+
+
+@pytest.mark.parametrize(("nodes", "workers"), [("3000", None), ("many", 2), ("1", 2)])
+def test_numbers_of_nodes_need_workers_that_build_them(nodes, workers):
+    with pytest.raises(BadInput, match="give numbers of nodes with commas"):
+        build.run(workers=workers, node_counts=nodes)
 
 
 def test_a_row_is_met_where_all_its_limits_are():

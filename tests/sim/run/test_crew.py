@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from chunk_jobs import chunks, job
 
+import sim.run.crew
 from roadmap.errors import BadInput, BuildRefused
-from sim.run.crew import Place, chunk_folder, crew
+from sim.run.crew import Place, begin_ahead, chunk_folder, crew
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -57,6 +58,24 @@ def test_without_dask_a_build_is_refused_in_one_sentence(tmp_path, monkeypatch):
         with crew(tmp_path / "map", 1, Place(workers=2)):
             pass
     assert not list(tmp_path.iterdir())
+
+
+def test_workers_are_forked_from_a_process_that_loads_what_they_need(monkeypatch):
+    began = []
+    threads = os.environ.get("OMP_NUM_THREADS")
+    monkeypatch.setattr(
+        sim.run.crew, "ensure_running", lambda: began.append(dict(os.environ))
+    )
+    begin_ahead(Place(), "chunk_jobs")
+    begin_ahead(Place(scheduler="tcp://there:1"), "chunk_jobs")
+    assert not began
+    pytest.importorskip("distributed")
+    begin_ahead(Place(workers=2), "chunk_jobs")
+    assert [env["OMP_NUM_THREADS"] for env in began] == ["1"]
+    assert os.environ.get("OMP_NUM_THREADS") == threads
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    begin_ahead(Place(workers=2), "chunk_jobs")
+    assert len(began) == 1
 
 
 def test_a_build_that_is_killed_goes_on(tmp_path):

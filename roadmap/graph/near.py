@@ -1,0 +1,63 @@
+"""Which nodes are near to which: a k-d tree that is asked in chunks."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from roadmap.chunks import Chunk, Job, Workers
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+_ASKED = 2048  # nodes of a chunk; the bytes do not depend on it
+
+
+class NearSpec(NamedTuple):
+    """Who is looked for.
+
+    Attributes:
+        points: (n, dof) weighted configurations.
+        period: (dof,) of joints that turn without end, weighted; 0: of none.
+        k: So many nearest ones of each, itself included.
+    """
+
+    points: np.ndarray
+    period: np.ndarray
+    k: int
+
+
+class NearTree(NamedTuple):
+    """What a job looks them up in."""
+
+    tree: "cKDTree"
+    k: int
+
+
+def near_nodes(spec: NearSpec, workers: Workers) -> np.ndarray:
+    """Return the (n, k) nearest nodes of each node, the nearest first."""
+    found = workers.map(near_job(spec), _chunks(spec.points))
+    return np.concatenate([near for (near,) in found])
+
+
+def near_job(spec: NearSpec) -> Job:
+    """Return the job of looking for the nodes near to points (m, dof)."""
+    return Job(f"{__name__}:nearest", f"{__name__}:tree_of", spec, "near node", 1)
+
+
+def tree_of(spec: NearSpec) -> NearTree:
+    """Make the tree, in which some joints are periodic."""
+    from scipy.spatial import cKDTree
+
+    return NearTree(cKDTree(spec.points, boxsize=spec.period), spec.k)
+
+
+def nearest(made: NearTree, points: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the (m, k) nearest nodes of points (m, dof)."""
+    _, near = made.tree.query(points, k=made.k)
+    return (near.reshape(len(points), made.k),)
+
+
+def _chunks(points: np.ndarray) -> Iterator[Chunk]:
+    for k in range(0, len(points), _ASKED):
+        yield Chunk(k, (np.ascontiguousarray(points[k : k + _ASKED]),))
