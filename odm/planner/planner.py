@@ -550,15 +550,18 @@ class ReactivePlanner:
             self.scene.settle(PER_TEST * budget)
         if self.frame.trouble is not None:
             return 0
-        if budget > 1 and self.attacher.waits:
-            half = budget // 2
-            swept = self.attacher.sweep_cells(half)
-            budget -= swept + self.attacher.attach_more(half - swept)
+        attacher, waits = self.attacher, budget > 1 and self.attacher.waits
         if not self.path.followed:
+            if waits:
+                budget -= attacher.join_more(budget // 2)
             return self.connector.improve(budget)
+        later = attacher.after_path(budget) if waits else 0
         if self.always_replan:
-            return self._improver.cut(budget)
-        return self._improver.run(budget, ahead)
+            made = self._improver.cut(budget - later)
+        else:
+            made = self._improver.run(budget - later, ahead)
+        attacher.join_more(later)
+        return made
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
