@@ -437,8 +437,7 @@ class Attacher:
         """
         self.tidy()
         m = self.frame.memory
-        asks = m.rules.close_test_connections[0] > 0  # else cells alone decide
-        self.is_bare = bool(asks and not without_cells and self.frame.heeded == 0)
+        self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
         self._path_first = _PATH_FIRST
         self.q_attached[:] = q
@@ -458,6 +457,12 @@ class Attacher:
         self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
         if not self._goes_straight():
             self.join_start()
+
+    @property
+    def can_wait_for_cells(self) -> bool:
+        """Whether the frame has shapes alone, whose close test costs little."""
+        asks = self.frame.memory.rules.close_test_connections.item() > 0
+        return asks and self.frame.heeded == 0  # else cells alone decide
 
     def join_start(self) -> bool:
         """Join the start by its first motions, if it has none; True: now it has."""

@@ -548,18 +548,24 @@ class ReactivePlanner:
             ahead = check_configuration(self.robot, ahead, None)
         if self.scene.waiting:
             self.scene.settle(PER_TEST * budget)
+        self.decision.found_beyond = False
         if self.frame.trouble is not None:
             return 0
-        attacher, waits = self.attacher, budget > 1 and self.attacher.waits
-        if not self.path.followed:
-            if waits:
-                budget -= attacher.join_more(budget // 2)
-            return self.connector.improve(budget)
+        attacher, connector = self.attacher, self.connector
+        waits = budget > 1 and (attacher.waits or connector.lacks_cells)
         later = attacher.after_path(budget) if waits else 0
+        if not self.path.followed:
+            found = connector.improve(budget - later)
+            self.decision.found_beyond = found > 0
+            if not found:
+                attacher.join_more(later)
+            return found
         if self.always_replan:
             made = self._improver.cut(budget - later)
         else:
             made = self._improver.run(budget - later, ahead)
+        if later and connector.lacks_cells:
+            later -= connector.sweep_cells(later)
         attacher.join_more(later)
         return made
 
@@ -570,6 +576,7 @@ class ReactivePlanner:
         self.attacher.forget_start()
         self.connector.reset()
         self._improver.reset()
+        self.decision.found_beyond = False
         recent.forget_recent(self._memory.recent)
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()
