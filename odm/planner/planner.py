@@ -159,6 +159,8 @@ class ReactivePlanner:
         self._retreat = Retreat(frame, attacher)
         self._set_rules()
         self.last: Answer | None = None
+        # what `respond` said last, and the rows and the goal that this stands for
+        self._said, self._ahead, self._goal = -1, path.q[:0], -1
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
         if s.extra_clearance:
@@ -460,13 +462,18 @@ class ReactivePlanner:
         if code > _PLANNED:
             return self._beyond(q, code, times, closed)
         # the path in use from the robot's segment on, which was just found free
-        begin, path = said % _COUNT // _SEGMENT, self.path
-        corners = path.q[begin : said % _GOAL // _COUNT].copy()
+        path = self.path
+        if said != self._said:  # mostly it is what the frame before said
+            begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
+            self._said, self._ahead = said, path.q[begin:end]
+            self._goal = said // _GOAL - 1
+        corners, goal = self._ahead.copy(), self._goal
         corners[0] = q
-        following = code == _FOLLOWING or (path.followed and path.is_same)
-        path.followed = True
-        status, stage = FOLLOWING if following else REPLANNED, stage_of(code, corners)
-        goal = said // _GOAL - 1
+        if code == _FOLLOWING:
+            path.followed = True
+            return self._answer(FOLLOWING, corners, goal, times, closed, IN_USE)
+        status = FOLLOWING if path.followed and path.is_same else REPLANNED
+        path.followed, stage = True, stage_of(code, corners)
         return self._answer(status, corners, goal, times, closed, stage)
 
     def _beyond(

@@ -14,7 +14,7 @@ from sim.bench.frames import (
     TOP_SPEED,
     make_pairs,
 )
-from sim.bench.rivals import baselines
+from sim.bench.rivals import baselines, lengths
 from sim.tables.header import header
 
 FCL_FRAMES, COMPILED_FRAMES = 40, 600  # frames the competitors are run on
@@ -50,10 +50,14 @@ def run(
     cell_map = load_map(map_dir, verify=False)
     tell("frames")
     drawn = make_pairs(cell_map, pairs, frames, seed, condition)
+    share = frame_rows.BLOCKED_SHARE
+    across = make_pairs(cell_map, pairs, frames, seed, condition, blocked=share)
     _warm(cell_map, drawn[:2], seed)
     some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
+    beside_ompl = drawn[:1] if short else drawn[:24]
     parts = {
         "replanned": lambda: frame_rows.replanned(cell_map, drawn),
+        "blocked": lambda: frame_rows.blocked(cell_map, across),
         "kept": lambda: frame_rows.kept(cell_map, drawn),
         "following": lambda: frame_rows.followed(cell_map, drawn),
         "first steps": lambda: frame_rows.first_steps(cell_map, drawn),
@@ -62,6 +66,7 @@ def run(
         "direct map": lambda: map_rows.direct_map(cell_map, some),
         "camera": lambda: map_rows.clouds(cell_map, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
+        "lengths": lambda: lengths.compared(cell_map, beside_ompl, seed),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
     head, rows = header(cell_map), []
