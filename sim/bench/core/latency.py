@@ -50,8 +50,8 @@ def run(
     cell_map = load_map(map_dir, verify=False)
     tell("frames")
     drawn = make_pairs(cell_map, pairs, frames, seed, condition)
-    share = frame_rows.BLOCKED_SHARE
-    across = make_pairs(cell_map, pairs, frames, seed, condition, blocked=share)
+    share, few = frame_rows.BLOCKED_SHARE, (1, 4) if short else (pairs, frames)
+    across = make_pairs(cell_map, *few, seed, condition, blocked=share)
     _warm(cell_map, drawn[:2], seed)
     some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
     beside_ompl = drawn[:1] if short else drawn[:24]

@@ -82,7 +82,7 @@ def test_start_and_goal_are_as_free_as_the_condition_says(saved, condition):
 def test_the_arm_is_across_the_straight_motion_where_that_is_asked(saved):
     planner, shares = odm.ReactivePlanner(saved), []
     for blocked in (0.0, 0.6):
-        drawn = frames.make_pairs(saved, 3, 10, seed=4, blocked=blocked)
+        drawn = frames.make_pairs(saved, 2, 4, 4, "first", blocked=blocked)
         hit = []
         for pair in drawn:
             for ask in pair.asked():
