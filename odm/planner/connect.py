@@ -20,7 +20,8 @@ from odm.search._state import NO_ITEM
 
 _SHORTEN = 250  # configurations looked at to shorten a path that was found
 _PART = 8  # a frame has this part of the budget, until all of it is spent; after that,
-_AGAIN = 16  # and where the robot moves, this part
+_AGAIN = 16  # and where the robot moves, this part;
+_REST = 8  # but once all is spent in one place, only every so many-th frame searches
 _SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
@@ -96,7 +97,8 @@ class Connector:
             self._asked = self.frame.number
             left = self.budget - (self.looked if self._is_known() else 0)
             part = 0 if moves else min(self.budget // _PART, left)
-            if self._search(max(1, self.budget // _AGAIN, part)):
+            rests = left <= 0 and self.frame.number % _REST > 0
+            if not rests and self._search(max(1, self.budget // _AGAIN, part)):
                 path = self._free_path(q)
         if path is None:
             self._frames_to_persist = patience if self._frames_to_persist else 0

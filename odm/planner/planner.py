@@ -445,8 +445,7 @@ class ReactivePlanner:
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
-        begun = perf_counter_ns()
-        frame = self.frame
+        begun, frame = perf_counter_ns(), self.frame
         if type(points) is PointCloud:
             covering_radius, points = points.covering_radius, points.points
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
@@ -462,12 +461,9 @@ class ReactivePlanner:
         if code > _PLANNED:
             return self._beyond(q, code, times, closed)
         # the path in use from the robot's segment on, which was just found free
-        path = self.path
         if said != self._said:  # mostly it is what the frame before said
-            begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
-            self._said, self._ahead = said, path.q[begin:end]
-            self._goal = said // _GOAL - 1
-        corners, goal = self._ahead.copy(), self._goal
+            self._unpack(said)
+        corners, goal, path = self._ahead.copy(), self._goal, self.path
         corners[0] = q
         if code == _FOLLOWING:
             path.followed = True
@@ -475,6 +471,12 @@ class ReactivePlanner:
         status = FOLLOWING if path.followed and path.is_same else REPLANNED
         path.followed, stage = True, stage_of(code, corners)
         return self._answer(status, corners, goal, times, closed, stage)
+
+    def _unpack(self, said: int) -> None:
+        """Take apart what `respond` said: the corners ahead, and the goal."""
+        begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
+        self._said, self._ahead = said, self.path.q[begin:end]
+        self._goal = said // _GOAL - 1
 
     def _beyond(
         self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool

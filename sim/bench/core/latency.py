@@ -5,6 +5,7 @@ from pathlib import Path
 
 from odm import load_map
 from sim.bench.core import frame_rows, map_rows, walled
+from sim.bench.core.frame_rows import BLOCKED_SHARE
 from sim.bench.frames import (
     CONDITIONS,
     LENGTHS,
@@ -12,6 +13,7 @@ from sim.bench.frames import (
     RATE_HZ,
     SPACING,
     TOP_SPEED,
+    Pair,
     make_pairs,
 )
 from sim.bench.rivals import baselines, lengths
@@ -45,16 +47,14 @@ def run(
         Plain data for JSON: "header", "setup", "rows" and "baselines".
     """
     map_dir, tell = Path(map_dir), tell or (lambda text: None)
-    if short:
-        pairs, frames = min(pairs, 3), min(frames, 12)
+    pairs, frames = (min(pairs, 3), min(frames, 12)) if short else (pairs, frames)
     cell_map = load_map(map_dir, verify=False)
+    head, rows = header(cell_map), []
     tell("frames")
     drawn = make_pairs(cell_map, pairs, frames, seed, condition)
-    share, few = frame_rows.BLOCKED_SHARE, (1, 4) if short else (pairs, frames)
-    across = make_pairs(cell_map, *few, seed, condition, blocked=share)
+    across = _across(cell_map, pairs, frames, seed, condition, short)
     _warm(cell_map, drawn[:2], seed)
-    some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
-    beside_ompl = drawn[:1] if short else drawn[:24]
+    some, again, few = (drawn[:2], 1, 1) if short else (drawn[:20], 3, 24)
     parts = {
         "replanned": lambda: frame_rows.replanned(cell_map, drawn),
         "blocked": lambda: frame_rows.blocked(cell_map, across),
@@ -66,10 +66,9 @@ def run(
         "direct map": lambda: map_rows.direct_map(cell_map, some),
         "camera": lambda: map_rows.clouds(cell_map, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
-        "lengths": lambda: lengths.compared(cell_map, beside_ompl, seed),
+        "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
-    head, rows = header(cell_map), []
     for name, measure in parts.items():
         tell(name)
         rows += measure()
@@ -83,6 +82,13 @@ def run(
         "rows": rows + against.pop("rows"),
         "baselines": against,
     }
+
+
+def _across(cell_map, pairs, frames, seed, condition, short) -> list[Pair]:  # noqa: ANN001
+    """Return other pairs, in most of whose frames the straight motion is blocked."""
+    if short:
+        pairs, frames = 1, 4
+    return make_pairs(cell_map, pairs, frames, seed, condition, blocked=BLOCKED_SHARE)
 
 
 def _warm(cell_map, drawn, seed) -> None:  # noqa: ANN001

@@ -17,7 +17,7 @@ FIRST, IMPROVED, ANSWERED = 1.45, 1.0, 99.9  # ratios; [%]
 _FRAMES = (0.25, 0.5, 1.0)  # where in a pair's frames
 
 
-def compared(cell_map: CellMap, pairs: list[Pair], seed: int) -> list[dict]:
+def compared(cell_map: CellMap, pairs: list[Pair], seed: int = 1) -> list[dict]:
     """Compare three frames of each pair; each is the first at a start never seen.
 
     The path is improved until the thread has spent IMPROVE_US on it: the last call may
