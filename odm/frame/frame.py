@@ -128,7 +128,10 @@ class Frame:
         # the arrays that came last, as they were found good: they need no second look
         self._taken, self._taken_shape = self._nothing.xyz, (-1,)
         self._asked: np.ndarray | None = self.q
-        self._own_q, self._dof = False, cell_map.robot.dof
+        self._copies_q, self._dof = False, cell_map.robot.dof
+        self._q_given = np.zeros(
+            self._dof
+        )  # a copy of what came last, where it needs one
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -194,9 +197,10 @@ class Frame:
         if q is not self._asked or len(q) != self._dof or dq is not None:
             given, q = q, check_configuration(self.robot, q, dq)
             self._asked = given if type(given) is np.ndarray else None
-            self._own_q = q is not given
-        elif self._own_q:  # a read-only array is of another type to compiled loops
-            q = np.array(q, np.float64)
+            self._copies_q = q is not given
+        elif self._copies_q:  # a read-only array is of another type to compiled loops
+            self._q_given[:] = q
+            q = self._q_given
         self.classes = None if classes is None else check_classes(classes, len(points))
         self.obstacles = obstacles
         return points, q
@@ -247,23 +251,41 @@ class Frame:
         if self.watch.seen_inside and self.watch.points_inside is self.points:
             self._buffer = 1 - self._buffer
         self.heeded = len(points)
-        data, counts = obstacles.data, obstacles.counts
+        room, now_seen, trouble = self._buffers[self._buffer], self.points, None
+        table, data, counts = memory.table, obstacles.data, obstacles.counts
+        n, odd = kernels.begin_shapes(table, points, data, counts, room), False
+        if n != len(now_seen) or now_seen.base is not room:  # others than before
+            odd, trouble = self._take_others(n, points)
+        marked = perf_counter_ns()
+        if trouble is None and (odd or stamp is not None or now is not None):
+            trouble = self.watch.unfit(self.points, memory.cloud, stamp, now)
+        self.trouble = trouble
+        return marked
+
+    def _take_others(self, n: int, points: np.ndarray) -> tuple[bool, str | None]:
+        """Go on where `begin_shapes` returned another number of points than before.
+
+        Returns:
+            Whether some cannot be used as they are, and why there are none to use.
+        """
+        obstacles = self.obstacles
         while True:
-            room = self._buffers[self._buffer]
-            n = kernels.begin_shapes(memory.table, points, data, counts, room)
+            memory, room = self.memory, self._buffers[self._buffer]
             odd = n >= kernels.ODD
             if odd:
                 n -= kernels.ODD
             if n == kernels.MORE_PATTERNS:
                 self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
-                continue
-            if n != kernels.MORE_POINTS:
+            elif n == kernels.MORE_POINTS:
+                n = memory.patterns.wrong.item(0)
+                if n - len(points) > MOST_SAMPLES:
+                    break
+                self.grow_clouds(2 * n)
+                self._buffers[self._buffer] = room = np.empty((2 * n, 3))
+            else:
                 break
-            n = memory.patterns.wrong.item(0)
-            if n - len(points) > MOST_SAMPLES:
-                break
-            self.grow_clouds(2 * n)
-            self._buffers[self._buffer] = np.empty((2 * n, 3))
+            data, counts = obstacles.data, obstacles.counts
+            n = kernels.begin_shapes(memory.table, points, data, counts, room)
         trouble = None
         if n > len(room):  # too many samples: nothing was begun
             kernels.begin_step(memory.table, points, self._buffer_for(len(points)))
@@ -277,11 +299,7 @@ class Frame:
             n = len(points)
         if n != len(self.points) or self.points.base is not room:
             self._view_of(min(n, len(room)))
-        marked = perf_counter_ns()
-        if trouble is None and (odd or stamp is not None or now is not None):
-            trouble = self.watch.unfit(self.points, memory.cloud, stamp, now)
-        self.trouble = trouble
-        return marked
+        return odd, trouble
 
     def _know(self, obstacles: Obstacles) -> None:
         """Lay out what never changes about obstacles: room, and their meshes."""

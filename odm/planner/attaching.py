@@ -25,6 +25,7 @@ _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadm
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
 _MOVING_CONNECTIONS = 3  # and connections that it gets at most
+_PATH_FIRST = 8  # tests of `improve` that a new start's path has before its motions
 _NONE = np.zeros(0, np.int64)
 
 
@@ -81,6 +82,7 @@ class Attacher:
         # nodes that the start or a goal may yet be joined with, by its vertex
         self._later: dict[int, np.ndarray] = {}
         self.start_waits = self.is_bare = False
+        self._path_first = 0  # tests that the path has yet before the motions
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -302,6 +304,24 @@ class Attacher:
         goals = self.frame.memory.goals
         return [goals.count.item(1), *goals.vertex[: goals.count.item(0)].tolist()]
 
+    def after_path(self, budget: int) -> int:
+        """Return how much of a budget of tests is left for motions beside the path.
+
+        A path that begins at a new start has the first `_PATH_FIRST` tests alone, for
+        each motion that gets its cells takes as long as several tests of it.
+        """
+        alone = min(budget, self._path_first)
+        self._path_first -= alone
+        return (budget - alone) // 2
+
+    def join_more(self, most: int) -> int:
+        """Sweep the cells of a bare start, then join by more motions; return how many.
+
+        At most `most` motions in all.
+        """
+        swept = self.sweep_cells(most) if most else 0
+        return swept + (self.attach_more(most - swept) if most > swept else 0)
+
     def attach_more(self, most: int) -> int:
         """Join the start and the goals, best first, by more motions, `most` in all.
 
@@ -339,6 +359,7 @@ class Attacher:
         """Drop the attached start."""
         self.q_attached[:] = np.nan
         self._attached_key, self.start_waits, self.is_bare = b"", False, False
+        self._path_first = 0
         self._later.pop(int(self.frame.memory.goals.count[1]), None)
         self.frame.memory.start_connections.count[0] = 0
         self.path.forget_off_path()
@@ -416,9 +437,9 @@ class Attacher:
         """
         self.tidy()
         m = self.frame.memory
-        asks = m.rules.close_test_connections[0] > 0  # else cells alone decide
-        self.is_bare = bool(asks and not without_cells and self.frame.heeded == 0)
+        self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
+        self._path_first = _PATH_FIRST
         self.q_attached[:] = q
         self._attached_key = self.q_attached.tobytes()
         self._later.pop(int(m.goals.count[1]), None)
@@ -436,6 +457,12 @@ class Attacher:
         self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
         if not self._goes_straight():
             self.join_start()
+
+    @property
+    def can_wait_for_cells(self) -> bool:
+        """Whether the frame has shapes alone, whose close test costs little."""
+        asks = self.frame.memory.rules.close_test_connections.item() > 0
+        return asks and self.frame.heeded == 0  # else cells alone decide
 
     def join_start(self) -> bool:
         """Join the start by its first motions, if it has none; True: now it has."""
@@ -680,6 +707,7 @@ class Attacher:
             self.costs is not None,
             self.start_waits,
             self.is_bare,
+            self._path_first,
         ]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
@@ -694,7 +722,8 @@ class Attacher:
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
         state = saved["state"].tolist()
-        without_cells, stale, self.next_vertex, has_costs, waits, bare = state
+        without_cells, stale, self.next_vertex, has_costs, waits, bare, first = state
+        self._path_first = first
         self.start_waits, self.is_bare = bool(waits), bool(bare)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()

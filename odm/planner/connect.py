@@ -18,9 +18,10 @@ from odm.search import _connect as kernels
 from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
 
-_SHORTEN = 1000  # configurations looked at to shorten a path that was found
+_SHORTEN = 250  # configurations looked at to shorten a path that was found
 _PART = 8  # a frame has this part of the budget, until all of it is spent; after that,
-_AGAIN = 16  # and where the robot moves, this part
+_AGAIN = 16  # and where the robot moves, this part;
+_REST = 8  # but once all is spent in one place, only every so many-th frame searches
 _SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
@@ -67,7 +68,7 @@ class Connector:
         """Forget trees and paths: other things stand still, or another hand."""
         self.trees.count[:] = self.trees.drawn[:] = 0
         self.found.count[:] = self.found.next[:] = 0
-        self._root, self._goals = b"", b""
+        self._root, self._goals, self._lacks_cells = b"", b"", False
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
         self._frames_to_persist = (
@@ -96,7 +97,8 @@ class Connector:
             self._asked = self.frame.number
             left = self.budget - (self.looked if self._is_known() else 0)
             part = 0 if moves else min(self.budget // _PART, left)
-            if self._search(max(1, self.budget // _AGAIN, part)):
+            rests = left <= 0 and self.frame.number % _REST > 0
+            if not rests and self._search(max(1, self.budget // _AGAIN, part)):
                 path = self._free_path(q)
         if path is None:
             self._frames_to_persist = patience if self._frames_to_persist else 0
@@ -167,7 +169,7 @@ class Connector:
         self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, min(max(budget, self.budget // 4), _SHORTEN))
+        kernels.shorten(problem, min(self.budget // 4, _SHORTEN))
         self._asked = -1
         return self._remember()
 
@@ -185,14 +187,46 @@ class Connector:
         for i in range(1, n):  # continuous joints go on the short way
             turns = np.round((trees.route[i] - q[i - 1]) / (2.0 * np.pi))
             q[i] = trees.route[i] - 2.0 * np.pi * turns * self.frame.robot.continuous
-        first = attacher.sweep(q[:-1], np.diff(q, axis=0))
-        found.ref[k, : n - 1] = NO_ITEM if first < 0 else first + np.arange(n - 1)
+        found.ref[k, : n - 1] = NO_ITEM
+        self._lacks_cells = attacher.can_wait_for_cells
+        if not self._lacks_cells:
+            first = attacher.sweep(q[:-1], np.diff(q, axis=0))
+            found.ref[k, : n - 1] = NO_ITEM if first < 0 else first + np.arange(n - 1)
         found.vertex[k, : n - 1] = [attacher.new_vertex() for _ in range(n - 1)]
         goal = self.frame.memory.goals.vertex[trees.goal.item()]
         found.vertex[k, n - 1] = goal
         found.count[k] = n
         found.next[0] = (k + 1) % len(found.count)
         return True
+
+    @property
+    def lacks_cells(self) -> bool:
+        """Whether the path found last has legs without cells yet; see `sweep_cells`."""
+        return self._lacks_cells
+
+    def sweep_cells(self, most: int) -> int:
+        """Sweep the cells of up to `most` legs of the path found last; return how many.
+
+        By them later frames, and the obstacles' history, judge a leg as an edge.
+        """
+        found = self.found
+        k = (found.next.item() - 1) % len(found.count)
+        legs = slice(0, max(0, found.count.item(k) - 1))
+        bare = np.flatnonzero(found.ref[k, legs] == NO_ITEM)
+        now = bare[:most]
+        self._lacks_cells = len(bare) > len(now)
+        if not len(now):
+            return 0
+        self.attacher.tidy()
+        begin, end = found.q[k, now], found.q[k, now + 1]
+        first = self.attacher.sweep(begin, end - begin)
+        if first < 0:
+            self._lacks_cells = False
+            return len(now)
+        for i, item in zip(now.tolist(), range(first, first + len(now)), strict=True):
+            found.ref[k, i] = item
+            self.path.take_cells(*found.vertex[k, i : i + 2].tolist(), item)
+        return len(now)
 
     # --- paths that were found --------------------------------------------------
 
@@ -244,11 +278,15 @@ class Connector:
             "root": np.frombuffer(self._root, np.uint8),
             "goals": np.frombuffer(self._goals, np.uint8),
             "counts": np.array(
-                [self._asked, self.looked, self._frames_to_persist], np.int64
+                [self._asked, self.looked, self._frames_to_persist, self._lacks_cells],
+                np.int64,
             ),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
-        self._asked, self.looked, self._frames_to_persist = saved["counts"].tolist()
+        self._asked, self.looked, self._frames_to_persist, lacks = saved[
+            "counts"
+        ].tolist()
+        self._lacks_cells = bool(lacks)

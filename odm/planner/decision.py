@@ -65,6 +65,8 @@ class Decision:
 
     Attributes:
         new_goals: Goals were set since the last frame.
+        found_beyond: Since then a path beyond the roadmap was found, which is tried
+            before more nodes are.
     """
 
     def __init__(
@@ -78,7 +80,8 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals, self._patience = False, patience
+        self.new_goals = self.found_beyond = False
+        self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
 
@@ -126,9 +129,10 @@ class Decision:
         if code == step.NO_PATH and self._may_lead_on():
             if self._join(NO_PATH, q) or self.attacher.join_start():
                 said, code = self._again(points, q, now)
-            elif self.attacher.lacks_nodes and not joined:  # one such job a frame
+            elif self._needs_nodes() and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
                 said, code = self._again(points, q, now)
+        self.found_beyond = False
         if code == step.BETTER:
             ago = self.frame.number - self._looked
             if ago <= step.BETTER_EVERY and self.robot == STANDS:
@@ -139,6 +143,10 @@ class Decision:
             self._numbers.wish[0] = 1
             said = step.respond(self._memory.table, points, q, now)
         return said
+
+    def _needs_nodes(self) -> bool:
+        """Return whether more nodes are to be joined now: no path waits to be tried."""
+        return not self.found_beyond and self.attacher.lacks_nodes
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""
@@ -217,12 +225,14 @@ class Decision:
         return MOVES if moved < _PASSES else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return whether goals were set since the last frame, and the last look."""
+        """Return what came since the last frame, and the last look."""
         return {
             "new_goals": np.array(self.new_goals),
+            "found_beyond": np.array(self.found_beyond),
             "looked": np.array(self._looked),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned."""
         self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])
+        self.found_beyond = bool(saved["found_beyond"])

@@ -87,10 +87,10 @@ class PathInUse:
             self._count[1] = same[0] if len(same) else -1
 
     def take_cells(self, begin: int, end: int, item: int) -> None:
-        """Let its first segment have cells, if it leads between these vertices."""
-        if len(self) and self.vertex[0] == begin and self.vertex[1] == end:
-            if self.item[0] == NO_ITEM:
-                self.item[0] = item
+        """Let its segment between these vertices have cells, where it has none."""
+        for k in np.flatnonzero(self.items() == NO_ITEM).tolist():
+            if self.vertex[k] == begin and self.vertex[k + 1] == end:
+                self.item[k] = item
 
     def certify_off_path(self, q: np.ndarray) -> None:
         """Test the motions from q, off its segment, to that segment's two ends.

@@ -159,6 +159,8 @@ class ReactivePlanner:
         self._retreat = Retreat(frame, attacher)
         self._set_rules()
         self.last: Answer | None = None
+        # what `respond` said last, and the rows and the goal that this stands for
+        self._said, self._ahead, self._goal = -1, path.q[:0], -1
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
         if s.extra_clearance:
@@ -443,8 +445,7 @@ class ReactivePlanner:
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
-        begun = perf_counter_ns()
-        frame = self.frame
+        begun, frame = perf_counter_ns(), self.frame
         if type(points) is PointCloud:
             covering_radius, points = points.covering_radius, points.points
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
@@ -460,14 +461,22 @@ class ReactivePlanner:
         if code > _PLANNED:
             return self._beyond(q, code, times, closed)
         # the path in use from the robot's segment on, which was just found free
-        begin, path = said % _COUNT // _SEGMENT, self.path
-        corners = path.q[begin : said % _GOAL // _COUNT].copy()
+        if said != self._said:  # mostly it is what the frame before said
+            self._unpack(said)
+        corners, goal, path = self._ahead.copy(), self._goal, self.path
         corners[0] = q
-        following = code == _FOLLOWING or (path.followed and path.is_same)
-        path.followed = True
-        status, stage = FOLLOWING if following else REPLANNED, stage_of(code, corners)
-        goal = said // _GOAL - 1
+        if code == _FOLLOWING:
+            path.followed = True
+            return self._answer(FOLLOWING, corners, goal, times, closed, IN_USE)
+        status = FOLLOWING if path.followed and path.is_same else REPLANNED
+        path.followed, stage = True, stage_of(code, corners)
         return self._answer(status, corners, goal, times, closed, stage)
+
+    def _unpack(self, said: int) -> None:
+        """Take apart what `respond` said: the corners ahead, and the goal."""
+        begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
+        self._said, self._ahead = said, self.path.q[begin:end]
+        self._goal = said // _GOAL - 1
 
     def _beyond(
         self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
@@ -548,17 +557,26 @@ class ReactivePlanner:
             ahead = check_configuration(self.robot, ahead, None)
         if self.scene.waiting:
             self.scene.settle(PER_TEST * budget)
+        self.decision.found_beyond = False
         if self.frame.trouble is not None:
             return 0
-        if budget > 1 and self.attacher.waits:
-            half = budget // 2
-            swept = self.attacher.sweep_cells(half)
-            budget -= swept + self.attacher.attach_more(half - swept)
+        attacher, connector = self.attacher, self.connector
+        waits = budget > 1 and (attacher.waits or connector.lacks_cells)
+        later = attacher.after_path(budget) if waits else 0
         if not self.path.followed:
-            return self.connector.improve(budget)
+            found = connector.improve(budget - later)
+            self.decision.found_beyond = found > 0
+            if not found:
+                attacher.join_more(later)
+            return found
         if self.always_replan:
-            return self._improver.cut(budget)
-        return self._improver.run(budget, ahead)
+            made = self._improver.cut(budget - later)
+        else:
+            made = self._improver.run(budget - later, ahead)
+        if later and connector.lacks_cells:
+            later -= connector.sweep_cells(later)
+        attacher.join_more(later)
+        return made
 
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
@@ -567,6 +585,7 @@ class ReactivePlanner:
         self.attacher.forget_start()
         self.connector.reset()
         self._improver.reset()
+        self.decision.found_beyond = False
         recent.forget_recent(self._memory.recent)
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()

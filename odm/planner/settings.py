@@ -71,9 +71,10 @@ class PlannerSettings:
             that to set them again costs little; 0: only of those that are set.
         search: Where the roadmap has no path, a frame looks for one beyond it, by a
             tree search that looks at so many configurations (about 3 us each): an
-            eighth of them in a frame until all are spent, then a sixteenth, as in the
-            frames of a robot on its way. It goes on in `improve`; 0: never. More
-            answers sooner in narrow places, and makes frames longer that would hold.
+            eighth of them in a frame until all are spent, then a sixteenth in every
+            eighth frame (in each, of a robot on its way). It goes on in `improve`; 0:
+            never. More answers sooner in narrow places, and makes frames longer that
+            would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].
     """

@@ -149,12 +149,12 @@ class Smoother:
         last = len(path) - 1
         if now < self._next or last < 2 or not self._begin(ahead):
             return -1
-        at, share = self._turn(ahead is not None)
+        at, share = self._turn(ahead)
         if at >= last - 1:
             return -1
         q = path.q[at] + share * (path.q[at + 1] - path.q[at])
         corners = np.stack([q, path.q[last]])
-        change = Change(at, last, share == 0.0 and at > self._at, True, corners)
+        change = Change(at, last, share == 0.0, True, corners)
         weights = self.frame.cell_map.roadmap.weights
         rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
         length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()
@@ -163,13 +163,13 @@ class Smoother:
         self._next = now + _WAIT
         return self._try(change)
 
-    def _turn(self, moves: bool) -> tuple[int, float]:
+    def _turn(self, ahead: np.ndarray | None) -> tuple[int, float]:
         """Return the segment and the share of it from which the robot can turn.
 
         One that moves is led to a corner a little ahead, which it can round.
         """
         at, own, q = self._at, self.frame.memory.robot_state, self.path.q
-        if not moves and (own.before == own.q).all():
+        if ((own.before if ahead is None else ahead) == own.q).all():  # it stands
             return at, self._share
         leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
         share = self._share + _LEAD_S / max(float(leg.max()), 1e-9)

@@ -247,8 +247,10 @@ def _times(tried: list[Tried], mine: np.ndarray, bench: _Bench) -> list[dict]:
     cpu = np.array([t.cpu_us for t in tried])[mine]
     note = "step, and improve and step until there is a path; scenes solved"
     return [
-        time_row("obstacles to path", note, wall, cpu, p50=1e3 * P50_MS),
-        value_row("... p95", 1e-3 * _percentile(wall, 95), "ms", most=P95_MS),
+        time_row(
+            "obstacles to path", note, wall, cpu, p50=1e3 * P50_MS, p95=1e3 * P95_MS
+        ),
+        value_row("... p95", 1e-3 * _percentile(wall, 95), "ms"),
         value_row("... p95, CPU", 1e-3 * _percentile(cpu, 95), "ms"),
         bench.set_goals.row("set_goals before it", "a goal never seen"),
     ]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from odm import load_map
 from sim.bench.core import frame_rows, map_rows, walled
+from sim.bench.core.frame_rows import BLOCKED_SHARE
 from sim.bench.frames import (
     CONDITIONS,
     LENGTHS,
@@ -12,9 +13,10 @@ from sim.bench.frames import (
     RATE_HZ,
     SPACING,
     TOP_SPEED,
+    Pair,
     make_pairs,
 )
-from sim.bench.rivals import baselines
+from sim.bench.rivals import baselines, lengths
 from sim.tables.header import header
 
 FCL_FRAMES, COMPILED_FRAMES = 40, 600  # frames the competitors are run on
@@ -45,15 +47,17 @@ def run(
         Plain data for JSON: "header", "setup", "rows" and "baselines".
     """
     map_dir, tell = Path(map_dir), tell or (lambda text: None)
-    if short:
-        pairs, frames = min(pairs, 3), min(frames, 12)
+    pairs, frames = (min(pairs, 3), min(frames, 12)) if short else (pairs, frames)
     cell_map = load_map(map_dir, verify=False)
+    head, rows = header(cell_map), []
     tell("frames")
     drawn = make_pairs(cell_map, pairs, frames, seed, condition)
+    across = _across(cell_map, pairs, frames, seed, condition, short)
     _warm(cell_map, drawn[:2], seed)
-    some, again = (drawn[:2], 1) if short else (drawn[:20], 3)
+    some, again, few = (drawn[:2], 1, 1) if short else (drawn[:20], 3, 24)
     parts = {
         "replanned": lambda: frame_rows.replanned(cell_map, drawn),
+        "blocked": lambda: frame_rows.blocked(cell_map, across),
         "kept": lambda: frame_rows.kept(cell_map, drawn),
         "following": lambda: frame_rows.followed(cell_map, drawn),
         "first steps": lambda: frame_rows.first_steps(cell_map, drawn),
@@ -62,9 +66,9 @@ def run(
         "direct map": lambda: map_rows.direct_map(cell_map, some),
         "camera": lambda: map_rows.clouds(cell_map, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
+        "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
-    head, rows = header(cell_map), []
     for name, measure in parts.items():
         tell(name)
         rows += measure()
@@ -78,6 +82,13 @@ def run(
         "rows": rows + against.pop("rows"),
         "baselines": against,
     }
+
+
+def _across(cell_map, pairs, frames, seed, condition, short) -> list[Pair]:  # noqa: ANN001
+    """Return other pairs, in most of whose frames the straight motion is blocked."""
+    if short:
+        pairs, frames = 1, 4
+    return make_pairs(cell_map, pairs, frames, seed, condition, blocked=BLOCKED_SHARE)
 
 
 def _warm(cell_map, drawn, seed) -> None:  # noqa: ANN001

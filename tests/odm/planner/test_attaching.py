@@ -4,7 +4,7 @@ import numpy as np
 from small import AWAY, HOME, NOBODY, draw_arm
 
 import odm
-from odm.planner.attaching import _START_AT_ONCE, GOAL_AT_ONCE
+from odm.planner.attaching import _PATH_FIRST, _START_AT_ONCE, GOAL_AT_ONCE
 from odm.planner.settings import PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
 from odm.search._state import NO_ITEM
@@ -94,6 +94,24 @@ def test_a_start_whose_straight_motion_is_blocked_gets_its_cells_later(small_map
         assert np.array_equal(mine[0], again[0])
         assert np.array_equal(mine[1], again[1])
     assert planner.step(ball, q=HOME).status != "holding"
+
+
+def test_a_new_path_is_bettered_before_its_motions_get_their_cells(small_map):
+    """Each takes as long as several tests of the path; then they share a budget."""
+    planner = odm.ReactivePlanner(small_map, settings=PLAIN)
+    planner.set_goals([AWAY])
+    middle = tool_pose(small_map.robot, 0.5 * (HOME + AWAY))[:3, 3]
+    ball = odm.Obstacles(spheres=np.array([[*middle, 0.03]]))
+    assert planner.step(ball, q=HOME).stage == "roadmap"
+    pool, m = planner.memory.pool, planner.memory
+    calls = -(-_PATH_FIRST // 4)
+    for _ in range(calls):
+        assert planner.attacher.is_bare
+        planner.improve(4)
+    count = int(m.start_connections.count[0])
+    assert planner.attacher.is_bare and (m.start_connections.ref[:count] < 0).all()
+    planner.improve(4)
+    assert (m.start_connections.ref[:count] >= 0).sum() == 2 and pool.used[0] > 0
 
 
 def cells_of(pool, item):

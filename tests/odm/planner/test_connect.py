@@ -8,7 +8,9 @@ import odm
 from odm import PlannerSettings, Sphere, surface_of
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
+from odm.planner.connect import _REST
 from odm.planner.saved_memory import differences
+from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
 FINE = 0.01  # [m] covering radius of the balls' samples
@@ -132,19 +134,22 @@ def test_the_same_input_gives_the_same_bytes(small_map, hard):
 
 
 def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
-    """An eighth in each frame until all is spent; from then on a sixteenth."""
+    """An eighth until all is spent; from then on a sixteenth in every eighth frame."""
     planner = odm.ReactivePlanner(small_map, settings=PlannerSettings(search=640))
     held = 0
     for scene in hard:
         planner.reset()
         planner.set_goals([scene.ends[1]])
         before = 0
-        for _ in range(10):
+        for _ in range(24):
             budget = min(80, max(40, 640 - before))
             answer = scene.ask(planner)
             spent = planner.connector.looked - before
             if answer.status != "holding":
                 break
+            if before >= 640 and planner.frame_number % _REST:
+                assert spent == 0  # all is spent: the next search waits
+                continue
             # one motion more than the budget: no motion takes so many
             assert budget <= spent < budget + 300
             before += spent
@@ -358,3 +363,44 @@ def test_in_contact_nothing_is_grown_and_nothing_joined(planner, monkeypatch):
     monkeypatch.undo()
     away = ball_at(np.array([0.0, 0.0, 3.0]), 0.05)
     assert planner.step(away[:0], q=HOME).status != "holding"
+
+
+def test_beside_shapes_a_found_path_gets_its_cells_between_frames(small_map, hard):
+    """The close test decides till then: cells of a leg take longer than its frames."""
+    planner, seen = odm.ReactivePlanner(small_map), 0
+    pool, found, connector = (
+        planner.memory.pool,
+        planner.memory.found,
+        planner.connector,
+    )
+    for scene in hard:
+        balls = [[*ball.T_base_shape[:3, 3], ball.radius] for ball in scene.balls]
+        obstacles = odm.Obstacles(spheres=np.array(balls))
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        answer = planner.step(obstacles, q=scene.ends[0])
+        for _ in range(8):
+            if answer.status != "holding":
+                break
+            planner.improve(8)
+            answer = planner.step(obstacles, q=scene.ends[0])
+        if answer.stage != "search":
+            continue
+        seen, k = seen + 1, (found.next.item() - 1) % len(found.count)
+        n = found.count.item(k)
+        assert connector.lacks_cells and (found.ref[k, : n - 1] == NO_ITEM).all()
+        assert (planner.path.items() == NO_ITEM).all()
+        assert 0 < connector.sweep_cells(1) <= 1
+        calls = 0
+        while connector.lacks_cells:
+            planner.improve(8)
+            calls += 1
+            assert calls < 20
+        corners = found.q[k, :n]
+        first = planner.attacher.sweep(corners[:-1], np.diff(corners, axis=0))
+        for i, item in enumerate(found.ref[k, : n - 1].tolist()):
+            mine, again = (slice(pool.begin[j], pool.end[j]) for j in (item, first + i))
+            assert item >= 0 and np.array_equal(pool.block[mine], pool.block[again])
+            assert np.array_equal(pool.mask[mine], pool.mask[again])
+        assert planner.step(obstacles, q=scene.ends[0]).status != "holding"
+    assert seen > 1

@@ -5,6 +5,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, on_its_way
 
 import odm
+from odm.search import _recent as recent
 from roadmap.kinematics.forward import sphere_centers
 
 
@@ -74,6 +75,20 @@ def test_it_stops_where_the_robot_is_not_on_the_path(small_map):
     planner, points, first = on_its_way(small_map, 1)
     last = smoothed(planner, points, HOME, ahead=HOME + 1.0)
     assert np.array_equal(last.path, first.path)
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_robot_that_stands_and_will_goes_straight_from_where_it_is(small_map, stays):
+    """One that may be under way keeps what of its path it soon comes to."""
+    planner, points, first = on_its_way(small_map, 1)
+    assert len(first.path) > 2
+    planner.step(NOBODY, q=HOME)
+    recent.forget_recent(planner.memory.recent)
+    assert planner.improve(4, HOME if stays else None)
+    path = planner.step(NOBODY, q=HOME).path
+    assert len(path) == (2 if stays else 3)
+    assert np.array_equal(path[0], HOME)
+    assert np.allclose(path[-1], first.path[-1])
 
 
 def test_nothing_is_smoothed_while_it_holds_or_goes_straight(small_map):

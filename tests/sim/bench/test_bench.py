@@ -12,7 +12,7 @@ from roadmap.errors import BadInput
 from sim.bench import frames
 from sim.bench.clock import Clock, time_row
 from sim.bench.core import build, frame_rows, latency, map_rows, walled
-from sim.bench.rivals import baselines, ompl
+from sim.bench.rivals import baselines, lengths, ompl
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
 from sim.bench.rivals.query import query_of
@@ -78,6 +78,36 @@ def test_start_and_goal_are_as_free_as_the_condition_says(saved, condition):
                 assert not exact.collides(q, frames.shapes(rods), saved.safety.m)
                 if condition == "clear":
                     assert planner.separation(q) > keep
+
+
+def test_the_arm_is_across_the_straight_motion_where_that_is_asked(saved):
+    planner, shares = odm.ReactivePlanner(saved), []
+    for blocked in (0.0, 0.6):
+        drawn = frames.make_pairs(saved, 2, 4, 4, "first", blocked=blocked)
+        hit = []
+        for pair in drawn:
+            for ask in pair.asked():
+                ask(planner, pair.q_start)
+                hit.append(not planner.is_free(pair.q_start, pair.q_goal))
+        shares.append(np.mean(hit))
+    assert shares[0] < 0.6 <= shares[1]
+
+
+def test_lengths_are_compared_after_so_much_improving(saved, pairs, monkeypatch):
+    class Straight:  # no path is shorter, so that no ratio is below 1
+        def __init__(self, cell_map, seed):
+            pass
+
+        def solve(self, pair, rods, limit_s):
+            return np.stack([pair.q_start, pair.q_goal])
+
+    monkeypatch.setattr(lengths, "OmplPlanner", Straight)
+    rows = {row["name"]: row for row in lengths.compared(saved, pairs[:2], seed=1)}
+    name = "path length, median ratio to OMPL simplified, "
+    first, better = rows[name + "first answer"], rows[name + "improved"]
+    assert first["value"] >= better["value"] >= 1.0
+    assert first["met"] == (first["value"] <= lengths.FIRST)
+    assert rows["... frames compared"]["value"] <= 6
 
 
 def test_a_robot_advances_at_its_joint_speed_limits():
@@ -161,7 +191,8 @@ def test_the_short_bench_reports_every_row_as_plain_data(map_dir):
     assert result["header"]["map"]["hash"] == odm.load_map(map_dir).hash
     assert len(result["header"]["load_average"]) == 3
     names = [row["name"] for row in result["rows"]]
-    for part in ("path out", "follows", "never seen", "set_goals", "goal walled",
+    for part in ("path out", "straight motion blocked ->", "path length",
+                 "follows", "never seen", "set_goals", "goal walled",
                  "start walled", "direct map", "20 000", "bytes", "load", "process",
                  "python-fcl", "compiled"):  # fmt: skip
         assert any(part in name for name in names), part
