@@ -311,26 +311,11 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
     return Hull(kept, triangles)
 
 
-MOST_FACES = 200  # of a convex mesh that scenery holds exactly
-
-
 def is_small_hull(mesh: solid.Mesh) -> bool:
-    """Return whether a mesh is convex, but for rounding, and has few faces.
+    """Return whether the hull of a mesh stands for it; see `mesh_surface`."""
+    from odm.obstacles.mesh_surface import is_small_hull
 
-    Then its hull stands for it: it contains the mesh, and has its volume.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    if len(mesh.faces) > MOST_FACES:
-        return False
-    try:
-        whole = ConvexHull(mesh.vertices)
-    except QhullError:
-        return False
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    middle = a.mean(axis=0)
-    inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
-    return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
+    return is_small_hull(mesh.vertices, mesh.faces)
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else

@@ -128,14 +128,21 @@ class Box(_Posed):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(_Posed):
-    """A closed triangle mesh: `vertices` (n, 3) [m], `faces` (m, 3) indices."""
+    """A closed triangle mesh: `vertices` (n, 3) [m], `faces` (m, 3) indices.
+
+    One that is not closed is refused. One that is inside out, as some drawing
+    programs write them, has its faces turned round: they are kept counterclockwise
+    seen from outside.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
     def __post_init__(self) -> None:
-        """Check the arrays; whether it is closed is checked where it is sampled."""
+        """Check the arrays, and that the mesh is closed; turn it outside out."""
+        from odm.obstacles.mesh_surface import require_solid, volume
+
         vertices = as_floats("the vertices of a mesh", self.vertices)
         faces = as_floats("the faces of a mesh", self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.shape[1:] != (3,):
@@ -151,6 +158,10 @@ class Mesh(_Posed):
                 f"a mesh of {len(vertices)} vertices has no faces, or one that names "
                 "a missing vertex: repair the mesh"
             )
+        faces = faces.astype(np.int64)
+        require_solid(vertices, faces)
+        if volume(vertices, faces) < 0.0:
+            faces = faces[:, ::-1]
         self._set("vertices", frozen(vertices, np.float64))
         self._set("faces", frozen(faces, np.int64))
         self._set("T_base_shape", check_pose(self.T_base_shape))
@@ -166,8 +177,8 @@ class Mesh(_Posed):
             mesh = trimesh.load_mesh(path)
             vertices = np.asarray(mesh.vertices, float) * scale
             return cls(vertices, np.asarray(mesh.faces))
-        except BadInput:
-            raise
+        except BadInput as error:
+            raise BadInput(f"mesh file {path}: {error}") from error
         except Exception as error:  # trimesh's readers raise what they like
             raise BadInput(f"mesh file {path} cannot be read ({error})") from error
 
