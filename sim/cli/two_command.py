@@ -168,7 +168,11 @@ def show(figures: dict, maps: tuple) -> None:
     rows = [
         ("robot", *(m.robot.name for m in maps)),
         ("contacts while a planned robot moves", str(figures["contacts"]), ""),
-        ("smallest distance", f"{100 * near['least']:.1f} cm", f"{near['at_s']:.1f} s"),
+        (
+            "smallest distance, and when",
+            f"{100 * near['least']:.1f} cm",
+            f"{near['at_s']:.1f} s",
+        ),
         ("median distance", f"{100 * near['p50']:.1f} cm", ""),
         ("trips", *map(str, figures["trips"])),
         *(_row(n, figures[k], unit) for n, k, unit in _SHOWN),
