@@ -65,6 +65,12 @@ class Obstacles:
         BadInput: An array of another shape, or a name or class too many.
     """
 
+    # no others: a name with a slip, written to each frame, would be heeded by nobody
+    __slots__ = (
+        "_meshes", "_points", "_views", "classes", "counts", "data", "labels", "poses",
+        "shape_classes",
+    )  # fmt: skip
+
     def __init__(
         self,
         *,
@@ -78,6 +84,8 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
+        if not isinstance(meshes, Sequence):
+            raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
         self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {

@@ -158,6 +158,12 @@ class Mesh(_Posed):
                 f"a mesh of {len(vertices)} vertices has no faces, or one that names "
                 "a missing vertex: repair the mesh"
             )
+        size = float(np.ptp(vertices, axis=0).max())
+        if not 0.0 < size <= LARGEST:
+            raise BadInput(
+                f"a mesh is {size:g} m long, but must be longer than 0 and at most "
+                f"{LARGEST:g} m: correct its scale, or give metres"
+            )
         faces = faces.astype(np.int64)
         require_solid(vertices, faces)
         if volume(vertices, faces) < 0.0:
@@ -173,6 +179,16 @@ class Mesh(_Posed):
 
         if not Path(path).is_file():
             raise BadInput(f"mesh file {path} does not exist: check the path")
+        factors = as_floats("the scale of a mesh", scale)
+        if (
+            factors.size not in (1, 3)
+            or not np.isfinite(factors).all()
+            or not all(factors.ravel())
+        ):
+            raise BadInput(
+                f"the scale {scale} of {path} is no factor: give one number, or three, "
+                "that turn its unit into metres, such as 0.001"
+            )
         try:
             mesh = trimesh.load_mesh(path)
             vertices = np.asarray(mesh.vertices, float) * scale

@@ -23,7 +23,7 @@ from sim.cli import (
     view,
 )
 from sim.terminal import interrupt
-from sim.terminal.output import MISTAKE, guarded
+from sim.terminal.output import MISTAKE, guarded, no_room
 from sim.terminal.words import mistake, nothing_given, with_new_names, with_targets
 
 app = typer.Typer(
@@ -71,8 +71,9 @@ def main() -> None:
             sys.exit(MISTAKE)
         try:
             code = door.main(words, prog_name="odm", standalone_mode=False)
+            sys.stdout.flush()
         except Exception as error:
-            told = mistake(error, words, door)
+            told = no_room(error) or mistake(error, words, door)
             if told is None:
                 raise
             print(told, file=sys.stderr)

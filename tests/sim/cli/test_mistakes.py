@@ -23,7 +23,8 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (RUN + ("--seconds", "nan"), "--seconds is nan", "above 0"),
     (RUN + ("--seconds", "inf"), "--seconds is inf", "86400"),
     (RUN + ("--seconds", "30s"), "--seconds is '30s'", "such as 0.5"),
-    (RUN + ("--rate", "0"), "--rate is 0", "such as 100"),
+    (RUN + ("--rate", "0"), "--rate is 0", "a frame every 10 ms"),
+    (RUN + ("--rate", "0.01"), "--rate is 0.01", "from 1 to 10000 Hz"),
     (RUN + ("--rate", "100Hz"), "--rate is '100Hz'", "number"),
     (RUN + ("--rate", "1000000"), "--rate is 1e+06", "10000"),
     (RUN + ("--seed", "-1"), "--seed is '-1'", "0"),
@@ -134,6 +135,7 @@ FILES = [  # paths, formats and permissions of what is to be written
     (("handover", "plan", "butler", "--out", "x.toml"), "x.toml", "x.json"),
     (("handover", "plan", "butler", "--plot", "x.pdf"), "x.pdf", "x.png"),
     (("handover", "plan", "butler", "--animation", "x.mp4"), "x.mp4", "x.gif"),
+    (RUN + ("--scene", "others"), "others is no scene: it is a folder", ".scene"),
 ]  # fmt: skip
 
 READ = [  # files that are not there, or are something else
