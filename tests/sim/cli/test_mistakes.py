@@ -5,6 +5,10 @@ nothing on stdout, nothing written.
 """
 
 import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -59,7 +63,8 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (("run-two", "--map", "map", "--seconds", "-1"), "--seconds is -1", "above 0"),
     (("run-two", "--map", "map", "--other", "wild"), "'wild'", "planned or scripted"),
     (("run-two", "--map", "map", "--base", "1", "0"), "--base", "X Y YAW"),
-    (("run-two", "--map", "map", "--base", "inf", "0", "0"), "--base is inf", "finite"),
+    (("run-two", "--map", "map", "--base", "inf", "0", "0"), "--base is inf", "from"),
+    (("run-two", "--map", "map", "--base", "800", "0", "0"), "is 800", "-360 to 360"),
     (("build",), "recipe", "--robot"),
     (("build", "demo", "--robot", "arm.urdf"), "either", "--robot"),
     (("build", "no_such_recipe"), "no_such_recipe", "panda"),
@@ -280,6 +285,24 @@ def test_a_missing_extra_is_told_before_any_work(
     there = checks.is_there
     monkeypatch.setattr(checks, "is_there", lambda m: m != module and there(m))
     refused(words, f"needs {module}", extra)
+
+
+def test_without_a_word_the_help_is_shown_once(odm):
+    code, out, err = odm()
+    assert code == 2 and (out + err).count("Usage:") == 1
+
+
+def test_the_version_is_told(odm):
+    assert odm("--version")[:2] == (0, f"odm-planner {version('odm-planner')}\n")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+def test_a_standard_output_without_room_is_told_in_one_sentence():
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "sim", "--help"]
+        told = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert told.returncode == 2 and told.stderr.count("\n") == 1
+    assert "standard output could not be written: No space left" in told.stderr
 
 
 def test_these_are_more_than_a_hundred():
