@@ -33,8 +33,14 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
         manifest: Plain JSON data; format version and array table are added.
         arrays: Arrays by name.
     """
+    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadMap(
+            f"{path} cannot be written: {error.strerror}; give another folder"
+        ) from error
     if path.exists() and not (path / _MANIFEST).is_file():
         raise BadMap(
             f"{path} exists and is not a map folder, so it is left alone; choose "

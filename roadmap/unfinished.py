@@ -4,6 +4,7 @@ What is written here has a name of its own beside its target and is renamed in t
 end. Whoever ends the process from another thread removes the rest, see `remove_all`.
 """
 
+import errno
 import os
 import secrets
 import shutil
@@ -17,9 +18,20 @@ _PATHS: set[Path] = set()  # a path is entered before anything is there
 _PUTTING = threading.Lock()  # for a moment the old folder has no other name
 
 
+def is_special(path: Path) -> bool:
+    """Return whether there is something that is neither a file nor a folder."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
 @contextmanager
 def beside(path: Path) -> Iterator[Path]:
-    """Yield a free name beside `path`; what is still there at the end is removed."""
+    """Yield a free name beside `path`; what is still there at the end is removed.
+
+    Raises:
+        OSError: There is a device or a pipe, which a file renamed to it would replace.
+    """
+    if is_special(path):
+        raise OSError(errno.EINVAL, "is a device or a pipe; name a file", str(path))
     made = path.parent / f".{path.name}.{secrets.token_hex(6)}"
     _PATHS.add(made)
     try:

@@ -31,7 +31,7 @@ def main(cell_map: odm.CellMap) -> list[odm.Answer]:
     start, goal = two_places(planner)
     planner.set_goals([goal])
     free = planner.step(np.zeros((0, 3)), q=start)  # a frame without obstacles
-    print(f"nobody there: {free.status}, {len(free.path) - 1} legs")
+    print(f"nobody there: {free.status}, a path of {len(free.path)} corners")
 
     # a ball where the tool would be halfway
     middle = len(free.path) // 2
@@ -39,7 +39,7 @@ def main(cell_map: odm.CellMap) -> list[odm.Answer]:
     p = roadmap.tool_pose(cell_map.robot, halfway)[:3, 3]
     ball = odm.Obstacles(spheres=np.array([[*p, 0.06]]))
     around = planner.step(ball, q=start)
-    print(f"a ball at {p.round(2)} m: {around.status}, {len(around.path) - 1} legs")
+    print(f"a ball at {p.round(2)} m: {around.status}, {len(around.path)} corners")
 
     # the same frame answers questions, too
     straight = planner.is_free(start, halfway)

@@ -10,6 +10,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
 
 HEIGHTS = (1.2, 2.2)  # [m] where the fractions still describe an adult
 
@@ -84,9 +85,10 @@ def check_height(height: float, instead: str) -> float:
     Raises:
         BadInput: It is outside `HEIGHTS`.
     """
-    if not HEIGHTS[0] <= height <= HEIGHTS[1]:
+    if not is_between(height, *HEIGHTS):
+        told = repr(height) if isinstance(height, str) else height
         raise BadInput(
-            f"a body height of {height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} m; "
+            f"a body height of {told} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} m; "
             f"{instead}"
         )
     return float(height)

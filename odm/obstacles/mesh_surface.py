@@ -8,7 +8,9 @@ from odm.obstacles._surfaces import greedy_cover
 from roadmap.errors import BadInput
 
 _FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
+MOST_FACES = 200  # of a convex mesh that is held exactly, by its planes
 _MAX_PAIRS = 1e6  # of neighbouring triangles: bounds memory and time
+_MOST_PAIRS = 1e7  # of a mesh that is finer itself, before triangles are put together
 
 
 def sample_closed_mesh(
@@ -59,7 +61,8 @@ def _sampled(vertices: bytes, faces: bytes, spacing: float) -> tuple[np.ndarray,
             f"use at least {least:.3g} m, or cut the mesh into closed parts"
         )
     centers, radii, area = _cut(corners, fine)
-    keep = _choose(centers, radii, area, spacing)
+    one, reach, whole = _patches(centers, radii, area, spacing, fine)
+    keep = one[_choose(centers[one], reach, whole, spacing)]
     return centers[keep], _proved_radius(centers, radii, keep)
 
 
@@ -70,19 +73,62 @@ def cover_densely(vertices: np.ndarray, faces: np.ndarray, radius: float) -> np.
 
 def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the corners (m, 3, 3) of a mesh; refuse one that is not closed."""
-    import trimesh
-
     # as it is, or with its equal corners made one: a hull may have corners that are
     # nanometres apart, and to make those one tears it open
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    if not mesh.is_watertight:
+    if _open_edges(faces):
+        import trimesh
+
         mesh = trimesh.Trimesh(vertices, faces, process=True)
-    if not mesh.is_watertight:
-        raise BadInput(
-            f"a mesh of {len(faces)} faces is not closed (watertight): fill its holes, "
-            "or give its points with a declared covering radius"
-        )
-    return np.asarray(mesh.triangles, float)
+        if not mesh.is_watertight:
+            left = _open_edges(mesh.faces) if len(mesh.faces) else 3 * len(faces)
+            raise BadInput(
+                f"a mesh of {len(faces)} faces is not closed (watertight): {left} "
+                "edges are not between two faces; fill its holes, take its hull, "
+                "or give its points with a declared covering radius"
+            )
+        return np.asarray(mesh.triangles, float)
+    return np.asarray(vertices, float)[faces]
+
+
+def require_solid(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Refuse a mesh that is neither closed nor, but for rounding, a small hull."""
+    if _open_edges(faces) and not is_small_hull(vertices, faces):
+        closed_triangles(vertices, faces)
+
+
+def is_small_hull(vertices: np.ndarray, faces: np.ndarray) -> bool:
+    """Return whether a mesh is convex, but for rounding, and has few faces.
+
+    Then its hull stands for it: it contains the mesh, and has its volume.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(faces) > MOST_FACES:
+        return False
+    try:
+        whole = ConvexHull(vertices)
+    except QhullError:
+        return False
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    hole = np.linalg.norm(np.cross(b - a, c - a).sum(axis=0)) / 2.0
+    closed = hole <= 1e-6 * whole.area  # the areas of a closed surface add up to 0
+    return bool(closed and abs(volume(vertices, faces)) >= (1 - 1e-6) * whole.volume)
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Return the volume within a closed mesh [m3]; below 0 where it is inside out."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    middle = a.mean(axis=0)
+    return float(np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6)
+
+
+def _open_edges(faces: np.ndarray) -> int:
+    """Return how many edges are not between two faces."""
+    ends = np.sort(
+        np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    )
+    key = ends[:, 0] * (int(ends.max()) + 1) + ends[:, 1]
+    return int((np.unique(key, return_counts=True)[1] != 2).sum())
 
 
 def enclosing_circles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -129,6 +175,28 @@ def _halve(corners):
     return np.concatenate(
         [np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)]
     )
+
+
+def _patches(centers, radii, area, spacing, fine):
+    """Return triangles that stand for those around them, where there are too many.
+
+    A mesh may be much finer than its points have to be. Of each cube of diagonal
+    `fine` one triangle is kept, whose circle is widened to hold the others.
+    """
+    from scipy.spatial import cKDTree
+
+    every = np.arange(len(centers))
+    tree = cKDTree(centers)
+    if tree.count_neighbors(tree, spacing) <= _MOST_PAIRS:
+        return every, radii, area
+    cells = np.floor((centers - centers.min(axis=0)) / (fine / np.sqrt(3.0)))
+    _, one, owner = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    owner = owner.ravel()
+    apart = np.linalg.norm(centers - centers[one[owner]], axis=1)
+    reach, whole = np.zeros(len(one)), np.zeros(len(one))
+    np.maximum.at(reach, owner, apart + radii)
+    np.add.at(whole, owner, area)
+    return one, reach, whole
 
 
 def _choose(centers, radii, area, spacing):

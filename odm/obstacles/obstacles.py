@@ -65,6 +65,12 @@ class Obstacles:
         BadInput: An array of another shape, or a name or class too many.
     """
 
+    # no others: a name with a slip, written to each frame, would be heeded by nobody
+    __slots__ = (
+        "_meshes", "_points", "_views", "classes", "counts", "data", "labels", "poses",
+        "shape_classes",
+    )  # fmt: skip
+
     def __init__(
         self,
         *,
@@ -78,6 +84,8 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
+        if not isinstance(meshes, Sequence):
+            raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
         self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
@@ -311,26 +319,11 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
     return Hull(kept, triangles)
 
 
-MOST_FACES = 200  # of a convex mesh that scenery holds exactly
-
-
 def is_small_hull(mesh: solid.Mesh) -> bool:
-    """Return whether a mesh is convex, but for rounding, and has few faces.
+    """Return whether the hull of a mesh stands for it; see `mesh_surface`."""
+    from odm.obstacles.mesh_surface import is_small_hull
 
-    Then its hull stands for it: it contains the mesh, and has its volume.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    if len(mesh.faces) > MOST_FACES:
-        return False
-    try:
-        whole = ConvexHull(mesh.vertices)
-    except QhullError:
-        return False
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    middle = a.mean(axis=0)
-    inside = np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6.0
-    return bool(abs(inside) >= (1.0 - 1e-6) * whole.volume)
+    return is_small_hull(mesh.vertices, mesh.faces)
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else

@@ -43,8 +43,11 @@ def read_scene(path: str | Path) -> list[Object]:
     """
     path = Path(path)
     if path.suffix.lower() not in KINDS:
+        ends = (
+            f"its name ends in {path.suffix!r}" if path.suffix else "it has no ending"
+        )
         raise BadInput(
-            f"{path} is no scene: its name ends in {path.suffix or 'nothing'!r}; give "
+            f"{path} is no scene: {'it is a folder' if path.is_dir() else ends}; give "
             "a MoveIt .scene file or a .urdf"
         )
     if not path.is_file():

@@ -128,14 +128,21 @@ class Box(_Posed):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(_Posed):
-    """A closed triangle mesh: `vertices` (n, 3) [m], `faces` (m, 3) indices."""
+    """A closed triangle mesh: `vertices` (n, 3) [m], `faces` (m, 3) indices.
+
+    One that is not closed is refused. One that is inside out, as some drawing
+    programs write them, has its faces turned round: they are kept counterclockwise
+    seen from outside.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
     def __post_init__(self) -> None:
-        """Check the arrays; whether it is closed is checked where it is sampled."""
+        """Check the arrays, and that the mesh is closed; turn it outside out."""
+        from odm.obstacles.mesh_surface import require_solid, volume
+
         vertices = as_floats("the vertices of a mesh", self.vertices)
         faces = as_floats("the faces of a mesh", self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.shape[1:] != (3,):
@@ -151,6 +158,16 @@ class Mesh(_Posed):
                 f"a mesh of {len(vertices)} vertices has no faces, or one that names "
                 "a missing vertex: repair the mesh"
             )
+        size = float(np.ptp(vertices, axis=0).max())
+        if not 0.0 < size <= LARGEST:
+            raise BadInput(
+                f"a mesh is {size:g} m long, but must be longer than 0 and at most "
+                f"{LARGEST:g} m: correct its scale, or give metres"
+            )
+        faces = faces.astype(np.int64)
+        require_solid(vertices, faces)
+        if volume(vertices, faces) < 0.0:
+            faces = faces[:, ::-1]
         self._set("vertices", frozen(vertices, np.float64))
         self._set("faces", frozen(faces, np.int64))
         self._set("T_base_shape", check_pose(self.T_base_shape))
@@ -162,12 +179,22 @@ class Mesh(_Posed):
 
         if not Path(path).is_file():
             raise BadInput(f"mesh file {path} does not exist: check the path")
+        factors = as_floats("the scale of a mesh", scale)
+        if (
+            factors.size not in (1, 3)
+            or not np.isfinite(factors).all()
+            or not all(factors.ravel())
+        ):
+            raise BadInput(
+                f"the scale {scale} of {path} is no factor: give one number, or three, "
+                "that turn its unit into metres, such as 0.001"
+            )
         try:
             mesh = trimesh.load_mesh(path)
             vertices = np.asarray(mesh.vertices, float) * scale
             return cls(vertices, np.asarray(mesh.faces))
-        except BadInput:
-            raise
+        except BadInput as error:
+            raise BadInput(f"mesh file {path}: {error}") from error
         except Exception as error:  # trimesh's readers raise what they like
             raise BadInput(f"mesh file {path} cannot be read ({error})") from error
 

@@ -273,9 +273,10 @@ class Scene:
     def _new_name(self, name: str) -> str:
         text = isinstance(name, str) and name.isprintable() and name == name.strip()
         if not text or not 0 < len(name) <= LONGEST_NAME:
+            told = repr(name) if isinstance(name, str) else f"a {type(name).__name__}"
             raise BadInput(
-                f"an object of the scene cannot be called {name!r}; give a line of 1 "
-                f"to {LONGEST_NAME} characters, no blank at its ends"
+                f"an object of the scene cannot be called {told}; give its name first, "
+                f"a line of 1 to {LONGEST_NAME} characters, no blank at its ends"
             )
         if name in self._objects or name == STATIC:
             raise BadInput(

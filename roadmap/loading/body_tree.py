@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot
 from roadmap.kinematics.joint_tree import FIXED, PRISMATIC, REVOLUTE
+from roadmap.ranges import is_between
 from roadmap.robot.description import MOVABLE, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
 
@@ -199,9 +200,11 @@ def _check_locked(description, drives, locked) -> None:
         lower, upper = _limits(description.joints[name])
         if description.joints[name].kind == "continuous":
             lower, upper = -TURN, TURN  # nobody writes more than a turn
-        if not np.isfinite(value) or not lower - 1e-9 <= value <= upper + 1e-9:
+        if not is_between(value, lower - 1e-9, upper + 1e-9):
             prismatic = description.joints[name].kind == "prismatic"
-            hint = f"; {DEGREES}" if looks_like_degrees(value, prismatic) else ""
+            number = is_between(value, -np.inf, np.inf)
+            degrees = number and looks_like_degrees(value, prismatic)
+            hint = f"; {DEGREES}" if degrees else "" if number else "; give a number"
             raise BadRobot(
                 f"joint {name!r} cannot be locked at {value}: its limits are "
                 f"{lower:.6g} to {upper:.6g}{hint}"

@@ -4,7 +4,7 @@ A finger hangs on the last body that moves the tool, has two limits and does not
 the tool itself. What the user locks stands still, as does what cannot be held.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from roadmap.loading.body_tree import BodyTree, drive
 from roadmap.loading.finger_chain import carried_links, has_limits
@@ -19,7 +19,7 @@ def finger_joints(
     tree: BodyTree,
     tip: str,
     locked: Collection[str],
-    radii: Mapping[str, float],
+    radii_of_links: Callable[[], Mapping[str, float]],
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """Choose the joints that travel where nothing is said.
 
@@ -28,7 +28,8 @@ def finger_joints(
         tree: Its bodies.
         tip: Link of the tool.
         locked: Joints that the user locked.
-        radii: How far the solids of each link reach from its origin [m].
+        radii_of_links: Tells how far the solids of each link reach from its origin
+            [m]; asked only where something may travel, since it takes seconds.
 
     Returns:
         Names of the joints that travel, and of those of the gripper that do not: why.
@@ -42,6 +43,9 @@ def finger_joints(
             chosen.append(name)
         else:
             not_chosen[name] = "it has no two limits"
+    if not chosen:
+        return (), not_chosen
+    radii = radii_of_links()
     while True:
         worst = _too_wide(description, tree, chosen, radii)
         if worst is None:

@@ -91,7 +91,8 @@ def load_robot(
     for name in travel:
         check_travel(description, tree, name)
     links = carried_links(description, tree, travel)
-    check_width(links, radii_of(parts.solids[0], parts.owners, tree), tip)
+    radii = radii_of(parts.solids[0], parts.owners, tree) if links else {}
+    check_width(links, radii, tip)
     return assemble(parts, cover_excess, tuple(travel))
 
 
@@ -101,7 +102,10 @@ def _with_fingers(parts: Parts, excess: float, locked: Collection[str]) -> Robot
     `locked` are the joints that the user locked.
     """
     description, tree = parts.description, parts.tree
-    radii = radii_of(parts.solids[0], parts.owners, tree)
+
+    def radii() -> Mapping[str, float]:
+        return radii_of(parts.solids[0], parts.owners, tree)
+
     travel, why_not = finger_joints(description, tree, parts.tip, locked, radii)
     robot = assemble(parts, excess, travel, why_not)
     if not travel:
@@ -143,7 +147,8 @@ def _tip(description: Description, tip: str | None, locked: Mapping) -> str:
     candidates = [leaf for leaf, length in lengths.items() if length == longest]
     if len(candidates) > 1:
         raise BadRobot(
-            f"the tool is not clear: choose tip= one of {candidates} (or any other "
-            "link; the joints between the root and it will move)"
+            f"the tool is not clear: {len(candidates)} chains are equally long; name "
+            f"the tool's link, tip (--tip): {', '.join(candidates)}, or any other; the "
+            "joints between the root and it will move"
         )
     return candidates[0]

@@ -227,7 +227,13 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
     Raises:
         BadInput: It has another shape, is not finite or leaves the joints' limits.
     """
-    path = np.array(path, float)
+    try:
+        path = np.array(path, float)
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"what was given as a path ({type(path).__name__}) holds no numbers; give "
+            f"(k, {robot.dof}) corners, such as answer.path"
+        ) from error
     if path.ndim != 2 or len(path) < 1 or path.shape[1] != robot.dof:
         raise BadInput(
             f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"

@@ -21,6 +21,7 @@ from roadmap.motion.joining import Commit, joined, rescaled
 from roadmap.motion.retiming import timed
 from roadmap.motion.stopping import quickest_stop
 from roadmap.motion.timing import SpeedProfile, State
+from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 
 BLEND = 0.005  # [m] default bound on how far rounded corners deviate
@@ -238,6 +239,9 @@ def time_path(
         BadInput: Wrong shape, not finite, no corner, a joint more than 1e-3 outside
             its limits, or a value out of its range.
     """
+    check_kind(
+        "a robot", robot, Robot, "give that of a map, or what load_robot returns"
+    )
     check_scale(speed_scale)
     if not 0.0 <= blend < math.inf:
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")

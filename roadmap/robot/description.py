@@ -152,6 +152,11 @@ def _well_formed(path: Path) -> bytes:
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
         raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
+    if path.suffix == ".xacro":
+        raise BadRobot(
+            f"{path.name} is a xacro file; expand it first: xacro {path.name} > "
+            f"{path.name.partition('.')[0]}.urdf"
+        )
     if root.tag != "robot":
         raise BadRobot(
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"

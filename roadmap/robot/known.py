@@ -9,6 +9,7 @@ from importlib import metadata, resources
 from pathlib import Path
 
 from roadmap.errors import BadRobot
+from roadmap.ranges import check_kind
 
 # What brings the files, and the remedy where it is absent.
 _HOW = {
@@ -161,6 +162,7 @@ def robot_file(source: str | os.PathLike) -> Path:
         BadRobot: There is no such file or name, lists the names; or what brings the
             file is not installed, says how to install it.
     """
+    check_kind("a robot", source, (str, os.PathLike), "give a name, or a URDF's path")
     robot, path = known_robot(source), Path(source)
     if robot is None:
         if path.is_file():

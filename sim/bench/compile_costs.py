@@ -12,12 +12,14 @@ import time
 from collections import defaultdict
 from contextlib import suppress
 
+from numba.core.event import Event, Listener
+
 from sim.terminal.compiling import TABLE
 
 OURS = ("roadmap", "odm", "handover", "sim")
 
 
-class Costs:
+class Costs(Listener):
     """Processor time of each loop while it is compiled, what it calls left out [s]."""
 
     def __init__(self) -> None:
@@ -25,11 +27,12 @@ class Costs:
         self.seconds: dict[str, float] = defaultdict(float)
         self._open: list[list[float]] = []
 
-    def notify(self, happened: object) -> None:
-        """Hear of a compilation that begins or ends."""
-        if happened.is_start:
-            self._open.append([time.process_time(), 0.0])
-            return
+    def on_start(self, happened: Event) -> None:
+        """Hear of a compilation that begins."""
+        self._open.append([time.process_time(), 0.0])
+
+    def on_end(self, happened: Event) -> None:
+        """Hear of a compilation that ends."""
         begun, inside = self._open.pop()
         spent = time.process_time() - begun
         self.seconds[name_of(happened.data["dispatcher"])] += spent - inside

@@ -23,17 +23,39 @@ from sim.cli import (
     view,
 )
 from sim.terminal import interrupt
-from sim.terminal.output import MISTAKE, guarded
+from sim.terminal.output import MISTAKE, guarded, no_room
 from sim.terminal.words import mistake, nothing_given, with_new_names, with_targets
 
 app = typer.Typer(
     name="odm",
-    help="Reactive motion planning beside a moving human, with precomputed maps.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from sim.tables.versions import version
+
+        print(f"odm-planner {version('odm-planner')}")
+        raise typer.Exit
+
+
+@app.callback()
+def odm(
+    version: bool = typer.Option(
+        False,
+        "--version",
+        help="Tell the version; `odm doctor` tells those of all it uses.",
+        callback=_tell_version,
+        is_eager=True,
+    ),
+) -> None:
+    """Reactive motion planning beside a moving human, with precomputed maps."""
+
+
 COMMANDS = {
     "build": build_command.build,
     "info": map_command.info,
@@ -71,11 +93,13 @@ def main() -> None:
             sys.exit(MISTAKE)
         try:
             code = door.main(words, prog_name="odm", standalone_mode=False)
+            sys.stdout.flush()
         except Exception as error:
-            told = mistake(error, words, door)
+            told = no_room(error) or mistake(error, words, door)
             if told is None:
                 raise
-            print(told, file=sys.stderr)
+            if told:
+                print(told, file=sys.stderr)
             code = MISTAKE
         sys.exit(code if isinstance(code, int) else 0)
 

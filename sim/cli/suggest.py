@@ -245,16 +245,17 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     from rich.table import Table
 
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    heads = ("cell [m]", "nodes", "edges", "bytes per edge", "map", "build")
-    for head in (*heads, "tax, cells", "tax, close", "crossing", "clutter"):
-        table.add_column(head.replace("[", "\\["), justify="right")
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+    table.title_style, table.pad_edge = "bold", False
+    heads = ("cell", "nodes", "edges", "per edge", "map", "build")
+    for head in (*heads, "tax", "tax, close", "crossing", "clutter"):
+        table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(
-            f"{row.h:g}",
+            f"{100 * row.h:g} cm",
             f"{row.nodes:,}",
             f"{row.edges:,}",
-            f"{row.bytes_per_edge:.0f}",
+            f"{row.bytes_per_edge:.0f} B",
             bytes_text(row.map_bytes),
             f"{row.seconds:.0f} s",
             f"{100 * row.tax_cells:.1f} cm",
@@ -267,8 +268,8 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     console.print(table)
     console.print(
         "Tax: how much farther than the clearance m an arm is when an edge is given "
-        "up, on average. More nodes: shorter ways round; smaller cells: nearer "
-        "passes. The close test asks points instead of cells where cells block. "
+        "up, on average; close: by the close test, which asks points where cells "
+        "block. More nodes: shorter ways round; smaller cells: nearer passes. "
         "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
         "about that size, by `odm bench scale`.",
     )

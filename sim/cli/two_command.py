@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from sim.terminal.checks import FILM, PICTURE, PICTURES, RATE, SECONDS
+from sim.terminal.checks import FILM, PICTURE, PICTURES, RATE, SECONDS, Limits
 from sim.terminal.flags import Json, flag, from_request
 from sim.terminal.output import show_json
 from sim.terminal.progress import Bars
@@ -36,6 +36,7 @@ class TwoRequest:
         "Base of the second in the first one's base frame: m, m, degrees; "
         "default: they face each other and share what lies between.",
         metavar="X Y YAW",
+        limits=Limits(-360.0, 360.0),
     )
     other: str = flag(
         "planned",
@@ -168,7 +169,11 @@ def show(figures: dict, maps: tuple) -> None:
     rows = [
         ("robot", *(m.robot.name for m in maps)),
         ("contacts while a planned robot moves", str(figures["contacts"]), ""),
-        ("smallest distance", f"{100 * near['least']:.1f} cm", f"{near['at_s']:.1f} s"),
+        (
+            "smallest distance, and when",
+            f"{100 * near['least']:.1f} cm",
+            f"{near['at_s']:.1f} s",
+        ),
         ("median distance", f"{100 * near['p50']:.1f} cm", ""),
         ("trips", *map(str, figures["trips"])),
         *(_row(n, figures[k], unit) for n, k, unit in _SHOWN),

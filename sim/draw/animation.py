@@ -14,6 +14,7 @@ from sim.draw.viewpoint import Camera, clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
 CAME = "the person came to the standing robot"
+LEGS = 0.3  # a base that reaches so far below its frame has legs [m]
 STICKY_S = 0.3  # a new path is announced at least so long [s]
 
 
@@ -40,7 +41,6 @@ def write_animation(
         settings: Size and length.
         tools: Where the tool goes for each number of `result.place` [m], in place of
             the work places.
-
         still: (n, 3, 3) triangles of what stands around [m]; the world draws them,
             and the camera goes where they hide least.
 
@@ -52,8 +52,10 @@ def write_animation(
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
     hiding = None if still is None else balls_of(still)
     bodies = [_bodies(result, robot, i) for i in moments]
-    own = np.vstack([robot_balls for robot_balls, _ in bodies])
-    camera = clearest(framed(settings.camera(), own), bodies, hiding)
+    robots = [robot_balls for robot_balls, _ in bodies]
+    own = np.vstack([balls[robot.sphere_body > 0] for balls in robots])
+    tool = np.vstack([balls[robot.sphere_body == robot.tip_body] for balls in robots])
+    camera = clearest(framed(settings.camera(), own, tool=tool), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     return write_gif([painter.paint(result, i) for i in shown], path, settings)
 
@@ -89,7 +91,8 @@ def _liveliness(result: RunResult) -> np.ndarray:
 
 class _Painter:
     def __init__(self, robot, places, world, camera, tools=None):
-        self.robot, self.world, self.canvas = robot, world, Canvas(camera)
+        self.robot, self.world = robot, world
+        self.canvas = Canvas(camera, height=floor_of(robot))
         self.lasting = tools is None  # places are shown always, targets while pursued
         if tools is None:
             tools = {k: tool_pose(robot, q)[:3, 3] for k, q in enumerate(places)}
@@ -126,6 +129,15 @@ class _Painter:
         took = f"{1e6 * np.median(recent):.0f} \N{MICRO SIGN}s"
         canvas.text(380, took, INK, bold=True)
         canvas.text(-16, f"{frame / result.rate_hz:4.1f} s", FAINT, anchor="rm")
+
+
+def floor_of(robot: Robot) -> float:
+    """Return where the robot stands [m]: its base, or the feet of one beneath it."""
+    fixed = robot.sphere_body == 0
+    if not fixed.any():
+        return 0.0
+    feet = float((robot.spheres[fixed, 2] - robot.spheres[fixed, 3]).min())
+    return feet if feet < -LEGS else 0.0
 
 
 def _bodies(

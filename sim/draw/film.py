@@ -73,6 +73,7 @@ class Canvas:
     Args:
         camera: What the frames are seen from.
         along, across: Extent of the table in x and y [m].
+        height: Of the table's top, or the floor [m].
 
     Attributes:
         unit: Pixels of a small film's pixel: lines and letters scale with it.
@@ -83,13 +84,15 @@ class Canvas:
         camera: Camera,
         along: tuple[float, float] = TABLE_X,
         across: tuple[float, float] = TABLE_Y,
+        height: float = 0.0,
     ) -> None:
         """Draw the empty table and load the fonts, which come with matplotlib."""
         from matplotlib import get_data_path
         from PIL import ImageFont
 
         self.camera, self.unit = camera, camera.height / 480
-        self._ground = _draw_ground(camera, along, across)
+        self._height = height
+        self._ground = _draw_ground(camera, along, across, height)
         folder, size = Path(get_data_path()) / "fonts" / "ttf", round(14.5 * self.unit)
         self._fonts = [
             ImageFont.truetype(str(folder / name), size)
@@ -105,10 +108,11 @@ class Canvas:
         mask = Image.new("L", size, 0)
         draw = ImageDraw.Draw(mask)
         x, y, z, radius = balls.T[:, :, None]
+        z = z - self._height
         turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
         x = x - 0.12 * z + radius * np.cos(turn)  # the light falls slightly aslant
         y = y + 0.10 * z + radius * np.sin(turn)
-        rims = np.stack([x, y, np.zeros_like(x)], axis=2)
+        rims = np.stack([x, y, np.full_like(x, self._height)], axis=2)
         for rim in self.camera.project(rims)[0].reshape(*x.shape, 2) / shrink:
             draw.polygon(rim.ravel().tolist(), fill=255)
         mask = mask.filter(ImageFilter.GaussianBlur(4 * self.unit / 1.5))
@@ -183,7 +187,9 @@ class Canvas:
         return far < self._depth[v, u] + 0.02
 
 
-def _draw_ground(camera: Camera, along: tuple, across: tuple) -> np.ndarray:
+def _draw_ground(
+    camera: Camera, along: tuple, across: tuple, height: float
+) -> np.ndarray:
     """Return (h, w, 3) the empty scene: a table with a grid of 0.2 m."""
     from PIL import Image, ImageDraw
 
@@ -192,7 +198,7 @@ def _draw_ground(camera: Camera, along: tuple, across: tuple) -> np.ndarray:
     draw = ImageDraw.Draw(image)
 
     def pixels(*points: tuple) -> list[tuple]:
-        flat = np.array([(x, y, 0.0) for x, y in points])
+        flat = np.array([(x, y, height) for x, y in points])
         return [tuple(2 * p) for p in camera.project(flat)[0]]
 
     (x0, x1), (y0, y1) = along, across

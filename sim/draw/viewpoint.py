@@ -107,15 +107,22 @@ def clearest(
     return _turned(camera, TURNS[int(np.argmax(found))])
 
 
-def framed(camera: Camera, balls: np.ndarray, cut: float = CUT) -> Camera:
+def framed(
+    camera: Camera,
+    balls: np.ndarray,
+    cut: float = CUT,
+    tool: np.ndarray | None = None,
+) -> Camera:
     """Return the camera, farther away where a body is too large for the picture.
 
     Args:
         camera: Where it stands by choice; kept where the body fits.
         balls: (n, 4) the body, at some moments [m].
         cut: Share of it that may be outside before the camera moves.
+        tool: (n, 4) those of them that matter most, whose share counts, too [m].
     """
-    if not len(balls) or _outside(camera, balls) <= cut:
+    parts = [balls] if tool is None else [balls, tool]
+    if all(not len(part) or _outside(camera, part) <= cut for part in parts):
         return camera
     low, high = balls[:, :3].min(axis=0), balls[:, :3].max(axis=0)
     middle = 0.5 * (low + high)

@@ -83,7 +83,9 @@ def read_recording(
     start, goal = (_configuration(arrays, n, cell_map) for n in ("q_start", "q_goal"))
     rate = _number(arrays, "rate_hz")
     if not 0 < rate < 1e5:
-        raise BadRecording(f"rate_hz is {rate:g}; give frames per second above 0")
+        raise BadRecording(
+            f"rate_hz is {rate:g}; give frames per second, above 0 and below 100000"
+        )
     rho = cell_map.safety.rho
     if "capsules" in arrays and "points" in arrays:
         raise BadRecording(

@@ -241,7 +241,7 @@ def _safety_table(safety: dict[str, float]) -> "Table":
         "user": "  the user's own",
         "mu": "motion bound: a piece is inflated by at most mu / 2",
     }
-    table = _table("Safety terms", "term", "", "mm")
+    table = _table("Safety terms", "term", "meaning", "mm")
     for key, meaning in means.items():
         table.add_row(key, meaning, f"{1000 * safety[key]:.1f}")
     return table
@@ -262,7 +262,7 @@ def _tax_table(tax: dict) -> "Table":
         f"Clearance tax beyond m, from {tax['lines']} approaches of an arm to nodes "
         f"and {tax['edge_lines']} to edges (odm bench tax: from thousands)"
     )
-    table = _table(title, "term", "", "mean \\[cm]", "95 % \\[cm]")
+    table = _table(title, "term", "meaning", "mean \\[cm]", "95 % \\[cm]")
     for key, meaning in means.items():
         values = (tax[key]["mean"], tax[key]["p95"])
         cells = ("-" if v is None else f"{100 * v:.1f}" for v in values)
@@ -271,13 +271,13 @@ def _tax_table(tax: dict) -> "Table":
 
 
 def _joint_table(robot: dict) -> "Table":
-    table = _table(
-        "Joints", "joint", "", "lower", "upper", "velocity", "accel.", "jerk"
-    )
+    kinds = ["continuous" if endless else "" for endless in robot["continuous"]]
+    heads = ("lower", "upper", "velocity", "accel.", "jerk")
+    table = _table("Joints", "joint", "kind" if any(kinds) else None, *heads)
     names = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
     for k, joint in enumerate(robot["joints"]):
-        kind = "continuous" if robot["continuous"][k] else ""
-        table.add_row(joint, kind, *(f"{robot[name][k]:.4g}" for name in names))
+        kind = [kinds[k]] if any(kinds) else []
+        table.add_row(joint, *kind, *(f"{robot[name][k]:.4g}" for name in names))
     return table
 
 
@@ -286,10 +286,10 @@ def _cover_table(cover: list[dict]) -> "Table":
     rest = f"; {more} more links: --json" if more else ""
     title = f"Sphere cover, worst links first{rest}"
     numbers = ("spheres", "sticks out \\[mm]", "on average \\[mm]")
-    table = _table(title, "link", "", *numbers)
+    table = _table(title, "link", "moves", *numbers)
     for row in sorted(cover, key=lambda row: -row["excess"])[:MOST_LINKS]:
         cells = f"{1000 * row['excess']:.1f}", f"{1000 * row['protrusion']:.1f}"
-        kind = "" if row["moving"] else "base"
+        kind = "yes" if row["moving"] else "no"
         table.add_row(row["link"], kind, str(row["spheres"]), *cells)
     return table
 
@@ -302,11 +302,11 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
     console.print(str(report), soft_wrap=True)
     if report.free_share < 0.2:
         console.print("less than 20 % was called free: too little to show anything")
-    head = ("obstacle", "", "pairs", "free", "violations", "smallest \\[mm]")
+    head = ("obstacle", None, "pairs", "free", "violations", "smallest \\[mm]")
     table = _table("By kind of obstacle", *head)
     for name, (pairs, free, bad, smallest) in report.families.items():
         nearest = f"{1000 * smallest:.2f}" if np.isfinite(smallest) else "-"
-        table.add_row(name, "", f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest)
+        table.add_row(name, f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest)
     console.print(table)
     console.print("nearest pairs that were called free:")
     for case in report.worst:
@@ -347,12 +347,13 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     )
 
 
-def _table(title: str, first: str, second: str, *numbers: str) -> "Table":
+def _table(title: str, first: str, second: str | None, *numbers: str) -> "Table":
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column(first, no_wrap=True)
-    table.add_column(second)
+    if second is not None:
+        table.add_column(second)
     for head in numbers:
         table.add_column(head, justify="right")
     return table

@@ -93,7 +93,7 @@ _OF_FILES = {".csv", ".gif", ".jpg", ".json", ".mp4", ".npz", ".pdf", ".png", ".
 FINITE = Limits()
 POSITIVE = Limits(0.0, above=True)
 SECONDS = Limits(0.0, 86_400.0, "s", above=True)
-RATE = Limits(0.0, 10_000.0, "Hz", above=True, hint="such as 100")
+RATE = Limits(1.0, 10_000.0, "Hz", hint="100 is a frame every 10 ms")
 HEIGHT = Limits(1.2, 2.2, "m", hint="a height of 175 cm is 1.75")
 
 
@@ -175,6 +175,8 @@ def check_target(word: str, path: Path, writes: Writes) -> None:
         )
     if writes.folder and path.exists() and not path.is_dir():
         raise Refused(f"{word} {path} is a file; name a folder")
+    if writes.endings and path.exists() and not (path.is_file() or path.is_dir()):
+        raise Refused(f"{word} {path} is a device or a pipe; name a file")
     place = path if writes.folder else path.parent
     while not place.exists() and place != place.parent:
         place = place.parent

@@ -1,6 +1,7 @@
 """What all commands share: errors as one sentence, whole files."""
 
 import contextlib
+import errno
 import functools
 import json
 import os
@@ -70,6 +71,19 @@ def _sentence(error: Exception) -> str | None:
     return None
 
 
+def no_room(error: Exception) -> str | None:
+    """Return what to read where standard output could not be written, else None."""
+    full = isinstance(error, OSError) and error.filename is None
+    if not full or error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return None
+    with contextlib.suppress(OSError):  # what is still to be written has no room, too
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return (
+        f"odm: standard output could not be written: {error.strerror}; free some, or "
+        "send it elsewhere"
+    )
+
+
 def _stop() -> None:
     if not interrupt.noted():  # where it was, the end of the command tells
         print(interrupt.SENTENCE, file=sys.stderr)
@@ -105,10 +119,21 @@ def write_text(path: str | Path, text: str) -> Path:
 
 
 def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
-    """Let `write` fill a file that is there whole or not at all; makes its folder."""
-    from roadmap.unfinished import beside  # not above: --help should be quick
+    """Let `write` fill a file that is there whole or not at all; makes its folder.
+
+    A device or a pipe, such as /dev/stdout, is written to; of a link, what it names.
+    """
+    from roadmap.unfinished import beside, is_special  # not above: --help is quick
 
     path = Path(path)
+    if is_special(path):
+        try:
+            with open(path, "wb") as stream:
+                write(stream)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        return path
+    path = path.resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
     with beside(path) as made:
         with open(made, "xb") as stream:

@@ -115,7 +115,7 @@ def mistake(error: Exception, words: list[str], door: object) -> str | None:
     if not hasattr(error, "format_message"):
         return None
     if type(error).__name__ == "NoArgsIsHelpError":
-        return error.ctx.get_help() if getattr(error, "ctx", None) else ""
+        return ""  # the help is out already: it was printed where it was asked for
     text = " ".join(error.format_message().split())
     context = getattr(error, "ctx", None)
     helped = f"{context.command_path} --help" if context else "odm --help"

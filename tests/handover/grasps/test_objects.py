@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from handover import load_object, make_object, object_names
+from handover.grasps.objects import _volume, part_triangles
 from handover.grasps.surface import even_points
 from odm.obstacles.shapes import Mesh
 from roadmap.errors import BadInput
@@ -65,7 +66,7 @@ def test_a_mesh_file_becomes_an_object(tmp_path):
 def test_an_open_mesh_is_refused(tmp_path):
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     box.faces = box.faces[1:]
-    with pytest.raises(BadInput, match=r"thing: .*not closed.*fill its holes"):
+    with pytest.raises(BadInput, match=r"thing.*not closed.*fill its holes"):
         load_object(write(tmp_path, box), mass_kg=0.1)
 
 
@@ -86,11 +87,13 @@ def test_a_cup_of_twenty_metres_is_in_the_wrong_unit(tmp_path):
         load_object(write(tmp_path, trimesh.creation.box([1e-3] * 3)), mass_kg=0.1)
 
 
-def test_a_mesh_turned_inside_out_is_refused(tmp_path):
+def test_a_mesh_that_is_inside_out_is_turned_and_one_that_is_so_in_part_refused():
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    box.invert()
+    thing = make_object("box", [Mesh(box.vertices, box.faces[:, ::-1])], [0.1])
+    assert abs(_volume(part_triangles(thing.parts[0])) - 1e-3) < 1e-12
+    faces = np.vstack([box.faces[:6], box.faces[6:, ::-1]])
     with pytest.raises(BadInput, match="counterclockwise"):
-        make_object("box", [Mesh(box.vertices, box.faces)], [0.1])
+        make_object("box", [Mesh(box.vertices, faces)], [0.1])
 
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, 200.0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from shapes_drawn import exact_distance
 
 import odm
@@ -266,6 +267,40 @@ def test_each_pose_of_a_shape_must_be_rigid(T):
 def test_a_mesh_of_no_numbers_is_refused(vertices, faces):
     with pytest.raises(BadInput):
         Mesh(vertices, faces)
+
+
+def test_a_mesh_with_a_hole_is_refused_where_it_is_made(tmp_path):
+    cup = trimesh.creation.icosphere(2, 0.1)
+    assert len(Mesh(cup.vertices, cup.faces).faces) == len(cup.faces)
+    with pytest.raises(BadInput, match=r"319 faces is not closed.*: 3 edges.*fill"):
+        Mesh(cup.vertices, cup.faces[:-1])
+    trimesh.Trimesh(cup.vertices, cup.faces[:-1]).export(tmp_path / "cup.stl")
+    with pytest.raises(BadInput, match=r"cup\.stl: a mesh of 319 faces"):
+        Mesh.from_file(tmp_path / "cup.stl")
+    with pytest.raises(BadInput, match="not closed"):
+        Mesh(np.eye(3), [[0, 0, 0]])  # nothing is left of it
+    with pytest.raises(BadInput, match="not closed"):
+        Mesh(CORNERS, FACES[1:])
+
+
+def test_a_mesh_whose_triangles_share_no_corners_is_closed_all_the_same():
+    apart = Mesh(
+        CORNERS[FACES].reshape(-1, 3), np.arange(3 * len(FACES)).reshape(-1, 3)
+    )
+    assert len(surface_of(apart, 0.03).points)
+
+
+def test_a_mesh_that_is_inside_out_is_turned(planner):
+    turned_faces = FACES[:, ::-1]
+    one, other = Mesh(CORNERS, FACES), Mesh(CORNERS, turned_faces)
+    assert {tuple(np.roll(f, -f.argmin())) for f in one.faces} == {
+        tuple(np.roll(f, -f.argmin())) for f in other.faces
+    }
+    a, b, c = (other.vertices[other.faces[:, k]] for k in range(3))
+    assert np.einsum("fi,fi->", a, np.cross(b, c)) > 0.0
+    mirrored = Mesh(CORNERS * [1.0, -1.0, 1.0], FACES)  # as scale="1 -1 1" of a URDF
+    a, b, c = (mirrored.vertices[mirrored.faces[:, k]] for k in range(3))
+    assert np.einsum("fi,fi->", a, np.cross(b, c)) > 0.0
 
 
 @pytest.mark.parametrize(

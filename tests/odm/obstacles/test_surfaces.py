@@ -313,3 +313,14 @@ def test_a_hull_with_corners_nanometres_apart_is_closed():
     faces = ConvexHull(points).simplices
     surface = surface_of(shapes.Mesh(points, faces), 0.01)
     assert surface.closed and surface.covering_radius <= 0.01
+
+
+def test_a_mesh_much_finer_than_its_points_takes_little_and_is_covered(rng):
+    ball = trimesh.creation.icosphere(4, 0.02)  # 5120 triangles of 1 mm, 5 cm apart
+    many = [ball.vertices + [0.1 * k, 0.0, 0.0] for k in range(3)]
+    faces = np.vstack([ball.faces + k * len(ball.vertices) for k in range(3)])
+    points, radius = sample_mesh(np.vstack(many), faces, 0.05)
+    assert radius <= 0.05 and len(points) < 30
+    surface = trimesh.Trimesh(np.vstack(many), faces, process=False)
+    places, _ = trimesh.sample.sample_surface(surface, 4000, seed=1)
+    assert cKDTree(points).query(places)[0].max() <= radius + 1e-9

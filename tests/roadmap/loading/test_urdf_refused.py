@@ -8,6 +8,7 @@ from urdf_parts import BALL, COARSE, mesh
 
 from roadmap import load_robot
 from roadmap.errors import PlanningError
+from roadmap.loading import urdf
 
 
 def refuses(source, words, **options):
@@ -31,6 +32,22 @@ def test_broken_xml_is_refused_not_repaired(text, tmp_path):
 def test_another_kind_of_file_is_refused(tmp_path):
     (tmp_path / "r.sdf").write_text("<sdf version='1.6'/>")
     refuses(tmp_path / "r.sdf", "<sdf>, not <robot>")
+
+
+def test_a_xacro_file_is_told_how_to_be_expanded(tmp_path):
+    (tmp_path / "r.urdf.xacro").write_text("<robot name='x'/>")
+    refuses(tmp_path / "r.urdf.xacro", "xacro file; .*xacro r.urdf.xacro > r.urdf$")
+
+
+def test_what_is_no_path_and_no_number_is_refused(arm):
+    refuses(b"arm.urdf", "b'arm.urdf' .bytes.; give a name")
+    refuses(arm(BALL), "cannot be locked at 90: .*give a number", locked={"turn": "90"})
+
+
+def test_how_far_links_reach_is_not_asked_where_nothing_travels(arm, monkeypatch):
+    asked = []
+    monkeypatch.setattr(urdf, "radii_of", lambda *parts: asked.append(parts))
+    assert load_robot(arm(BALL), **COARSE).dof and not asked
 
 
 def test_a_missing_mesh_names_link_file_and_places(arm, tmp_path):
@@ -61,7 +78,7 @@ def test_an_unknown_tip_lists_the_links(arm):
 def test_an_unclear_tip_lists_the_candidates(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL)
     body += joint("j", "revolute", "base", "a") + joint("k", "revolute", "base", "b")
-    refuses(urdf(body), "tip= one of .*'a', 'b'")
+    refuses(urdf(body), "tip .--tip.: a, b, or any other")
 
 
 def test_locking_what_cannot_be_locked_is_refused(arm, gantry, urdf, link, joint):

@@ -5,6 +5,10 @@ nothing on stdout, nothing written.
 """
 
 import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -23,7 +27,8 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (RUN + ("--seconds", "nan"), "--seconds is nan", "above 0"),
     (RUN + ("--seconds", "inf"), "--seconds is inf", "86400"),
     (RUN + ("--seconds", "30s"), "--seconds is '30s'", "such as 0.5"),
-    (RUN + ("--rate", "0"), "--rate is 0", "such as 100"),
+    (RUN + ("--rate", "0"), "--rate is 0", "a frame every 10 ms"),
+    (RUN + ("--rate", "0.01"), "--rate is 0.01", "from 1 to 10000 Hz"),
     (RUN + ("--rate", "100Hz"), "--rate is '100Hz'", "number"),
     (RUN + ("--rate", "1000000"), "--rate is 1e+06", "10000"),
     (RUN + ("--seed", "-1"), "--seed is '-1'", "0"),
@@ -58,7 +63,8 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (("run-two", "--map", "map", "--seconds", "-1"), "--seconds is -1", "above 0"),
     (("run-two", "--map", "map", "--other", "wild"), "'wild'", "planned or scripted"),
     (("run-two", "--map", "map", "--base", "1", "0"), "--base", "X Y YAW"),
-    (("run-two", "--map", "map", "--base", "inf", "0", "0"), "--base is inf", "finite"),
+    (("run-two", "--map", "map", "--base", "inf", "0", "0"), "--base is inf", "from"),
+    (("run-two", "--map", "map", "--base", "800", "0", "0"), "is 800", "-360 to 360"),
     (("build",), "recipe", "--robot"),
     (("build", "demo", "--robot", "arm.urdf"), "either", "--robot"),
     (("build", "no_such_recipe"), "no_such_recipe", "panda"),
@@ -134,6 +140,7 @@ FILES = [  # paths, formats and permissions of what is to be written
     (("handover", "plan", "butler", "--out", "x.toml"), "x.toml", "x.json"),
     (("handover", "plan", "butler", "--plot", "x.pdf"), "x.pdf", "x.png"),
     (("handover", "plan", "butler", "--animation", "x.mp4"), "x.mp4", "x.gif"),
+    (RUN + ("--scene", "others"), "others is no scene: it is a folder", ".scene"),
 ]  # fmt: skip
 
 READ = [  # files that are not there, or are something else
@@ -278,6 +285,24 @@ def test_a_missing_extra_is_told_before_any_work(
     there = checks.is_there
     monkeypatch.setattr(checks, "is_there", lambda m: m != module and there(m))
     refused(words, f"needs {module}", extra)
+
+
+def test_without_a_word_the_help_is_shown_once(odm):
+    code, out, err = odm()
+    assert code == 2 and (out + err).count("Usage:") == 1
+
+
+def test_the_version_is_told(odm):
+    assert odm("--version")[:2] == (0, f"odm-planner {version('odm-planner')}\n")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+def test_a_standard_output_without_room_is_told_in_one_sentence():
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "sim", "--help"]
+        told = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert told.returncode == 2 and told.stderr.count("\n") == 1
+    assert "standard output could not be written: No space left" in told.stderr
 
 
 def test_these_are_more_than_a_hundred():

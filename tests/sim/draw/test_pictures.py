@@ -1,9 +1,11 @@
 """Pictures are written, show what they should, and stay small."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sim.draw.animation import liveliest, paint_frame, write_animation
+from sim.draw.animation import floor_of, liveliest, paint_frame, write_animation
 from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings
 from sim.draw.viewpoint import Camera
@@ -65,6 +67,13 @@ def test_the_film_starts_where_most_happens(run):
     start = liveliest(run, 100)
     assert 0 <= start <= run.frames - 100
     assert liveliest(run, run.frames + 5) == 0
+
+
+def test_a_robot_with_legs_stands_on_a_floor_and_any_other_on_its_table(crane):
+    assert floor_of(crane) == 0.0
+    spheres, body = np.array(crane.spheres), np.array(crane.sphere_body)
+    spheres[0], body[0] = [0.2, 0.0, -0.9, 0.1], 0
+    assert floor_of(replace(crane, spheres=spheres, sphere_body=body)) == -1.0
 
 
 def test_the_latency_plot_is_written(run, tmp_path):

@@ -53,6 +53,16 @@ def test_a_body_too_large_for_the_picture_is_seen_from_farther_away():
     assert abs(np.cross(away, np.subtract(CAMERA.eye, CAMERA.target))).max() < 1e-9
 
 
+def test_a_tool_that_is_out_of_the_picture_moves_the_camera_though_the_body_fits():
+    body = np.vstack([ball(x, 0) for x in np.linspace(-0.3, 0.3, 30)])
+    tool = ball(0.0, 0.0, 2.0)
+    assert framed(CAMERA, np.vstack([body, tool])) is CAMERA
+    found = framed(CAMERA, np.vstack([body, tool]), tool=tool)
+    pixels, _ = found.project(tool[:, :3])
+    assert (pixels > 0).all() and (pixels < [found.width, found.height]).all()
+    assert framed(CAMERA, body, tool=body[:0]) is CAMERA
+
+
 def test_what_is_out_of_the_cone_hides_nothing():
     """The answer is that of all balls, and of a floor few are asked."""
     rng, eye = np.random.default_rng(5), np.array([2.0, 1.0, 1.5])
