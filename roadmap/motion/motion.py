@@ -239,9 +239,9 @@ def time_path(
         BadInput: Wrong shape, not finite, no corner, a joint more than 1e-3 outside
             its limits, or a value out of its range.
     """
-    check_kind(
-        "a robot", robot, Robot, "give that of a map, or what load_robot returns"
-    )
+    if not hasattr(robot, "max_jerk"):  # arms of a hand-over plan have limits alone
+        what = "give that of a map, or what load_robot returns"
+        check_kind("a robot", robot, Robot, what)
     check_scale(speed_scale)
     if not 0.0 <= blend < math.inf:
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
