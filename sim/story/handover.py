@@ -500,13 +500,13 @@ class Handover:
 
     def _is_blocked(self) -> bool:
         """Whether a step that moves cannot go on."""
-        step = self._step
+        kind, executor = self._step.kind, self.executor
+        if not executor.at_rest:
+            return False
+        if kind == "goal" and executor.state == BRAKED:
+            return True  # the path is free, but passes too near to somebody to be gone
         held = getattr(self.answer, "status", "") == "holding"
-        return (
-            step.kind in ("goal", "line", "back", "close")
-            and held
-            and self.executor.at_rest
-        )
+        return kind in ("goal", "line", "back", "close") and held
 
     def _passed_grip(self, frame: StoryFrame) -> bool:
         step = self._step
