@@ -2,6 +2,7 @@
 
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import handover
 import odm
 import sim
 from handover.targets.node_index import NodeIndex
-from odm.execution.executor import RETREATING, Executor
+from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -138,6 +139,16 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     assert [step.kind for step in story._steps[:3]] == ["goal", "line", "grip"]
     assert np.abs(gone_to[1] - first).max() > 0.1
     assert story._goals[0] is story._steps[0].value[0]
+
+
+def test_a_goal_that_braking_keeps_it_from_counts_as_blocked(maps):
+    story, _ = story_of(maps)
+    story.answer = SimpleNamespace(status="following")
+    for kind, state, blocked in [
+        ("goal", BRAKED, True), ("goal", MOVING, False), ("stand", BRAKED, False)
+    ]:  # fmt: skip
+        story._steps, story.executor.state = [Step(kind)], state
+        assert story.executor.at_rest and story._is_blocked() == blocked
 
 
 def test_a_hand_that_trembles_holds_still_and_one_that_goes_on_does_not(maps):
