@@ -19,6 +19,7 @@ from roadmap.errors import PlanningError
 FREE = "free"
 FAR = np.zeros((4, 4))
 FAR[:3, 3] = [600.0, 0.0, 500.0]
+FACES = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]]
 
 
 def calls(odm, planner, hand, home):
@@ -134,6 +135,12 @@ def calls(odm, planner, hand, home):
         "clearance NaN": lambda: planner.set_extra_clearance(nan),
         "a stamp of text": lambda: after(hand, None, stamp="now", now=1.0),
         "a tolerance without poses": lambda: planner.set_goals([home], tolerance=0.01),
+        "a path before its robot": lambda: time_path(home[None], robot),
+        "an answer in place of its path": lambda: time_path(robot, planner),
+        "an object before its name": lambda: planner.scene.add(far_box, "box"),
+        "a map saved where nothing can be": lambda: planner.cell_map.save("/proc/x/y"),
+        "one mesh and no list": lambda: odm.Obstacles(meshes=far_box),
+        "a mesh of a kilometre": lambda: odm.Mesh(2e3 * np.eye(4)[:, :3], FACES),
         "an object in millimetres": lambda: planner.scene.add("box", far_box),
         "a planner of a path": lambda: odm.ReactivePlanner("map"),
         "settings that are a dict": lambda: odm.ReactivePlanner(

@@ -273,7 +273,8 @@ class Scene:
     def _new_name(self, name: str) -> str:
         text = isinstance(name, str) and name.isprintable() and name == name.strip()
         if not text or not 0 < len(name) <= LONGEST_NAME:
-            told = repr(name) if isinstance(name, str) else f"a {type(name).__name__}"
+            short = isinstance(name, str | int | float | None)
+            told = repr(name) if short else f"a {type(name).__name__}"
             raise BadInput(
                 f"an object of the scene cannot be called {told}; give its name first, "
                 f"a line of 1 to {LONGEST_NAME} characters, no blank at its ends"

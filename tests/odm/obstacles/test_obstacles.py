@@ -217,3 +217,9 @@ def test_a_mesh_that_is_not_convex_counts_as_its_hull(rng):
     assert len(obstacles.meshes[0].faces) == 4
     with pytest.raises(BadInput, match="mesh 0 is flat"):
         odm.Obstacles(meshes=[odm.Mesh(cup * [1, 1, 0], faces)])
+
+
+def test_a_name_with_a_slip_is_an_error_and_not_kept():
+    obstacles = odm.Obstacles(capsules=1)
+    with pytest.raises(AttributeError, match="capsule"):
+        obstacles.capsule = np.zeros((1, 7))

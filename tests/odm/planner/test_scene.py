@@ -277,7 +277,7 @@ def test_a_scene_that_is_saved_stands_as_it_stood(small_map, tmp_path, rng):
 @pytest.mark.parametrize(
     ("call", "told"),
     [
-        (lambda s: s.add("", WALL), "cannot be called ''; give a line"),
+        (lambda s: s.add("", WALL), "cannot be called ''; give its name first"),
         (lambda s: s.add("a\nb", WALL), "cannot be called 'a.nb'"),
         (lambda s: s.save("scene.txt"), "give a name ending in .scene"),
         (lambda s: s.save("/none/of/these.scene"), "cannot be written"),
