@@ -113,9 +113,9 @@ def _changes(cell_map: CellMap, mesh: Mesh, times: int, seed: int) -> list[dict]
             remove(planner.scene.remove, "it")
             after(planner.step, _NOBODY, q=pair.q_start)
         rows += [
-            add.row(f"scene.add, {name}", "", max=1e3 * most),
-            move.row(f"scene.move, {name}", "", max=1e3 * most),
-            remove.row(f"scene.remove, {name}", "", max=1e3 * BOX_MS),
+            add.row(f"scene.add, {name}", "", p99=1e3 * most),
+            move.row(f"scene.move, {name}", "", p99=1e3 * most),
+            remove.row(f"scene.remove, {name}", "", p99=1e3 * BOX_MS),
             after.row("... frame after a change", "path kept, or joined anew"),
             value_row("... edges that wait for their test", np.mean(waits), ""),
             improve.row("... improve between frames, some of them tested"),
