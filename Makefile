@@ -43,6 +43,8 @@ $(VENV)/.sim: pyproject.toml | $(BIN)/python
 $(VENV)/.test: pyproject.toml | $(BIN)/python
 	@echo "installing into $(VENV), tests included ..."
 	@$(PIP) -e '.[test]'
+	@# byte code, which some machines never keep: each of the tests' commands would make it
+	@$(BIN)/python -m compileall -q -j 0 $(VENV)/lib odm roadmap handover sim || true
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(BIN)/python
