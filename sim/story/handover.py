@@ -380,8 +380,9 @@ class Handover:
     def _speed_of_object(self, frame: StoryFrame) -> float:
         """Return how fast the object goes on [m/s]; a hand that trembles is still."""
         T, past = frame.T_base_object, self._object_was
-        if T is None:
+        if T is None or (past and frame.now < past[-1][0]):  # or the clock went back
             past.clear()
+        if T is None:
             return 0.0
         past.append((frame.now, T[:3, 3].copy()))
         while past[0][0] < frame.now - _GOES_ON_S - 1e-6:
