@@ -7,8 +7,12 @@ import numpy as np
 from odm._groups import new
 from odm.obstacles._cloud import Cloud
 from roadmap.arrays import frozen
+from roadmap.errors import BadInput
 from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.robot.robot import Robot
+
+# cells have numbers of 32 bits, the sign among them, and a block has 64 cells
+LARGEST_GRID = 2**25 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +23,9 @@ class WorkspaceGrid:
         origin: (3,) lower corner in the base frame [m].
         h: Side of a cell [m].
         blocks: (3,) number of blocks along each axis.
+
+    Raises:
+        BadInput: More than `LARGEST_GRID` blocks.
     """
 
     origin: np.ndarray
@@ -29,6 +36,12 @@ class WorkspaceGrid:
         """Freeze the arrays."""
         object.__setattr__(self, "origin", frozen(self.origin, np.float64))
         object.__setattr__(self, "blocks", frozen(self.blocks, np.int64))
+        if np.prod(self.blocks, dtype=float) > LARGEST_GRID:
+            sides = " x ".join(f"{n:,}" for n in self.blocks)
+            raise BadInput(
+                f"cells of {self.h:g} m make {sides} blocks, and a grid holds "
+                f"{LARGEST_GRID:,}; give larger cells (`h` of the recipe's safety)"
+            )
 
     @property
     def n_blocks(self) -> int:
