@@ -10,7 +10,7 @@ from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
 from odm.frame.last_phase import LastPhase
-from odm.obstacles.grid import WorkspaceGrid
+from odm.obstacles.grid import LARGEST_GRID, WorkspaceGrid
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class LegTest:
         self.frame, self.use_fine, self.motions = frame, use_fine, 0
         grid = frame.cell_map.grid
         # smaller blocks than the map's: dense points of a bin are told apart sooner
-        halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
+        halved = grid
+        if 8 * grid.n_blocks <= LARGEST_GRID:
+            halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
         self._sorted = SortedCloud(halved)
         self.cloud = self._sorted.of(frame.points[: frame.heeded])
         self._fine: FineTest | None = None
