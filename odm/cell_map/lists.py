@@ -1,9 +1,9 @@
 """The swept cells of nodes and edges, by item and by block.
 
 A map's folder holds the cells by item, packed (`_packed.py`): about six bytes an entry,
-and frames read them as they are. The same by block, 12 bytes an entry, is derived when a
-planner first asks for it. Where that would take more than half of the free memory, it
-is derived into a temporary file that is mapped, as the others are.
+and frames read them as they are. The same by block, 12 bytes an entry, is derived when
+a planner first asks for it. Where that would take more than half of the free memory,
+it is derived into a temporary file that is mapped, as the others are.
 """
 
 import tempfile
