@@ -1,10 +1,11 @@
 """Lists of swept cells as a map holds them: five bytes an entry and a little more.
 
 An entry is a step and a code. The blocks of an item ascend, so `step` says how many
-blocks on from the last one an entry is (the first counts from block -1); step 0 is no
-entry but a jump, by `code` blocks. The code names the cells: most words of 64 cells are
-two of the 65536 commonest halves, whose numbers are its bits 0 to 14 and 15 to 30;
-with bit 31 the other bits are the number of a word that is kept whole.
+blocks on from the last one an entry is (the first counts from block -1); a step of 255
+is no entry and has no code: so far on, and on. The code names the cells: most words of
+64 cells are two of the 65536 commonest halves, whose numbers are its bits 0 to 14 and
+15 to 30; with bit 31 the other bits are the number of a word that is kept whole. Item i
+has the steps from start[i, 0] to start[i + 1, 0], and the codes from start[i, 1] on.
 """
 
 import numpy as np
@@ -12,12 +13,12 @@ from numba import njit
 
 from roadmap.jit_options import INNER, LEAN
 
-LARGEST_STEP = 255
+ON = 255  # the step that is no entry
 LOW_HALVES, HALVES = 1 << 15, 1 << 16  # that bits 0 to 14, and 15 to 30, can name
 WHOLE = 1 << 31
 SLOTS = 1 << 17  # of the table that finds a half
 _LOW, _BITS, _HALF = np.uint64(LOW_HALVES - 1), np.uint64(15), np.uint64(32)
-_WHOLE, _FIRST = np.uint64(WHOLE), np.uint64(1)
+_WHOLE, _ONE, _ON = np.uint64(WHOLE), np.uint64(1), np.uint64(ON)
 _RIGHT, _SPREAD, _SHIFT = np.uint64(0xFFFFFFFF), np.uint64(2654435761), np.uint64(15)
 
 
@@ -31,37 +32,36 @@ def word_of(code, half, full):
 
 
 @njit(**INNER)
-def packed_hit(words, step, code, half, full, begin, end):
-    """Return True if the cells of a list [begin:end] share one with `words`."""
+def packed_hit(words, start, step, code, half, full, item):
+    """Return True if the cells of an item share one with `words`."""
     after = np.uint64(0)  # the block after which the next one comes, counted from 1
-    for k in range(begin, end):
-        if step[k] == 0:
-            after += np.uint64(code[k])
-            continue
+    no_entry = np.uint64(start[item, 0]) - np.uint64(start[item, 1])
+    for k in range(start[item, 0], start[item + 1, 0]):
         after += np.uint64(step[k])
+        if step[k] == ON:
+            no_entry += _ONE
+            continue
         # few blocks are occupied: most codes need not be fetched
-        word = words[after - _FIRST]
-        if word != 0 and word & word_of(code[k], half, full) != 0:
+        word = words[after - _ONE]
+        if word != 0 and word & word_of(code[k - no_entry], half, full) != 0:
             return True
     return False
 
 
 @njit(**LEAN)
 def unpack_lists(start, step, code, half, full, ptr, block, mask):
-    """Write lists as ptr, block and mask; their first entry becomes entry 0."""
-    end = 0
-    ptr[0] = 0
+    """Write lists as ptr, block and mask."""
+    at = np.uint64(0)
     for item in range(start.shape[0] - 1):
-        after = 0
-        for k in range(start[item], start[item + 1]):
-            if step[k] == 0:
-                after += code[k]
-                continue
-            after += step[k]
-            block[end] = after - 1
-            mask[end] = word_of(code[k], half, full)
-            end += 1
-        ptr[item + 1] = end
+        ptr[item] = at
+        after = np.uint64(0)
+        for k in range(start[item, 0], start[item + 1, 0]):
+            after += np.uint64(step[k])
+            if step[k] != ON:
+                block[at] = after - _ONE
+                mask[at] = word_of(code[at], half, full)
+                at += _ONE
+    ptr[start.shape[0] - 1] = at
 
 
 @njit(**LEAN)
@@ -70,26 +70,25 @@ def transpose_packed(start, step, code, half, full, t_ptr, t_item, t_mask):
     n_blocks = t_ptr.shape[0] - 1
     for item in range(start.shape[0] - 1):
         after = np.uint64(0)
-        for k in range(start[item], start[item + 1]):
-            if step[k] == 0:
-                after += np.uint64(code[k])
-                continue
+        for k in range(start[item, 0], start[item + 1, 0]):
             after += np.uint64(step[k])
-            t_ptr[after] += 1
+            if step[k] != ON:
+                t_ptr[after] += 1
     for b in range(n_blocks):
         t_ptr[b + 1] += t_ptr[b]
+    own = np.uint64(0)
     for item in range(start.shape[0] - 1):
         after = np.uint64(0)
-        for k in range(start[item], start[item + 1]):
-            if step[k] == 0:
-                after += np.uint64(code[k])
-                continue
+        for k in range(start[item, 0], start[item + 1, 0]):
             after += np.uint64(step[k])
-            b = after - _FIRST
+            if step[k] == ON:
+                continue
+            b = after - _ONE
             at = np.uint64(t_ptr[b])
             t_item[at] = item
-            t_mask[at] = word_of(code[k], half, full)
+            t_mask[at] = word_of(code[own], half, full)
             t_ptr[b] += 1
+            own += _ONE
     for b in range(n_blocks, 0, -1):
         t_ptr[b] = t_ptr[b - 1]
     t_ptr[0] = 0
@@ -101,7 +100,7 @@ def place_halves(half, slot):
     for k in range(half.shape[0]):
         at = (np.uint64(half[k]) * _SPREAD & _RIGHT) >> _SHIFT
         while slot[at] >= 0:
-            at = (at + _FIRST) & np.uint64(SLOTS - 1)
+            at = (at + _ONE) & np.uint64(SLOTS - 1)
         slot[at] = k
 
 
@@ -112,48 +111,48 @@ def half_number(value, half, slot):
     while slot[at] >= 0:
         if np.uint64(half[slot[at]]) == value:
             return slot[at]
-        at = (at + _FIRST) & np.uint64(SLOTS - 1)
+        at = (at + _ONE) & np.uint64(SLOTS - 1)
     return HALVES
 
 
 @njit(**LEAN)
-def pack_starts(ptr, block, start):
-    """Write to `start` where items begin, the jumps in their lists counted."""
-    end = 0
-    start[0] = 0
+def count_steps(ptr, block):
+    """Return how many steps lists of blocks take."""
+    count = block.shape[0]
     for item in range(ptr.shape[0] - 1):
         last = -1
         for k in range(ptr[item], ptr[item + 1]):
-            b = np.int64(block[k])
-            end += 2 if b - last > LARGEST_STEP else 1
-            last = b
-        start[item + 1] = end
+            count += (np.int64(block[k]) - last) // ON
+            last = np.int64(block[k])
+    return count
 
 
 @njit(**LEAN)
-def pack_lists(ptr, block, mask, half, slot, step, code, full):
+def pack_lists(ptr, block, mask, half, slot, start, step, code, full):
     """Write lists of blocks and masks as steps and codes; return how many are whole.
 
-    `step` and `code` have the length that `pack_starts` counts, `full` that of `mask`.
+    `step` has the length that `count_steps` gives, `code` and `full` that of `mask`.
     """
     end, n_full = 0, 0
+    start[0, 0], start[0, 1] = 0, 0
     for item in range(ptr.shape[0] - 1):
         last = -1
         for k in range(ptr[item], ptr[item + 1]):
             gap = np.int64(block[k]) - last
-            if gap > LARGEST_STEP:
-                step[end], code[end] = 0, gap - 1
-                gap = 1
-                end += 1
             last = np.int64(block[k])
+            while gap >= ON:
+                step[end] = ON
+                gap -= ON
+                end += 1
+            step[end] = gap
+            end += 1
             low = half_number(mask[k] & _RIGHT, half, slot)
             high = half_number(mask[k] >> _HALF, half, slot)
-            step[end] = gap
             if low < LOW_HALVES and high < HALVES:
-                code[end] = low | high << 15
+                code[k] = low | high << 15
             else:
                 full[n_full] = mask[k]
-                code[end] = WHOLE | n_full
+                code[k] = WHOLE | n_full
                 n_full += 1
-            end += 1
+        start[item + 1, 0], start[item + 1, 1] = end, ptr[item + 1]
     return n_full

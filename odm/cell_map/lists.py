@@ -17,7 +17,9 @@ from odm.cell_map import _packed as packed
 from odm.cell_map._sweep import ItemCells
 from odm.cell_map.estimate import free_memory
 from roadmap.arrays import frozen
+from roadmap.errors import BuildRefused
 
+_MOST_STEPS = 2**32 - 1
 _SHARE = 0.5  # of the free memory that a derived view may take
 EDGE_MAJOR = ("ptr", "block", "mask")  # as maps held it until format 1 was packed
 BLOCK_MAJOR = ("t_ptr", "t_item", "t_mask")
@@ -46,9 +48,10 @@ class CellLists:
     list holds only the cells that neither of its end nodes sweeps.
 
     Attributes:
-        start: (n_items + 1,) item i owns the rows start[i]:start[i + 1].
-        step: (k,) how many blocks on from the last one; 0: a jump.
-        code: (k,) which cells of it; of a jump, how many blocks on.
+        start: (n_items + 1, 2) item i owns the steps start[i, 0]:start[i + 1, 0] and
+            the codes start[i, 1]:start[i + 1, 1].
+        step: (k,) how many blocks on from the last one; 255: so many, and no entry.
+        code: (n,) which cells of the block that an entry names.
         half: (at most 65536,) words of 32 cells, the commonest first.
         full: (j,) words of 64 cells that are not two of those.
         n_blocks: Of the grid.
@@ -78,7 +81,8 @@ class CellLists:
         """
         n = self.n_entries
         kind = np.uint16 if self.n_blocks <= 65535 else np.uint32
-        made = np.empty_like(self.start), _room(n, kind), _room(n, np.uint64)
+        ptr = np.empty(len(self.start), np.int64)
+        made = ptr, _room(n, kind), _room(n, np.uint64)
         packed.unpack_lists(*self.arrays().values(), *made)
         return ItemCells(*map(_kept, made))
 
@@ -96,10 +100,10 @@ class CellLists:
         packed.transpose_packed(*self.arrays().values(), *made)
         return ByBlock(*map(_kept, made))
 
-    @cached_property
+    @property
     def n_entries(self) -> int:
         """How many blocks all lists name together."""
-        return int(np.count_nonzero(self.step))
+        return len(self.code)
 
     def bytes_by_view(self) -> tuple[int, int]:
         """Return the bytes by item, in files and memory, and by block, in memory."""
@@ -116,10 +120,9 @@ def cells_of_item(
     item: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the blocks (k,) and masks (k,) of one item of packed lists."""
-    rows = slice(int(start[item]), int(start[item + 1]))
-    steps, codes = step[rows].astype(np.int64), code[rows].astype(np.int64)
-    entry = steps != 0
-    blocks, codes = np.cumsum(np.where(entry, steps, codes))[entry] - 1, codes[entry]
+    (first, first_code), (end, end_code) = start[item : item + 2].tolist()
+    steps, codes = step[first:end], code[first_code:end_code].astype(np.int64)
+    blocks = np.cumsum(steps, dtype=np.int64)[steps != packed.ON] - 1
     whole = codes >= packed.WHOLE
     masks = np.empty(len(codes), np.uint64)
     masks[whole] = full[codes[whole] - packed.WHOLE]
@@ -164,15 +167,23 @@ def packed_lists(
         n_blocks: Of the grid.
         share: Look for the commonest halves. False takes a tenth of the time, and
             twice the memory afterwards.
+
+    Raises:
+        BuildRefused: There are too many of them.
     """
     half = _common_halves(mask) if share else np.zeros(0, np.uint32)
     slot = np.full(packed.SLOTS, -1, np.int32)
     packed.place_halves(half, slot)
-    start = np.empty_like(ptr, np.int64)
-    packed.pack_starts(ptr, block, start)
-    step, code = _room(start[-1], np.uint8), _room(start[-1], np.uint32)
-    full = _room(len(mask), np.uint64)
-    end = packed.pack_lists(ptr, block, mask, half, slot, step, code, full)
+    n_steps, n = packed.count_steps(ptr, block), len(mask)
+    if n_steps > _MOST_STEPS:
+        raise BuildRefused(
+            f"the cells of all nodes and edges take {n_steps} steps, more than the "
+            f"{_MOST_STEPS} that a map can number; take larger cells or fewer nodes"
+        )
+    start = np.empty((len(ptr), 2), np.uint32)
+    step, code = _room(n_steps, np.uint8), _room(n, np.uint32)
+    full = _room(n, np.uint64)
+    end = packed.pack_lists(ptr, block, mask, half, slot, start, step, code, full)
     made = start, step, code, half, full[:end].copy() if share else mask
     return CellLists(*map(_kept, made), n_blocks)
 

@@ -9,7 +9,7 @@ be fetched from memory.
 import numpy as np
 from numba import njit
 
-from odm.cell_map._packed import packed_hit
+from odm.cell_map._packed import ON, packed_hit
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._state import IS_GOAL, view
@@ -21,15 +21,14 @@ REFUSED, FREE, BLOCKED, MAYBE = 0, 1, 2, 3
 
 
 @njit(**LEAN)
-def sign_items(start, step, code, region, signature):
+def sign_items(start, step, region, signature):
     """Write the signatures of items to `signature` (4 per item), zero before."""
     for i in range(start.shape[0] - 1):
         after = 0
-        for k in range(start[i], start[i + 1]):
-            if step[k] == 0:
-                after += code[k]
-                continue
+        for k in range(start[i, 0], start[i + 1, 0]):
             after += step[k]
+            if step[k] == ON:
+                continue
             bit = region[after - 1]
             signature[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
 
@@ -62,8 +61,8 @@ def is_hit(graph, item):
 @njit(**INNER)
 def graph_hit(words, graph, item):
     """Return True if the cells of a roadmap item share one with `words`."""
-    lists = graph.step, graph.code, graph.half, graph.full
-    return packed_hit(words, *lists, graph.start[item], graph.start[item + 1])
+    lists = graph.start, graph.step, graph.code, graph.half, graph.full
+    return packed_hit(words, *lists, item)
 
 
 @njit(**INNER)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from odm.cell_map._packed import word_of
+from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import displacement, place_clear, set_point
 from odm.close_test._pick import forget_cells, pick_cells, pick_points, pick_word
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
@@ -42,16 +42,15 @@ def close_free(state, points, q, dq):
 @njit(**INNER)
 def pick_item(picked, words, graph, item):
     """Add the occupied cells of a roadmap item."""
-    after = np.uint64(0)
-    for k in range(graph.start[item], graph.start[item + 1]):
-        if graph.step[k] == 0:
-            after += np.uint64(graph.code[k])
-            continue
+    after, at = np.uint64(0), np.uint64(graph.start[item, 1])
+    for k in range(graph.start[item, 0], graph.start[item + 1, 0]):
         after += np.uint64(graph.step[k])
-        b = after - np.uint64(1)
+        if graph.step[k] == ON:
+            continue
+        b, own, at = after - np.uint64(1), graph.code[at], at + np.uint64(1)
         if words[b] != 0:
-            own = word_of(graph.code[k], graph.half, graph.full)
-            pick_word(picked, b, words[b] & own)
+            cells = word_of(own, graph.half, graph.full)
+            pick_word(picked, b, words[b] & cells)
 
 
 @njit(**INNER)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.cell_map._packed import word_of
+from odm.cell_map._packed import ON, word_of
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._items import disjoint, graph_hit
@@ -259,15 +259,14 @@ def list_was_hit(state, block, mask, begin, end):
 def graph_was_hit(state, graph, item):
     """As `list_was_hit`, of a roadmap item."""
     lately, words = view(state, "recent").occupied, view(state, "cloud").words
-    after = np.uint64(0)
-    for k in range(graph.start[item], graph.start[item + 1]):
-        if graph.step[k] == 0:
-            after += np.uint64(graph.code[k])
-            continue
+    after, at = np.uint64(0), np.uint64(graph.start[item, 1])
+    for k in range(graph.start[item, 0], graph.start[item + 1, 0]):
         after += np.uint64(graph.step[k])
-        b = after - np.uint64(1)
+        if graph.step[k] == ON:
+            continue
+        b, own, at = after - np.uint64(1), graph.code[at], at + np.uint64(1)
         left = lately[b] & ~words[b]
-        if left != 0 and left & word_of(graph.code[k], graph.half, graph.full) != 0:
+        if left != 0 and left & word_of(own, graph.half, graph.full) != 0:
             return True
     return False
 

@@ -43,9 +43,9 @@ class Graph(NamedTuple):
     edges: np.ndarray = array("i4", "m 2")
     nodes: np.ndarray = array("f8", "n dof")
     # cell lists of nodes, then edges, packed; see `odm/cell_map/_packed.py`
-    start: np.ndarray = array("i8", "n+m+1")
-    step: np.ndarray = array("u1", "rows")
-    code: np.ndarray = array("u4", "rows")
+    start: np.ndarray = array("u4", "n+m+1 2")
+    step: np.ndarray = array("u1", "steps")
+    code: np.ndarray = array("u4", "entries")
     half: np.ndarray = array("u4", "halves")
     full: np.ndarray = array("u8", "words")
     closed: np.ndarray = array("b1", "n+m")  # True: blocked by scenery for good

@@ -182,7 +182,7 @@ def graph_on(
     item = by_block.t_item.view(np.int32)
     direct = new(Direct, sizes, ptr=by_block.t_ptr, item=item, mask=by_block.t_mask)
     signature = np.zeros(4 * (n + m), np.uint64)
-    sign_items(cells.start, cells.step, cells.code, region, signature)
+    sign_items(cells.start, cells.step, region, signature)
     graph = new(
         Graph,
         sizes,

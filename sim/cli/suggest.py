@@ -218,8 +218,8 @@ def _row(
     node_entries = probe.n_nodes * sizes[:n].mean()
     entries = node_entries + probe.n_edges * sizes[n:].mean()
     items = probe.n_nodes + probe.n_edges
-    rows = len(cells.step) / max(1, cells.n_entries)  # jumps are rows, too
-    edge_major = entries * (5 * rows + _WHOLE) + 8 * items
+    steps = len(cells.step) / max(1, cells.n_entries)
+    edge_major = entries * (4 + steps + _WHOLE) + 8 * items
     block_major = entries * 12 + 8 * grid.n_blocks
     graph = probe.n_nodes * 8 * (robot.dof + N_LANDMARKS) + probe.n_edges * 16
     workers = min(threads or os.cpu_count() or 1, os.cpu_count() or 1)

@@ -11,7 +11,7 @@ import odm
 from odm.cell_map import _packed as kernels
 from odm.cell_map import lists
 from odm.cell_map.lists import CellLists, cells_of_item, packed_lists
-from roadmap.errors import BadMap
+from roadmap.errors import BadMap, BuildRefused
 from roadmap.store import read_folder, write_folder
 
 BEFORE = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
@@ -21,19 +21,19 @@ def by_the_definition(cells: CellLists):
     """Return [(block, mask), ...] of every item, from what a step and a code mean."""
     found = []
     for item in range(len(cells.start) - 1):
-        block, own = -1, []
-        for k in range(cells.start[item], cells.start[item + 1]):
-            step, code = int(cells.step[k]), int(cells.code[k])
-            if step == 0:
-                block += code
+        block, own, at = -1, [], int(cells.start[item, 1])
+        for k in range(cells.start[item, 0], cells.start[item + 1, 0]):
+            block += int(cells.step[k])
+            if cells.step[k] == 255:
                 continue
-            block += step
+            code, at = int(cells.code[at]), at + 1
             if code >> 31:
                 mask = int(cells.full[code & 0x7FFFFFFF])
             else:
                 low, high = int(cells.half[code & 0x7FFF]), int(cells.half[code >> 15])
                 mask = low | high << 32
             own.append((block, mask))
+        assert at == cells.start[item + 1, 1]
         found.append(own)
     return found
 
@@ -46,7 +46,7 @@ def drawn_lists(rng, n_blocks, n_items=60, kinds=40):
         size = 0 if k % 7 == 3 else int(rng.integers(1, 80))
         block = np.unique(rng.integers(0, n_blocks if k % 2 else 200, size))
         if k == 0:
-            block = np.array([0, 1, 255, 256, 511, 512, 768, n_blocks - 1])
+            block = np.array([0, 1, 255, 256, 510, 765, 1021, n_blocks - 1])
         rows.append(np.unique(block))
     ptr = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
     block = np.concatenate(rows).astype(np.uint16 if n_blocks <= 65535 else np.uint32)
@@ -63,7 +63,7 @@ def test_packed_lists_hold_the_cells_they_were_made_of(rng, n_blocks, share):
         for a, b in zip(ptr[:-1], ptr[1:], strict=True)
     ]
     assert by_the_definition(cells) == wanted
-    assert cells.n_entries == len(block) < len(cells.step), "no list has a jump"
+    assert cells.n_entries == len(block) < len(cells.step), "no step is long"
     for ours, given in zip(cells.unpacked(), (ptr, block, mask), strict=True):
         assert ours.dtype == given.dtype and np.array_equal(ours, given)
     for item, own in enumerate(wanted):
@@ -77,6 +77,13 @@ def test_packed_lists_hold_the_cells_they_were_made_of(rng, n_blocks, share):
     assert t_ptr.tolist() == np.cumsum([0, *map(len, by_block)]).tolist()
     there = list(zip(t_item.tolist(), t_mask.tolist(), strict=True))
     assert there == [entry for entries in by_block for entry in entries]
+
+
+def test_more_steps_than_a_map_can_number_are_refused(monkeypatch):
+    monkeypatch.setattr(lists, "_MOST_STEPS", 2)
+    one = np.array([0, 1]), np.array([600], np.uint16), np.ones(1, np.uint64)
+    with pytest.raises(BuildRefused, match="take 3 steps, more than the 2"):
+        packed_lists(*one, 4096)
 
 
 def test_words_beyond_the_commonest_halves_are_kept_whole(rng):
