@@ -13,3 +13,12 @@ def frozen(array: np.ndarray, dtype: np.dtype | type) -> np.ndarray:
         result = result.copy()
     result.flags.writeable = False
     return result
+
+
+def writable(array: np.ndarray) -> np.ndarray:
+    """Return `array` C-contiguous and open to be written; a copy where it is not.
+
+    To numba a read-only array is another type, and a loop is compiled again for it.
+    """
+    result = np.ascontiguousarray(array)
+    return result if result.flags.writeable else result.copy()

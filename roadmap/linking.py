@@ -20,6 +20,9 @@ from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
+from numba.core.untyped_passes import ReconstructSSA
+
+from roadmap.plain_constants import PlainConstants
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
 # 55 that cost it something, and few of the others cost nothing.
@@ -44,7 +47,11 @@ class LoopCompiler(CompilerBase):
             )
             library.enable_object_caching()
             state.library = library
-        return [DefaultPassBuilder.define_nopython_pipeline(state)]
+        passes = DefaultPassBuilder.define_nopython_pipeline(state)
+        if KNOWN:
+            passes.add_pass_after(PlainConstants, ReconstructSSA)
+            passes.finalize()
+        return [passes]
 
 
 class LoopLibrary(JITCodeLibrary):

@@ -46,7 +46,7 @@ def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
 @lru_cache(maxsize=8192)
 def item_cells(cell_map, item) -> frozenset[tuple[int, int, int]]:
     """Return the cells in the list of an item (node, or n_nodes + edge)."""
-    cells = cell_map.arm_cells
+    cells = cell_map.arm_cells.by_item
     part = slice(int(cells.ptr[item]), int(cells.ptr[item + 1]))
     return frozenset(
         words_to_cells(cells.block[part], cells.mask[part], cell_map.grid.blocks)

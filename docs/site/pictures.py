@@ -30,7 +30,7 @@ ARM = np.array([[0.95, -0.1, 0.7, 0.6, 0.0, 0.55, 0.05]])  # a forearm [m]
 
 def cells_of(cell_map: odm.CellMap, item: int) -> np.ndarray:
     """Return (k, 3) the indices of the cells of a node, or of an edge + n_nodes."""
-    lists = cell_map.arm_cells
+    lists = cell_map.arm_cells.by_item
     rows = range(int(lists.ptr[item]), int(lists.ptr[item + 1]))
     return np.vstack([unpacked(cell_map, lists.block[i], lists.mask[i]) for i in rows])
 

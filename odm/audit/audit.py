@@ -64,7 +64,7 @@ class Auditor:
         dq = difference(
             cell_map.robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]]
         )
-        cells = cell_map.arm_cells
+        cells = cell_map.arm_cells.by_item
         return kernels.Asked(
             cells.ptr, cells.block, cells.mask, roadmap.nodes, ends, dq, self.close,
             cell_map.motion_tolerance, cell_map.swept_radii(),

@@ -301,27 +301,6 @@ def sweep_edges(swept, q, dq, ends, nodes, lists):
 
 
 @njit(**LEAN)
-def transpose_lists(ptr, blocks, masks, t_ptr, t_items, t_masks):
-    """Turn item -> (block, mask) lists into block -> (item, mask) lists."""
-    n_blocks = t_ptr.shape[0] - 1
-    for b in range(n_blocks + 1):
-        t_ptr[b] = 0
-    for k in range(blocks.shape[0]):
-        t_ptr[blocks[k] + 1] += 1
-    for b in range(n_blocks):
-        t_ptr[b + 1] += t_ptr[b]
-    for item in range(ptr.shape[0] - 1):
-        for k in range(ptr[item], ptr[item + 1]):
-            at = t_ptr[blocks[k]]
-            t_items[at] = item
-            t_masks[at] = masks[k]
-            t_ptr[blocks[k]] = at + 1
-    for b in range(n_blocks, 0, -1):
-        t_ptr[b] = t_ptr[b - 1]
-    t_ptr[0] = 0
-
-
-@njit(**LEAN)
 def merge_lists(a, b, out):
     """Write to `out` the union of two layers' cells, item by item.
 

@@ -29,28 +29,27 @@ class PayloadLayer:
     Attributes:
         recipe: The envelope.
         spheres: (n, 4) spheres that contain it, tool frame [m].
-        ptr, block, mask: Its swept cells, as in `CellLists`; an edge's list leaves
-            out what the envelope sweeps at the edge's nodes.
+        cells: What it sweeps; an edge's list leaves out what the envelope sweeps at
+            the edge's nodes.
         closed: (n_items,) True where the envelope touches the arm or the recipe's
             scenery.
     """
 
     recipe: PayloadRecipe
     spheres: np.ndarray
-    ptr: np.ndarray
-    block: np.ndarray
-    mask: np.ndarray
+    cells: CellLists
     closed: np.ndarray
 
     def __post_init__(self) -> None:
         """Freeze the arrays, keeping their types."""
-        for name, array in self.arrays().items():
+        for name in ("spheres", "closed"):
+            array = getattr(self, name)
             object.__setattr__(self, name, frozen(array, array.dtype))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
-        names = ("spheres", "ptr", "block", "mask", "closed")
-        return {name: getattr(self, name) for name in names}
+        own = {"spheres": self.spheres, "closed": self.closed}
+        return own | self.cells.arrays()
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +143,7 @@ class CellMap:
         }
         arrays = {f"robot.{k}": a for k, a in self.robot.arrays().items()}
         arrays |= {f"roadmap.{k}": a for k, a in self.roadmap.arrays().items()}
-        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.stored().items()}
+        arrays |= {f"arm.{k}": a for k, a in self.arm_cells.arrays().items()}
         if self.payload is not None:
             arrays |= {f"payload.{k}": a for k, a in self.payload.arrays().items()}
         arrays |= {f"scenery.{k}": a for k, a in self.scenery.arrays().items()}
@@ -187,9 +186,12 @@ def load_map(
 def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
     """Make a map of what a folder holds."""
     recipe = recipe_of_map(manifest["recipe"])
-    payload = None
+    payload, n_blocks = None, int(np.prod(arrays["grid.blocks"]))
     if recipe.payload is not None:
-        payload = PayloadLayer(recipe.payload, **_part(arrays, "payload."))
+        own = _part(arrays, "payload.")
+        spheres, closed = own.pop("spheres"), own.pop("closed")
+        cells = lists_of(own, n_blocks)
+        payload = PayloadLayer(recipe.payload, spheres, cells, closed)
     return CellMap(
         robot=Robot.from_store(manifest["robot"], _part(arrays, "robot.")),
         roadmap=Roadmap(**_part(arrays, "roadmap.")),
@@ -197,7 +199,7 @@ def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
             arrays["grid.origin"], manifest["grid"]["h"], arrays["grid.blocks"]
         ),
         recipe=recipe,
-        arm_cells=lists_of(_part(arrays, "arm."), int(np.prod(arrays["grid.blocks"]))),
+        arm_cells=lists_of(_part(arrays, "arm."), n_blocks),
         scenery=Scenery.from_store(manifest["scenery"], _part(arrays, "scenery.")),
         payload=payload,
         built=manifest["built"],

@@ -6,7 +6,7 @@ import numpy as np
 
 from odm.cell_map._sweep import ItemCells, merge_lists
 from odm.cell_map.cell_map import CellMap, PayloadLayer
-from odm.cell_map.lists import both_views
+from odm.cell_map.lists import packed_lists
 from odm.cell_map.recipe import PayloadRecipe, Recipe
 from odm.cell_map.sweep import Progress, sweep_roadmap
 from odm.close_test.arm import arm_of
@@ -62,13 +62,14 @@ def loaded_map(cell_map: CellMap) -> CellMap:
         BadInput: The map has no payload layer.
     """
     payload = required(cell_map)
-    arm = cell_map.arm_cells
-    room = len(arm.block) + len(payload.block)
+    arm = cell_map.arm_cells.unpacked()
+    carried = payload.cells.unpacked()
+    room = len(arm.block) + len(carried.block)
     ptr = np.zeros_like(arm.ptr)
     block, mask = np.empty(room, arm.block.dtype), np.empty(room, np.uint64)
-    layers = (ItemCells(c.ptr, c.block, c.mask) for c in (arm, payload))
-    end = merge_lists(*layers, ItemCells(ptr, block, mask))
-    cells = both_views(ptr, block[:end], mask[:end], cell_map.grid.n_blocks)
+    end = merge_lists(arm, carried, ItemCells(ptr, block, mask))
+    lists = ptr, block[:end], mask[:end].copy()
+    cells = packed_lists(*lists, cell_map.grid.n_blocks, share=False)
     robot = envelope_robot(cell_map.robot, payload)
     return replace(cell_map, robot=robot, arm_cells=cells, payload=None, hash="")
 
@@ -133,9 +134,7 @@ def build_payload(
         )
     closed = ~free
     closed[n:] |= closed[ends[:, 0]] | closed[ends[:, 1]]
-    return PayloadLayer(
-        recipe.payload, spheres, cells.ptr, cells.block, cells.mask, closed
-    )
+    return PayloadLayer(recipe.payload, spheres, cells, closed)
 
 
 def envelope_spheres(recipe: Recipe) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING
 from odm.cell_map.chunk_work import Sweeping, edge_job, node_job
-from odm.cell_map.lists import CellLists, both_views
+from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
@@ -58,9 +58,9 @@ def sweep_roadmap(
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])
     mask = np.concatenate([nodes[2], edges[2]])
-    tell("both views", 0, 1)
-    lists = both_views(ptr, block, mask, grid.n_blocks)
-    tell("both views", 1, 1)
+    tell("packing", 0, 1)
+    lists = packed_lists(ptr, block, mask, grid.n_blocks)
+    tell("packing", 1, 1)
     return lists
 
 

@@ -22,21 +22,23 @@ def forget_cells(pick):
 @njit(**INNER)
 def pick_cells(pick, words, block, mask, begin, end):
     """Add the occupied cells of the list block, mask [begin:end]."""
-    count = pick.counts[N_OCCUPIED]
     for k in range(begin, end):
         word = words[block[k]]
-        if word == 0:
-            continue
-        word &= mask[k]
-        if word == 0:
-            continue
-        b = block[k]
-        if pick.words[b] == 0:
-            pick.occupied[count] = b
-            pick.slot[b] = count
-            count += 1
-        pick.words[b] |= word
-    pick.counts[N_OCCUPIED] = count
+        if word != 0:
+            pick_word(pick, block[k], word & mask[k])
+
+
+@njit(**INNER)
+def pick_word(pick, b, word):
+    """Add cells of a block; none of them is left out for being there already."""
+    if word == 0:
+        return
+    if pick.words[b] == 0:
+        count = pick.counts[N_OCCUPIED]
+        pick.occupied[count] = b
+        pick.slot[b] = count
+        pick.counts[N_OCCUPIED] = count + 1
+    pick.words[b] |= word
 
 
 @njit(**INNER)

@@ -21,6 +21,7 @@ from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid, grid_for
 from odm.obstacles.scenery import Scenery
+from roadmap.arrays import writable
 from roadmap.errors import BadInput
 from roadmap.geometry._self_collision import SelfWork, motion_clear
 from roadmap.geometry.self_collision import MARGIN, TOLERANCE, self_collision
@@ -145,7 +146,7 @@ class StaticTest:
 
         With `more` every point of the robot may be so far beside the motion [m].
         """
-        q, dq = np.ascontiguousarray(q), np.ascontiguousarray(dq)
+        q, dq = writable(q), writable(dq)
         result = np.zeros(len(q), np.bool_)
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from odm.answer import NOTHING, Blockers
+from odm.cell_map.lists import cells_of_item
 from odm.checks import outside_limits
 from odm.frame.frame import Frame
 from odm.frame.freedom import in_cm
@@ -168,13 +169,13 @@ class Reasons:
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:
         memory, roadmap = self.frame.memory, self.frame.cell_map.roadmap
-        cells, n = memory.graph, roadmap.n_nodes
+        graph, n = memory.graph, roadmap.n_nodes
+        lists = graph.start, graph.step, graph.code, graph.half, graph.full
         a, b = roadmap.edges[edge]
         found: set[tuple[int, int, int]] = set()
         for item in (n + edge, int(a), int(b)):
-            part = slice(int(cells.ptr[item]), int(cells.ptr[item + 1]))
-            blocks = cells.block[part]
-            both = cells.mask[part] & memory.cloud.words[blocks]
+            blocks, own = cells_of_item(*lists, item)
+            both = own & memory.cloud.words[blocks]
             for k in np.flatnonzero(both):
                 found.update(_unpack(int(blocks[k]), int(both[k]), self.frame))
         return found

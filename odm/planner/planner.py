@@ -966,7 +966,7 @@ def stage_of(code: int, path: np.ndarray) -> str:
 def _told_apart(cell_map: CellMap) -> bytes:
     """Return what tells a map from others, stored or not."""
     roadmap = cell_map.roadmap
-    arrays = roadmap.nodes, roadmap.edges, cell_map.arm_cells.ptr
+    arrays = roadmap.nodes, roadmap.edges, cell_map.arm_cells.start
     words = cell_map.robot.fingerprint(), repr(cell_map.recipe)
     return b"".join([*(w.encode() for w in words), *(a.tobytes() for a in arrays)])
 

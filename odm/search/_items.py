@@ -9,6 +9,7 @@ be fetched from memory.
 import numpy as np
 from numba import njit
 
+from odm.cell_map._packed import ON, packed_hit
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._state import IS_GOAL, view
@@ -20,11 +21,15 @@ REFUSED, FREE, BLOCKED, MAYBE = 0, 1, 2, 3
 
 
 @njit(**LEAN)
-def sign_items(ptr, block, region, signature):
+def sign_items(start, step, region, signature):
     """Write the signatures of items to `signature` (4 per item), zero before."""
-    for i in range(ptr.shape[0] - 1):
-        for k in range(ptr[i], ptr[i + 1]):
-            bit = region[block[k]]
+    for i in range(start.shape[0] - 1):
+        after = 0
+        for k in range(start[i, 0], start[i + 1, 0]):
+            after += step[k]
+            if step[k] == ON:
+                continue
+            bit = region[after - 1]
             signature[4 * i + (bit >> 6)] |= np.uint64(1) << np.uint64(bit & 63)
 
 
@@ -54,6 +59,13 @@ def is_hit(graph, item):
 
 
 @njit(**INNER)
+def graph_hit(words, graph, item):
+    """Return True if the cells of a roadmap item share one with `words`."""
+    lists = graph.start, graph.step, graph.code, graph.half, graph.full
+    return packed_hit(words, *lists, item)
+
+
+@njit(**INNER)
 def item_free(state, item):
     """Return True if no occupied cell is in the list of a roadmap item; remembered."""
     graph, search, stats = (
@@ -72,8 +84,7 @@ def item_free(state, item):
         stats.edge_tests[0] += 1
         if not disjoint(graph.signature, item, search.signature):
             words = view(state, "cloud").words
-            begin, end = graph.ptr[item], graph.ptr[item + 1]
-            if list_hit(words, graph.block, graph.mask, begin, end):
+            if graph_hit(words, graph, item):
                 hit = 1
     search.memo[item] = 2 * frame + hit
     return hit == 0

@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
+from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import displacement, place_clear, set_point
-from odm.close_test._pick import forget_cells, pick_cells, pick_points
+from odm.close_test._pick import forget_cells, pick_cells, pick_points, pick_word
 from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.obstacles._occupancy import sort_points
 from odm.search._items import (
@@ -39,6 +40,20 @@ def close_free(state, points, q, dq):
 
 
 @njit(**INNER)
+def pick_item(picked, words, graph, item):
+    """Add the occupied cells of a roadmap item."""
+    after, at = np.uint64(0), np.uint64(graph.start[item, 1])
+    for k in range(graph.start[item, 0], graph.start[item + 1, 0]):
+        after += np.uint64(graph.step[k])
+        if graph.step[k] == ON:
+            continue
+        b, own, at = after - np.uint64(1), graph.code[at], at + np.uint64(1)
+        if words[b] != 0:
+            cells = word_of(own, graph.half, graph.full)
+            pick_word(picked, b, words[b] & cells)
+
+
+@njit(**INNER)
 def pick_ref(state, points, ref):
     """Return the points inside the cells of a motion's item: all that can block it.
 
@@ -65,8 +80,7 @@ def pick_ref(state, points, ref):
         n = graph.adj_ptr.shape[0] - 1
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
         for item in (n + edge, a, b):
-            begin, end = graph.ptr[item], graph.ptr[item + 1]
-            pick_cells(picked, cloud.words, graph.block, graph.mask, begin, end)
+            pick_item(picked, cloud.words, graph, item)
     pick_points(picked, cloud, points)
     return picked
 

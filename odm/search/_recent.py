@@ -13,9 +13,10 @@ import math
 import numpy as np
 from numba import njit
 
+from odm.cell_map._packed import ON, word_of
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
-from odm.search._items import disjoint
+from odm.search._items import disjoint, graph_hit
 from odm.search._state import EDGE_BASE, view
 from roadmap.jit_options import INNER, LEAN
 
@@ -200,8 +201,7 @@ def item_in_avoided(state, item):
         return known & 1 == 1
     hit = 0
     if not disjoint(graph.signature, item, recent.sign):
-        begin, end = graph.ptr[item], graph.ptr[item + 1]
-        if list_hit(recent.avoided, graph.block, graph.mask, begin, end):
+        if graph_hit(recent.avoided, graph, item):
             hit = 1
     recent.memo[item] = 2 * frame + hit
     return hit == 1
@@ -256,6 +256,22 @@ def list_was_hit(state, block, mask, begin, end):
 
 
 @njit(**INNER)
+def graph_was_hit(state, graph, item):
+    """As `list_was_hit`, of a roadmap item."""
+    lately, words = view(state, "recent").occupied, view(state, "cloud").words
+    after, at = np.uint64(0), np.uint64(graph.start[item, 1])
+    for k in range(graph.start[item, 0], graph.start[item + 1, 0]):
+        after += np.uint64(graph.step[k])
+        if graph.step[k] == ON:
+            continue
+        b, own, at = after - np.uint64(1), graph.code[at], at + np.uint64(1)
+        left = lately[b] & ~words[b]
+        if left != 0 and left & word_of(own, graph.half, graph.full) != 0:
+            return True
+    return False
+
+
+@njit(**INNER)
 def path_crosses_history(state, path):
     """Return True if a path is free only now: through cells left lately."""
     pool, graph = view(state, "pool"), view(state, "graph")
@@ -272,8 +288,7 @@ def path_crosses_history(state, path):
         edge = EDGE_BASE - ref
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
         for item in (n + edge, a, b):
-            begin, end = graph.ptr[item], graph.ptr[item + 1]
-            if list_was_hit(state, graph.block, graph.mask, begin, end):
+            if graph_was_hit(state, graph, item):
                 return True
     return False
 

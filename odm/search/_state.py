@@ -42,9 +42,12 @@ class Graph(NamedTuple):
     adj_length: np.ndarray = array("f8", "2*m")
     edges: np.ndarray = array("i4", "m 2")
     nodes: np.ndarray = array("f8", "n dof")
-    ptr: np.ndarray = array("i8", "n+m+1")  # cell lists of nodes, then edges
-    block: np.ndarray = array(BLOCK, "entries")
-    mask: np.ndarray = array("u8", "entries")
+    # cell lists of nodes, then edges, packed; see `odm/cell_map/_packed.py`
+    start: np.ndarray = array("u4", "n+m+1 2")
+    step: np.ndarray = array("u1", "steps")
+    code: np.ndarray = array("u4", "entries")
+    half: np.ndarray = array("u4", "halves")
+    full: np.ndarray = array("u8", "words")
     closed: np.ndarray = array("b1", "n+m")  # True: blocked by scenery for good
     # bit of a block in signatures, 0 to 255
     region: np.ndarray = array("i4", "blocks")

@@ -108,7 +108,7 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
         BadInput: An array is not as it is declared.
     """
     named = {n: groups[n] if n in groups else getattr(memory, n) for n in KINDS}
-    block = named["graph"].block.dtype
+    block = named["pool"].block.dtype
     check({name: (KINDS[name], group) for name, group in named.items()}, block)
     table = table_of(named, block)
     for name, value in {**groups, "table": table}.items():
@@ -125,7 +125,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     sizes["bodies"] = len(robot.tree_i)
     sizes["places"] = sizes["slacks"] * (sizes["chords"] + 1)
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
-    sizes["blocks"] = len(cells.t_ptr) - 1
+    sizes["blocks"] = cells.n_blocks
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
     robot_state = new(
         RobotState,
@@ -142,7 +142,8 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     # a robot off its path by no more than this follows it. That spends nothing of m:
     # from there its first leg is tested with all of m, which the executor then spends
     terms.path_tolerance[0] = safety.tracking + safety.blending
-    block = np.zeros(sizes["item_entries"], cells.block.dtype)
+    wide = cells.n_blocks > 65535
+    block = np.zeros(sizes["item_entries"], np.uint32 if wide else np.uint16)
     groups = {
         "arm": arm,
         "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
@@ -170,18 +171,18 @@ def graph_on(
     roadmap: Roadmap, cells: CellLists, region: np.ndarray
 ) -> tuple[Graph, Direct]:
     """Return the roadmap with its cell lists, and their block-major view."""
-    n, m = roadmap.n_nodes, roadmap.n_edges
+    n, m, by_block = roadmap.n_nodes, roadmap.n_edges, cells.by_block
     sizes = {
         "n": n,
         "m": m,
-        "blocks": len(cells.t_ptr) - 1,
+        "blocks": cells.n_blocks,
         "bits": (n + m) // 64 + 1,
-        "longest_list": int(np.diff(cells.t_ptr).max(initial=0)) + 1,
+        "longest_list": int(np.diff(by_block.t_ptr).max(initial=0)) + 1,
     }
-    item = cells.t_item.view(np.int32)
-    direct = new(Direct, sizes, ptr=cells.t_ptr, item=item, mask=cells.t_mask)
+    item = by_block.t_item.view(np.int32)
+    direct = new(Direct, sizes, ptr=by_block.t_ptr, item=item, mask=by_block.t_mask)
     signature = np.zeros(4 * (n + m), np.uint64)
-    sign_items(cells.ptr, cells.block, region, signature)
+    sign_items(cells.start, cells.step, region, signature)
     graph = new(
         Graph,
         sizes,
@@ -191,9 +192,7 @@ def graph_on(
         adj_length=roadmap.adj_length,
         edges=roadmap.edges,
         nodes=roadmap.nodes,
-        ptr=cells.ptr,
-        block=cells.block,
-        mask=cells.mask,
+        **cells.arrays(),
         region=region,
         signature=signature,
         hit_bits=direct.bits,
@@ -206,7 +205,8 @@ def regions(cell_map: CellMap) -> np.ndarray:
     nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
     at = np.indices((nx, ny, nz)) // 2
     coarse = (at[0] * ny + at[1]) * nz + at[2]
-    used = np.unique(coarse.ravel()[np.unique(cell_map.arm_cells.block)])
+    swept = np.diff(cell_map.arm_cells.by_block.t_ptr) > 0
+    used = np.unique(coarse.ravel()[swept])
     return (np.searchsorted(used, coarse.ravel()) % 256).astype(np.int32)
 
 

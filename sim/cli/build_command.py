@@ -259,8 +259,8 @@ def _show(facts: dict) -> None:
     print(
         f"{facts['nodes']:,} nodes and {facts['edges']:,} edges in "
         f"{facts['seconds']:.1f} s, {bytes_text(facts['folder_bytes'])}: "
-        f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, "
-        f"{per_edge['block_major']:.0f} in the block-major one"
+        f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, and "
+        f"{per_edge['block_major']:.0f} more in memory for the block-major one"
     )
     if parts > 1:
         print(f"the largest of {parts} components was kept; the others are left out")

@@ -32,7 +32,8 @@ CELLS = (0.03, 0.04, 0.05)
 PROBED = 48  # nodes whose edges are looked at
 SWEPT = 240  # edges that are swept
 # measured once on the reference map: what is not probed [s per node, edge, entry]
-_PER_NODE, _PER_EDGE, _PER_ENTRY = 1.2e-4, 3e-5, 6e-8
+_PER_NODE, _PER_EDGE, _PER_ENTRY = 1.2e-4, 3e-5, 1.5e-7
+_WHOLE = 1.0  # bytes of an entry for halves and words kept whole; Panda, 4 cm
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Suggestion:
         nodes, edges: Counts.
         bytes_per_edge: Of the edge-major view, nodes included.
         map_bytes: Everything on disk.
+        memory_bytes: In memory, with the block-major view.
         seconds: Build, the robot's cover included, on `threads` threads [s].
         tax_cells, tax_close: Mean extra distance at which an edge is given up, by
             cells and by the close test [m].
@@ -54,6 +56,7 @@ class Suggestion:
     edges: int
     bytes_per_edge: float
     map_bytes: int
+    memory_bytes: int
     seconds: float
     tax_cells: float
     tax_close: float
@@ -215,8 +218,9 @@ def _row(
     node_entries = probe.n_nodes * sizes[:n].mean()
     entries = node_entries + probe.n_edges * sizes[n:].mean()
     items = probe.n_nodes + probe.n_edges
-    edge_major = entries * (cells.block.itemsize + 8) + 8 * items
-    block_major = entries * (cells.t_item.itemsize + 8) + 8 * grid.n_blocks
+    steps = len(cells.step) / max(1, cells.n_entries)
+    edge_major = entries * (4 + steps + _WHOLE) + 8 * items
+    block_major = entries * 12 + 8 * grid.n_blocks
     graph = probe.n_nodes * 8 * (robot.dof + N_LANDMARKS) + probe.n_edges * 16
     workers = min(threads or os.cpu_count() or 1, os.cpu_count() or 1)
     rest = probe.n_edges * _PER_EDGE + entries * _PER_ENTRY
@@ -227,7 +231,8 @@ def _row(
         nodes=probe.n_nodes,
         edges=probe.n_edges,
         bytes_per_edge=edge_major / max(1, probe.n_edges),
-        map_bytes=int(edge_major + block_major + graph),
+        map_bytes=int(edge_major + graph),
+        memory_bytes=int(edge_major + block_major + graph),
         seconds=seconds,
         tax_cells=tax.edge_by_cells[0],
         tax_close=tax.edge_by_close_test[0],

@@ -44,7 +44,7 @@ def plot_map(cell_map: CellMap, path: str | Path) -> Path:
 
 def node_counts(cell_map: CellMap) -> np.ndarray:
     """Return (nx, ny, nz) how many nodes a point in each cell invalidates."""
-    cells, blocks = cell_map.arm_cells, cell_map.grid.blocks
+    cells, blocks = cell_map.arm_cells.by_block, cell_map.grid.blocks
     is_node = np.asarray(cells.t_item) < cell_map.roadmap.n_nodes
     block = np.repeat(np.arange(len(cells.t_ptr) - 1), np.diff(cells.t_ptr))[is_node]
     mask = np.asarray(cells.t_mask)[is_node]

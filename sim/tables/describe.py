@@ -37,7 +37,7 @@ def facts(
     robot, roadmap = cell_map.robot, cell_map.roadmap
     edge_major, block_major = cell_map.arm_cells.bytes_by_view()
     n_edges = max(1, roadmap.n_edges)
-    cells = np.bitwise_count(cell_map.arm_cells.mask)
+    cells = np.bitwise_count(cell_map.arm_cells.by_item.mask)
     return {
         "name": cell_map.recipe.name,
         "hash": cell_map.hash,
@@ -149,8 +149,8 @@ def show(facts: dict) -> None:
     console.print(
         f"{roadmap['nodes']:,} nodes, {roadmap['edges']:,} edges, "
         f"{roadmap['neighbors_mean']} neighbours a node; bytes per edge: "
-        f"{size['edge_major_per_edge']:.0f} edge-major, "
-        f"{size['block_major_per_edge']:.0f} block-major "
+        f"{size['edge_major_per_edge']:.0f} edge-major, on disk and in memory, and "
+        f"{size['block_major_per_edge']:.0f} block-major, derived in memory "
         f"({bytes_text(size['edge_major'])} and {bytes_text(size['block_major'])})"
     )
     grid = " x ".join(map(str, facts["cells"]["grid"]))

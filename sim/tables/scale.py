@@ -16,7 +16,7 @@ from typing import Protocol
 
 NEAR = 1.0  # [%] of success: less of a difference is none
 SLOWER = 1.25  # times the time until a scene has a path: less of a difference is none
-_BUILD = 3.0  # times a map's bytes are taken by its build, as `odm.cell_map.estimate`
+_BUILD = 3.0  # times the memory that a map takes is taken by its build
 _SHARE = 0.5  # of the free memory that a build may take
 
 
@@ -26,6 +26,7 @@ class Costs(Protocol):
     h: float
     nodes: int
     map_bytes: int
+    memory_bytes: int
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def choice(rows: Sequence[Costs], memory: int) -> Costs | None:
         rows: Sizes and their costs.
         memory: Free [bytes]; a build may take half of it.
     """
-    fit = [row for row in rows if _BUILD * row.map_bytes <= _SHARE * memory]
+    fit = [row for row in rows if _BUILD * row.memory_bytes <= _SHARE * memory]
     if not fit:
         return None
     gains = {(row.nodes, row.h): gain_of(row.nodes, row.h) for row in fit}

@@ -52,7 +52,8 @@ class RoadmapPicture:
 
         The arm's layer alone: not what is carried.
         """
-        grid, lists, roadmap = self._map.grid, self._map.arm_cells, self._map.roadmap
+        grid, roadmap = self._map.grid, self._map.roadmap
+        lists = self._map.arm_cells.by_block
         hit = np.zeros(roadmap.n_nodes + roadmap.n_edges, bool)
         high, low = cells >> 2, (cells & 3).astype(np.uint64)
         _, ny, nz = grid.blocks

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from odm.cell_map import _sweep
+from odm.cell_map import _packed
 from roadmap.kept_code import KeptTypes, load_kept
 
 
 def test_what_is_kept_of_a_loop_is_loaded_without_a_call(small_map):
-    # the map was swept with 16-bit numbers of blocks, or its code lies on disk
-    loop = _sweep.transpose_lists
+    assert small_map.arm_cells.by_block  # it was called, or its code lies on disk
+    loop = _packed.transpose_packed
     kept = KeptTypes(loop).on(loop.targetctx.codegen().magic_tuple())
     assert kept
     hits = sum(loop.stats.cache_hits.values())

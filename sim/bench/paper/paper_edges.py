@@ -114,7 +114,7 @@ class _Sweeper:
         self._swept = swept_by(arm, radii, cell_map.motion_tolerance, grid)
         self._n_blocks = grid.n_blocks
         self._shares = np.linspace(0.0, 1.0, 2**LEVEL + 1)[:, None]
-        self._type = cell_map.arm_cells.block.dtype
+        self._type = np.uint16 if grid.n_blocks <= 65535 else np.uint32
 
     def samples(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the cells of configurations along a motion, (n, n_blocks)."""

@@ -139,7 +139,7 @@ def test_every_case_can_be_run_again_without_the_compiled_loop(cell_map):
 
 def shares_cell(cell_map, points, items):
     """Say whether a point lies in a swept cell of one of the items."""
-    lists, (_, ny, nz) = cell_map.arm_cells, cell_map.grid.blocks.tolist()
+    lists, (_, ny, nz) = cell_map.arm_cells.by_item, cell_map.grid.blocks.tolist()
     cells = cell_map.grid.locate(points).tolist()
     for item in items:
         rows = range(lists.ptr[item], lists.ptr[item + 1])
@@ -208,4 +208,4 @@ def test_the_sphere_taken_away_is_needed(cell_map):
     assert cell_map.robot.sphere_body[sphere] > 0
     assert depth > 0.005
     lame = spoiled(cell_map, "sphere", 20)
-    assert len(lame.arm_cells.mask) > 0 and lame.safety == cell_map.safety
+    assert lame.arm_cells.n_entries > 0 and lame.safety == cell_map.safety

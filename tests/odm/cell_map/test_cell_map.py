@@ -39,7 +39,7 @@ def test_two_builds_of_a_recipe_have_the_same_hash(small_map, folder, tmp_path):
 
 
 def test_a_flipped_byte_is_found_by_verification(folder):
-    file = folder / "arm.mask.npy"
+    file = folder / "arm.code.npy"
     data = bytearray(file.read_bytes())
     data[-20] ^= 1
     file.write_bytes(data)
@@ -49,7 +49,7 @@ def test_a_flipped_byte_is_found_by_verification(folder):
 
 
 def test_a_truncated_array_is_refused_without_verification(folder):
-    file = folder / "arm.mask.npy"
+    file = folder / "arm.code.npy"
     file.write_bytes(file.read_bytes()[:-100])
     with pytest.raises(BadMap, match="truncated"):
         odm.load_map(folder, verify=False)
@@ -173,7 +173,7 @@ def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map, rng)
     few = replace(recipe, roadmap=replace(recipe.roadmap, nodes=40))
     fine = odm.build_map(few, robot=small_map.robot)
     assert fine.grid.n_blocks > 65535
-    assert fine.arm_cells.block.dtype == np.uint32
+    assert fine.arm_cells.by_item.block.dtype == np.uint32
     planner = odm.ReactivePlanner(fine)
     points = odm.sample_capsules(np.array([[0, 0, 0.9, 0, 0, 1.4, 0.05]]), 0.03)
     planner.frame.look_at(points)  # a whole step: `odm warmup --fine`

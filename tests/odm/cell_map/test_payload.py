@@ -220,7 +220,7 @@ def test_attach_compiles_nothing_and_leaves_the_map_alone(cell_map, planner, rng
     frames(planner, 1, 5)
     planner.detach()
     known = len(close.motion_clear.signatures), len(frame.plan.signatures)
-    masks = cell_map.arm_cells.mask, cell_map.payload.mask
+    masks = cell_map.arm_cells.code, cell_map.payload.cells.code
     before = [mask.tobytes() for mask in masks]
     planner.attach(BRICK, SHIFT)
     frames(planner, 2, 5)

@@ -231,9 +231,10 @@ def test_cameras_look_wherever_a_payload_can_get(cell_map, loaded):
 
     inside = layout._in_reach(cell_map)
     nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
-    blocks = np.unique(loaded.arm_cells.block.astype(np.int64))
+    lists = loaded.arm_cells.by_item
+    blocks = np.unique(loaded.arm_cells.by_item.block.astype(np.int64))
     for b in blocks:
-        masks = loaded.arm_cells.mask[loaded.arm_cells.block == b]
+        masks = lists.mask[lists.block == b]
         word = int(np.bitwise_or.reduce(masks))
         at = 4 * np.array([b // (ny * nz), b // nz % ny, b % nz])
         for k in range(64):

@@ -69,10 +69,13 @@ def test_the_order_of_the_points_changes_nothing(small_map, planner, rng):
 
 
 def test_the_two_views_hold_the_same_entries(small_map):
-    cells = small_map.arm_cells
-    item = np.repeat(np.arange(len(cells.ptr) - 1), np.diff(cells.ptr))
-    block = np.repeat(np.arange(len(cells.t_ptr) - 1), np.diff(cells.t_ptr))
-    here = sorted(zip(item, cells.block, cells.mask, strict=True))
-    there = sorted(zip(cells.t_item, block, cells.t_mask, strict=True))
+    own, (t_ptr, t_item, t_mask) = (
+        small_map.arm_cells.by_item,
+        small_map.arm_cells.by_block,
+    )
+    item = np.repeat(np.arange(len(own.ptr) - 1), np.diff(own.ptr))
+    block = np.repeat(np.arange(len(t_ptr) - 1), np.diff(t_ptr))
+    here = sorted(zip(item, own.block, own.mask, strict=True))
+    there = sorted(zip(t_item, block, t_mask, strict=True))
     assert len(here) == len(there)
     assert all(a == b for a, b in zip(here, there, strict=True))

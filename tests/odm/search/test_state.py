@@ -20,6 +20,8 @@ def memory(small_map):
         for group in [getattr(laid_out, name)]
     }
     copies["stats"] = laid_out.stats
+    # all words of so small a map are two common halves
+    copies["graph"] = copies["graph"]._replace(full=np.zeros(2, np.uint64))
     return Memory(copies)
 
 
@@ -66,10 +68,8 @@ def test_each_row_is_written_where_it_is_declared(memory, name):
 
 def test_wide_ids_of_blocks_have_another_type_of_table(memory):
     groups = {name: getattr(memory, name) for name in KINDS}
-    for name in ("graph", "pool"):
-        wide = groups[name].block.astype(np.uint32)
-        groups[name] = groups[name]._replace(block=wide)
-    wide = Memory(groups)
+    ids = groups["pool"].block.astype(np.uint32)
+    wide = Memory(groups | {"pool": groups["pool"]._replace(block=ids)})
     assert (memory.table.dtype, wide.table.dtype) == (np.int64, np.uint64)
     writer("pool")(wide.table, 10)
     assert wide.pool.block[-1] == 16

@@ -140,7 +140,12 @@ def test_info_tells_what_the_map_holds(odm, map_dir):
     assert found["safety"] == cell_map.safety.as_dict()
     assert found["roadmap"]["edges"] == cell_map.roadmap.n_edges
     assert sum(found["bytes"][v] for v in ("edge_major", "block_major")) == sum(
-        a.nbytes for a in cell_map.arm_cells.arrays().values()
+        a.nbytes
+        for view in (
+            cell_map.arm_cells.arrays().values(),
+            cell_map.arm_cells.by_block,
+        )
+        for a in view
     )
     assert {row["link"] for row in found["cover"]} == set(cell_map.robot.link_names)
     code, text, _ = odm("info", map_dir, "--tax")
@@ -168,11 +173,11 @@ def test_a_damaged_map_is_one_sentence(odm, map_dir, tmp_path):
     broken.mkdir()
     for file in map_dir.iterdir():
         (broken / file.name).write_bytes(file.read_bytes())
-    data = bytearray((broken / "arm.mask.npy").read_bytes())
+    data = bytearray((broken / "arm.code.npy").read_bytes())
     data[-5] ^= 1
-    (broken / "arm.mask.npy").write_bytes(data)
+    (broken / "arm.code.npy").write_bytes(data)
     code, _, err = odm("info", broken)
-    assert code == 2 and one_sentence(err) and "arm.mask" in err
+    assert code == 2 and one_sentence(err) and "arm.code" in err
 
 
 def test_a_run_writes_its_figures(odm, map_dir, tmp_path):

@@ -23,7 +23,9 @@ def tiny_map():
     )
     grid = SimpleNamespace(blocks=np.array([2, 1, 3]), n_blocks=6)
     roadmap = SimpleNamespace(n_nodes=2)
-    return SimpleNamespace(arm_cells=cells, grid=grid, roadmap=roadmap)
+    return SimpleNamespace(
+        arm_cells=SimpleNamespace(by_block=cells), grid=grid, roadmap=roadmap
+    )
 
 
 def test_each_cell_counts_the_nodes_that_sweep_it_and_no_edges(tiny_map):

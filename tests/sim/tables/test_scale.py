@@ -16,6 +16,11 @@ class Row:
     h: float
     map_bytes: int
 
+    @property
+    def memory_bytes(self):
+        """As much as the folder takes."""
+        return self.map_bytes
+
 
 def size(nodes, h, clutter, crossing=95.0):
     figures = {"crossing_rad": 3.0, "frame_p50_us": 20.0, "frame_p99_us": 200.0}
