@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import IS_SORTED, N_HEEDED, N_INSIDE, N_LISTED, N_OCCUPIED
-from odm.obstacles._occupancy import begin_box, put_point
+from odm.obstacles._occupancy import begin_box, put_point, unpacked
 from roadmap.jit_options import INNER
 
 
@@ -89,21 +89,21 @@ def pick_unsorted(pick, cloud, points):
     start, slot, box = pick.start, pick.slot, pick.box
     for k in range(n_picked + 1):
         start[k] = 0
-    found = 0
-    for i in range(cloud.counts[N_HEEDED]):
-        at = cloud.where[i]
-        # most are in none of the cells; of those outside a branch would guess wrong
-        word = pick.words[at >> 6 if at >= 0 else 0]
-        if (at >= 0) & ((word >> np.uint64(at & 63)) & np.uint64(1) != 0):
-            pick.where[found] = i
-            found += 1
-            start[slot[at >> 6] + 1] += 1
+    where, words, hits = cloud.where[: cloud.counts[N_HEEDED]], pick.words, pick.where
+    # each point is written down, and the next one over it unless its cell is picked
+    found = np.uint64(0)
+    for i in range(np.uint64(where.shape[0])):
+        inside, b, bit = unpacked(where[i])
+        hits[found] = i
+        found += (words[b] >> bit) & inside
+    for j in range(found):
+        start[slot[where[hits[j]] >> 6] + 1] += 1
     for k in range(n_picked):
         start[k + 1] += start[k]
         begin_box(box[k])
     for j in range(found):
-        i = pick.where[j]
-        k = slot[cloud.where[i] >> 6]
+        i = hits[j]
+        k = slot[where[i] >> 6]
         at = start[k]
         start[k] = at + 1
         pick.order[at] = i
@@ -111,4 +111,4 @@ def pick_unsorted(pick, cloud, points):
     for k in range(n_picked, 0, -1):
         start[k] = start[k - 1]
     start[0] = 0
-    return found
+    return np.int64(found)

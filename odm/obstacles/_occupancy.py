@@ -42,22 +42,30 @@ def mark_more(points, begin, end, cloud):
     outside, bad = find_cells(flat, where, cloud.origin, cloud.h, cloud.shape)
     words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
     n_occupied = cloud.counts[N_OCCUPIED]
-    for i in range(end - begin):
-        cell = where[i]
-        # a point outside changes nothing; a branch would be guessed wrong too often
-        inside = cell >= 0
-        b = np.uint32(cell >> 6) if inside else np.uint32(0)
+    for i in range(np.uint64(where.shape[0])):
+        inside, b, bit = unpacked(where[i])
         word = words[b]
-        if (word == 0) & inside:
+        if (word == 0) & (inside != 0):
             occupied[n_occupied] = b
             slot[b] = n_occupied
             n_occupied += 1
-        words[b] = word | (np.uint64(inside) << np.uint64(cell & 63))
+        words[b] = word | (inside << bit)
     cloud.counts[N_OCCUPIED] = n_occupied
     cloud.counts[N_INSIDE] += end - begin - outside
     cloud.counts[N_OUTSIDE] += outside - bad
     cloud.counts[N_BAD] += bad
     cloud.counts[IS_SORTED] = 0
+
+
+@njit(**INNER)
+def unpacked(cell):
+    """Return 1, block and bit of a cell block << 6 | bit; of -1 (outside) 0, 0 and 63.
+
+    By arithmetic, since among points in any order a branch is often guessed wrong.
+    """
+    code = np.uint64(np.uint32(cell))
+    inside = np.uint64(1) - (code >> np.uint64(31))
+    return inside, (code >> np.uint64(6)) * inside, code & np.uint64(63)
 
 
 @njit(**INNER)
@@ -127,21 +135,18 @@ def deepest(points, cloud):
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
     n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_HEEDED]
-    start, slot, where, order = cloud.start, cloud.slot, cloud.where, cloud.order
+    start, slot, order = cloud.start, cloud.slot, cloud.order
+    where = cloud.where[:n_points]
     for k in range(n_occupied + 1):
         start[k] = 0
-    # those outside are laid out behind the last block: no branch has to be guessed
-    for i in range(n_points):
-        inside = where[i] >= 0
-        k = slot[where[i] >> 6 if inside else 0]
-        start[k if inside else n_occupied] += 1
+    # points outside are laid out behind the last block
+    for i in range(np.uint64(n_points)):
+        start[place_of(where[i], slot, n_occupied)] += 1
     begin = 0
     for k in range(n_occupied + 1):
         begin, start[k] = begin + start[k], begin
-    for i in range(n_points):
-        inside = where[i] >= 0
-        k = slot[where[i] >> 6 if inside else 0]
-        k = k if inside else n_occupied
+    for i in range(np.uint64(n_points)):
+        k = place_of(where[i], slot, n_occupied)
         order[start[k]] = i
         start[k] += 1
     for k in range(n_occupied, 0, -1):
@@ -152,6 +157,13 @@ def sort_points(points, cloud):
         for at in range(start[k], start[k + 1]):
             put_point(points[order[at]], cloud.xyz[at], cloud.box[k])
     cloud.counts[IS_SORTED] = 1
+
+
+@njit(**INNER)
+def place_of(cell, slot, outside):
+    """Return the slot of a cell's block; `outside` of a cell outside the grid."""
+    inside, b, _ = unpacked(cell)
+    return np.uint64(slot[b]) * inside + np.uint64(outside) * (np.uint64(1) - inside)
 
 
 @njit(**INNER)
