@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import IS_SORTED, N_HEEDED, N_INSIDE, N_LISTED, N_OCCUPIED
+from odm.obstacles._occupancy import begin_box, put_point, unpacked
 from roadmap.jit_options import INNER
 
 
@@ -43,7 +44,10 @@ def pick_word(pick, b, word):
 
 @njit(**INNER)
 def pick_points(pick, cloud, points):
-    """Collect the points of the picked cells, by block; return their number."""
+    """Collect the points of the picked cells, by block; return their number.
+
+    Where the cloud is sorted only the points of the picked blocks are looked at.
+    """
     n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_HEEDED]
     pick.counts[N_INSIDE] = 0
     pick.counts[IS_SORTED] = 1
@@ -51,36 +55,62 @@ def pick_points(pick, cloud, points):
     if n_picked == 0 or n_points == 0:
         return 0
     pick.counts[N_LISTED] = n_picked
+    if cloud.counts[IS_SORTED] == 1:
+        found = pick_sorted(pick, cloud)
+    else:
+        found = pick_unsorted(pick, cloud, points)
+    pick.counts[N_INSIDE] = found
+    return found
+
+
+@njit(**INNER)
+def pick_sorted(pick, cloud):
+    """Collect the points of the picked cells from a sorted cloud, block by block."""
+    n_listed, where = cloud.counts[N_LISTED], cloud.where
+    found = 0
+    for k in range(pick.counts[N_OCCUPIED]):
+        b = pick.occupied[k]
+        pick.start[k], word, s = found, pick.words[b], cloud.slot[b]
+        begin_box(pick.box[k])
+        if s >= n_listed:  # samples of shapes alone
+            continue
+        for p in range(cloud.start[s], cloud.start[s + 1]):
+            i = cloud.order[p]
+            if (word >> np.uint64(where[i] & 63)) & np.uint64(1) != 0:
+                pick.order[found] = i
+                put_point(cloud.xyz[p], pick.xyz[found], pick.box[k])
+                found += 1
+    pick.start[pick.counts[N_OCCUPIED]] = found
+    return found
+
+
+@njit(**INNER)
+def pick_unsorted(pick, cloud, points):
+    """Collect the points of the picked cells from a cloud that is not sorted."""
+    n_picked = pick.counts[N_OCCUPIED]
     start, slot, box = pick.start, pick.slot, pick.box
     for k in range(n_picked + 1):
         start[k] = 0
-    found = 0
-    for i in range(n_points):
-        at = cloud.where[i]
-        if at < 0:
-            continue
-        if (pick.words[at >> 6] >> np.uint64(at & 63)) & np.uint64(1) != 0:
-            pick.where[found] = i
-            found += 1
-            start[slot[at >> 6] + 1] += 1
+    where, words, hits = cloud.where[: cloud.counts[N_HEEDED]], pick.words, pick.where
+    # each point is written down, and the next one over it unless its cell is picked
+    found = np.uint64(0)
+    for i in range(np.uint64(where.shape[0])):
+        inside, b, bit = unpacked(where[i])
+        hits[found] = i
+        found += (words[b] >> bit) & inside
+    for j in range(found):
+        start[slot[where[hits[j]] >> 6] + 1] += 1
     for k in range(n_picked):
         start[k + 1] += start[k]
-        for a in range(3):
-            box[k, a] = np.inf
-            box[k, a + 3] = -np.inf
+        begin_box(box[k])
     for j in range(found):
-        i = pick.where[j]
-        k = slot[cloud.where[i] >> 6]
+        i = hits[j]
+        k = slot[where[i] >> 6]
         at = start[k]
         start[k] = at + 1
         pick.order[at] = i
-        for a in range(3):
-            v = points[i, a]
-            pick.xyz[at, a] = v
-            box[k, a] = min(box[k, a], v)
-            box[k, a + 3] = max(box[k, a + 3], v)
+        put_point(points[i], pick.xyz[at], box[k])
     for k in range(n_picked, 0, -1):
         start[k] = start[k - 1]
     start[0] = 0
-    pick.counts[N_INSIDE] = found
-    return found
+    return np.int64(found)

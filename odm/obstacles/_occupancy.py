@@ -38,41 +38,74 @@ def mark_points(points, cloud):
 @njit(**INNER)
 def mark_more(points, begin, end, cloud):
     """Mark the cells of points[begin:end], too; the close test does not heed them."""
-    ox, oy, oz = cloud.origin[0], cloud.origin[1], cloud.origin[2]
-    inv = 1.0 / cloud.h
-    nbx, nby, nbz = cloud.shape[0], cloud.shape[1], cloud.shape[2]
-    top_x, top_y, top_z = 4.0 * nbx, 4.0 * nby, 4.0 * nbz
-    words, occupied, where = cloud.words, cloud.occupied, cloud.where
+    flat, where = points.reshape(-1)[3 * begin : 3 * end], cloud.where[begin:end]
+    outside, bad = find_cells(flat, where, cloud.origin, cloud.h, cloud.shape)
+    words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
     n_occupied = cloud.counts[N_OCCUPIED]
-    outside = 0
-    bad = 0
-    for i in range(begin, end):
-        x = (points[i, 0] - ox) * inv
-        y = (points[i, 1] - oy) * inv
-        z = (points[i, 2] - oz) * inv
-        inside = x >= 0.0 and y >= 0.0 and z >= 0.0
-        if inside and x < top_x and y < top_y and z < top_z:
-            ix, iy, iz = int(x), int(y), int(z)
-            b = ((ix >> 2) * nby + (iy >> 2)) * nbz + (iz >> 2)
-            bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
-            word = words[b]
-            if word == 0:
-                occupied[n_occupied] = b
-                cloud.slot[b] = n_occupied
-                n_occupied += 1
-            words[b] = word | (np.uint64(1) << np.uint64(bit))
-            where[i] = (b << 6) | bit
-        else:
-            where[i] = -1
-            if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
-                outside += 1
-            else:
-                bad += 1
+    for i in range(np.uint64(where.shape[0])):
+        inside, b, bit = unpacked(where[i])
+        word = words[b]
+        if (word == 0) & (inside != 0):
+            occupied[n_occupied] = b
+            slot[b] = n_occupied
+            n_occupied += 1
+        words[b] = word | (inside << bit)
     cloud.counts[N_OCCUPIED] = n_occupied
-    cloud.counts[N_INSIDE] += end - begin - outside - bad
-    cloud.counts[N_OUTSIDE] += outside
+    cloud.counts[N_INSIDE] += end - begin - outside
+    cloud.counts[N_OUTSIDE] += outside - bad
     cloud.counts[N_BAD] += bad
     cloud.counts[IS_SORTED] = 0
+
+
+@njit(**INNER)
+def unpacked(cell):
+    """Return 1, block and bit of a cell block << 6 | bit; of -1 (outside) 0, 0 and 63.
+
+    By arithmetic, since among points in any order a branch is often guessed wrong.
+    """
+    code = np.uint64(np.uint32(cell))
+    inside = np.uint64(1) - (code >> np.uint64(31))
+    return inside, (code >> np.uint64(6)) * inside, code & np.uint64(63)
+
+
+@njit(**INNER)
+def find_cells(flat, where, origin, h, shape):
+    """Write to `where` (n,) the cells of points, -1 for those outside the grid.
+
+    A cell is block << 6 | bit. LLVM makes vector code of the loop: it has no branch,
+    its indices are unsigned, and its integers have 32 bits.
+
+    Args:
+        flat: (3 n,) coordinates of the points, one point after the other.
+        where: (n,) where the cells go.
+        origin: (3,) corner of the grid.
+        h: Size of a cell.
+        shape: (3,) blocks of the grid.
+
+    Returns:
+        How many are not inside, and how many of these are not finite.
+    """
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    inv = 1.0 / h
+    top_x, top_y, top_z = 4.0 * shape[0], 4.0 * shape[1], 4.0 * shape[2]
+    nby, nbz = np.int32(shape[1]), np.int32(shape[2])
+    outside = bad = 0
+    for i in range(np.uint64(where.shape[0])):
+        k = np.uint64(3) * i
+        x = (flat[k] - ox) * inv
+        y = (flat[k + np.uint64(1)] - oy) * inv
+        z = (flat[k + np.uint64(2)] - oz) * inv
+        inside = (x >= 0.0) & (y >= 0.0) & (z >= 0.0)
+        inside = inside & (x < top_x) & (y < top_y) & (z < top_z)
+        ix, iy, iz = np.int32(x), np.int32(y), np.int32(z)
+        row = np.int32((ix >> 2) * nby + (iy >> 2))
+        b = np.int32(row * nbz + (iz >> 2))
+        bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
+        where[i] = np.int32((b << 6) | bit) if inside else np.int32(-1)
+        outside += not inside
+        # infinity times zero, and what is not a number, are not zero
+        bad += not x * 0.0 + y * 0.0 + z * 0.0 == 0.0
+    return outside, bad
 
 
 @njit(**LEAN)
@@ -102,33 +135,51 @@ def deepest(points, cloud):
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
     n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_HEEDED]
-    start, slot, box = cloud.start, cloud.slot, cloud.box
+    start, slot, order = cloud.start, cloud.slot, cloud.order
+    where = cloud.where[:n_points]
     for k in range(n_occupied + 1):
         start[k] = 0
-    for i in range(n_points):
-        if cloud.where[i] >= 0:
-            start[slot[cloud.where[i] >> 6] + 1] += 1
-    for k in range(n_occupied):
-        start[k + 1] += start[k]
-        for a in range(3):
-            box[k, a] = math.inf
-            box[k, a + 3] = -math.inf
-    for i in range(n_points):
-        if cloud.where[i] < 0:
-            continue
-        k = slot[cloud.where[i] >> 6]
-        at = start[k]
-        start[k] = at + 1
-        cloud.order[at] = i
-        for a in range(3):
-            v = points[i, a]
-            cloud.xyz[at, a] = v
-            box[k, a] = min(box[k, a], v)
-            box[k, a + 3] = max(box[k, a + 3], v)
+    # points outside are laid out behind the last block
+    for i in range(np.uint64(n_points)):
+        start[place_of(where[i], slot, n_occupied)] += 1
+    begin = 0
+    for k in range(n_occupied + 1):
+        begin, start[k] = begin + start[k], begin
+    for i in range(np.uint64(n_points)):
+        k = place_of(where[i], slot, n_occupied)
+        order[start[k]] = i
+        start[k] += 1
     for k in range(n_occupied, 0, -1):
         start[k] = start[k - 1]
     start[0] = 0
+    for k in range(n_occupied):
+        begin_box(cloud.box[k])
+        for at in range(start[k], start[k + 1]):
+            put_point(points[order[at]], cloud.xyz[at], cloud.box[k])
     cloud.counts[IS_SORTED] = 1
+
+
+@njit(**INNER)
+def place_of(cell, slot, outside):
+    """Return the slot of a cell's block; `outside` of a cell outside the grid."""
+    inside, b, _ = unpacked(cell)
+    return np.uint64(slot[b]) * inside + np.uint64(outside) * (np.uint64(1) - inside)
+
+
+@njit(**INNER)
+def begin_box(box):
+    """Let a box (6,) hold nothing."""
+    for a in range(3):
+        box[a], box[a + 3] = math.inf, -math.inf
+
+
+@njit(**INNER)
+def put_point(point, xyz, box):
+    """Copy a point to `xyz` (3,), and let its block's box (6,) hold it."""
+    for a in range(3):
+        v = point[a]
+        xyz[a] = v
+        box[a], box[a + 3] = min(box[a], v), max(box[a + 3], v)
 
 
 @njit(**INNER)

@@ -77,9 +77,7 @@ def begin_step(state, given, points):
     """
     view(state, "numbers").step[0] += 1
     view(state, "solids").count[0] = 0
-    for i in range(points.shape[0]):
-        points[i, 0], points[i, 1] = given[i, 0], given[i, 1]
-        points[i, 2] = given[i, 2]
+    copy_row(given.reshape(-1), points.reshape(-1))
     bad = take_points(state, points, points.shape[0])
     counts = view(state, "cloud").counts
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]

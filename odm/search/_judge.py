@@ -22,6 +22,8 @@ from odm.search._slack import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 from roadmap.jit_options import INNER, LEAN
 
+SORTED_AFTER = 2  # close tests in a frame: then to sort its points costs less
+
 
 @njit(**INNER)
 def place_free(state, cloud, q):
@@ -68,6 +70,8 @@ def pick_ref(state, points, ref):
         if cloud.counts[IS_SORTED] == 0:
             sort_points(points, cloud)
         return cloud
+    if cloud.counts[IS_SORTED] == 0 and view(state, "stats").close[0] >= SORTED_AFTER:
+        sort_points(points, cloud)
     picked = view(state, "picked")
     forget_cells(picked)
     if ref >= 0:

@@ -4,6 +4,8 @@ import numpy as np
 from small import draw_arm, draw_valid
 
 import odm
+from odm.obstacles import _occupancy as occupancy
+from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
@@ -61,3 +63,46 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         assert not free or clear_of(planner, q, dq, points)
         seen += 1
     assert seen > 10
+
+
+def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner, rng):
+    """The same ones in the same order, so that not even what is told depends on it."""
+    roadmap, robot = small_map.roadmap, small_map.robot
+    nodes, picked = roadmap.nodes, []
+    for _ in range(60):
+        arm = draw_arm(rng)
+        frame = odm.Obstacles(capsules=2, points=odm.sample_capsules(arm, 0.02))
+        frame.capsules[:] = draw_arm(rng)  # whose samples are no points of the test
+        planner.step(frame, q=np.zeros(robot.dof))
+        memory, points = planner.memory, planner.points
+        edge = int(rng.integers(roadmap.n_edges))
+        a, b = nodes[roadmap.edges[edge]]
+        ask = (memory.table, points, EDGE_BASE - edge, a, difference(robot, a, b))
+        memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
+        frees, found = [], []
+        for is_sorted in (0, 1):
+            if is_sorted:
+                occupancy.sort_points(points, memory.cloud)
+            frees.append(judge.part_free(*ask))
+            assert memory.cloud.counts[IS_SORTED] == is_sorted
+            pick = memory.picked
+            k = int(pick.counts[N_LISTED])
+            end = int(pick.start[k]) if k else 0
+            rows = (pick.order[:end], pick.xyz[:end], pick.start[: k + 1], pick.box[:k])
+            found.append([pick.counts.copy(), *(row.copy() for row in rows)])
+        assert frees[0] == frees[1]
+        assert all(map(np.array_equal, *found))
+        picked.append(end)
+    assert sum(n > 0 for n in picked) > 10
+
+
+def test_points_are_sorted_once_a_frame_asks_for_many_tests(planner, rng):
+    points = odm.sample_capsules(draw_arm(rng), 0.03)
+    planner.step(points, q=np.zeros(planner.robot.dof))
+    memory, q = planner.memory, np.zeros(planner.robot.dof)
+    memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
+    sorted_at = []
+    for _ in range(judge.SORTED_AFTER + 2):
+        judge.part_free(memory.table, points, EDGE_BASE, q, q)
+        sorted_at.append(int(memory.cloud.counts[IS_SORTED]))
+    assert sorted_at == [0] * judge.SORTED_AFTER + [1, 1]
