@@ -204,6 +204,7 @@ class Handover:
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
+        self._farthest = 0.0  # that the hand was from the object, in this state [m]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
@@ -409,7 +410,7 @@ class Handover:
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
             "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
-            "near": seen.hand_gap < s.near,
+            "near": self._hand_comes(seen.hand_gap),
             "gone": self._lasts(
                 "gone", away and not self._pull.pulls, seen.dt, _GONE_S
             ),
@@ -434,6 +435,12 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _hand_comes(self, gap: float) -> bool:
+        """Whether the hand, so far from the object [m], is there or on its way."""
+        s = self.settings
+        self._farthest = max(self._farthest, gap)
+        return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
     def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
         """Return what holds of where to go."""
@@ -524,7 +531,7 @@ class Handover:
     def _enter(self, signal: str = "") -> None:
         """Begin what belongs to the state."""
         state = self.state
-        self._at, self._begun = 0, None
+        self._at, self._begun, self._farthest = 0, None, 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
         steps: list[Step] = []

@@ -210,6 +210,7 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     from sim.story.settings import ComfortSettings
 
     known = dict(told["settings"])
+    known.setdefault("comes", 0.0)  # in older recordings any hand that near counts
     known["pull"] = PullSettings(**known["pull"])
     # recordings from before there was such a thing knew no comfort
     known["speed"] = SpeedSettings(**{"hand_near": 0.0, **known["speed"]})

@@ -10,6 +10,7 @@ import pytest
 import handover
 import odm
 import sim
+from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from roadmap.errors import BadInput
@@ -139,6 +140,32 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     assert [step.kind for step in story._steps[:3]] == ["goal", "line", "grip"]
     assert np.abs(gone_to[1] - first).max() > 0.1
     assert story._goals[0] is story._steps[0].value[0]
+
+
+def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
+    story, human = story_of(maps)
+    labels, rows = human.labels, human.capsules()
+    hand, since, gaps = labels == Part.RIGHT_HAND, [], {}
+
+    def look(story, now, opened, closed):
+        seen = np.array(rows)
+        if story.state in ("present", "wait"):
+            since.append(now)
+            far = 0.2 - 0.1 * min(1.0, max(0.0, now - since[0] - 1.0))
+            T = tool_pose(story.planner.robot, story.executor.set_point.q)
+            place = (T @ story._T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
+            seen[hand, :3] = seen[hand, 3:6] = place
+        if story._last is not None:
+            gaps.setdefault(story.state, []).append(story._last.hand_gap)
+        told = dict(opened=opened, holds=not opened, capsules=seen, labels=labels)
+        return sim.StoryFrame(now, human, pulled(0.0), **told)
+
+    tell(story, 6.0, look)
+    assert [event.state for event in story.events[:2]] == ["present", "wait"]
+    assert story.events[1].signal == "near" and "comes" in story.events[1].reason
+    assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
+    assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
+    assert gaps["wait"][0] < max(gaps["present"][2:]) - 0.9 * story.settings.comes
 
 
 def test_a_goal_that_braking_keeps_it_from_counts_as_blocked(maps):
