@@ -292,8 +292,10 @@ class Handover:
         """Lay out all shapes with their classes, and follow them."""
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
-        if self.state in (table.FETCH, table.PUT_DOWN):  # the pads touch the object
-            self.view.phase = None if self._step.kind == "goal" else "receive"
+        at_place = self.state in (table.FETCH, table.PUT_DOWN)
+        self.view.at_place = at_place and self._step.kind != "goal"
+        if at_place:  # the pads touch the object
+            self.view.phase = "receive" if self.view.at_place else None
         rows, labels = _person_of(frame)
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
@@ -581,10 +583,10 @@ class Handover:
         self._T_tool_object = reach.T_tool_object
         above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
         up = Step("line", reach.q_before)
-        return [above, at, Step("grip", CLOSED), up, Step("take")]
+        return [above, at, Step("grip", CLOSED), Step("take"), up]
 
     def _putting_down(self) -> list[Step]:
-        """Above its place the object is let go of in the map: it touches its table."""
+        """Return the steps to the object's place; it is in the map until it stands."""
         reach = self._reach_at_place()
         self._placeless = reach is None
         if reach is None:  # it is kept
@@ -594,9 +596,9 @@ class Handover:
     def _putting_down_by(self, reach: Reach) -> list[Step]:
         return [
             Step("goal", [reach.q_before]),
-            Step("let"),
             Step("line", reach.q),
             Step("grip", OPEN),
+            Step("let"),
             Step("line", reach.q_before),
         ]
 
@@ -642,8 +644,10 @@ class Handover:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
         beside = signal in ("open", "free", "late", "missed")
-        if signal in ("open", "lost", "late") and self.holding:
+        if signal in ("open", "lost") and self.holding:
             self._let_go()
+        opens = signal == "late" and self.holding  # it moves once they are open
+        first = [Step("grip", OPEN), Step("let")] if opens else []
         if not self.holding:
             self.fingers = OPEN
         if not beside:
@@ -657,7 +661,7 @@ class Handover:
         if back is None:
             T = tool_pose(self.planner.robot, q)
             back = straight_back(self.planner, T, q, self.settings.back)
-        return [rest] if back is None else [Step("back", back), rest]
+        return [*first, rest] if back is None else [*first, Step("back", back), rest]
 
     def _plan(self, seen: _Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
@@ -725,6 +729,8 @@ class Handover:
     def _let_go(self) -> None:
         self.planner.detach()
         self.holding = False
+        if self.view.phase is not None:
+            self.view.phase = "receive"  # the object may be left, and touched by pads
         self._pull.forget()
 
     def _next(self) -> None:

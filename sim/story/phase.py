@@ -8,6 +8,10 @@ An object that somebody pushes against a robot that waits for it is no part of t
 person: a retreat may begin within its clearance, and even in touch with the cover,
 as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
 a retreat keeps what it always keeps.
+
+An object that the robot fetches or puts down touches what it stands on. So a straight
+motion to its place and back may bring what is held, and nothing else, to the scenery;
+person, robot and object are tested against each other as on any motion.
 """
 
 from collections.abc import Sequence
@@ -34,6 +38,8 @@ class PhasePlanner:
         person: (k, 7) the person's capsules in this frame [m].
         meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
             part, and the object. Nobody evades them then; all else is evaded as ever.
+        at_place: Whether straight motions lead to the object's place or from it: what
+            is held may touch the scenery on them.
     """
 
     def __init__(self, planner: ReactivePlanner) -> None:
@@ -44,6 +50,7 @@ class PhasePlanner:
         self.offered = 0
         self.person = np.zeros((0, 7))
         self.meant = np.zeros(0, np.int64)
+        self.at_place = False
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -116,6 +123,11 @@ class PhasePlanner:
         if not within.all():
             return False
         dq = planner.frame.difference(q, q_end)
-        if planner.static.why(q, dq) is not None:
+        still = planner.static
+        if self.at_place:
+            if still.touches_itself(q, dq) is not None:
+                return False
+            still = planner.carrier.bare
+        if still.why(q, dq) is not None:
             return False
         return self.blocked_leg(np.array([q, q + dq]), 0.0, there) is None

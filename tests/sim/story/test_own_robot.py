@@ -18,7 +18,7 @@ from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
 from sim.story.handover import Step
-from sim.story.machine import FETCH, TABLES, Machine
+from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -166,6 +166,80 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
     assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
     assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
     assert gaps["wait"][0] < max(gaps["present"][2:]) - 0.9 * story.settings.comes
+
+
+def at_a_place(maps, direction, state):
+    """Return a story that fetches from a place or puts down there, and its person."""
+    story, human = story_of(maps, direction)
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    if state == FETCH:
+        story.holding, story.fingers = False, "open"
+        story.planner.detach()
+    else:
+        story.holding, story.fingers = True, "closed"
+        story.planner.attach(story._carried, story._T_tool_object)
+    story.machine = Machine(TABLES[direction], state)
+    story._enter()
+    return story, human
+
+
+@pytest.mark.parametrize("direction", ["give", "receive"])
+def test_what_the_fingers_hold_is_in_the_map_from_the_first_frame_to_the_last(
+    maps, direction
+):
+    state = FETCH if direction == "give" else PUT_DOWN
+    story, human = at_a_place(maps, direction, state)
+    felt = []
+
+    def look(story, now, opened, closed):
+        holds = closed if state == FETCH else not opened
+        felt.append((story.state, holds, story.planner.attached is not None))
+        return sim.StoryFrame(now, human, None, opened, holds)
+
+    tell(story, 12.0, look)
+    assert story.events[0].signal == ("held" if state == FETCH else "placed")
+    held = [attached for where, holds, attached in felt if where == state and holds]
+    # one frame tells the story that they hold it; from then on the map has it
+    assert len(held) > 20 and all(held[1:])
+    free = [attached for where, holds, attached in felt if where == state and not holds]
+    assert len(free) > 5 and not any(free[1:])
+
+
+def test_an_object_at_its_place_may_touch_what_it_stands_on_and_nobody(maps):
+    story, human = at_a_place(maps, "receive", PUT_DOWN)
+    view, planner, robot = story.view, story.planner, story.planner.robot
+    reach = story._at_place[0].found[0]
+    T, held = tool_pose(robot, reach.q), planner.attached
+    low = T[:3, :3] @ held[held[:, 2].argmax(), :3] + T[:3, 3]  # the end in front
+    ball = np.array([[*low, *low, 0.01]])
+    there = odm.Obstacles(capsules=ball)
+    view.classes, view.phase, view.offered = np.zeros(1, np.int8), "receive", 0
+    way = reach.q_before, reach.q
+    far = odm.Obstacles(capsules=ball + [2.0, 0, 0, 2.0, 0, 0, 0])
+    assert view.line_free(*way, far)
+    planner.scene.add("table", odm.Sphere(0.01, pose_of(low, (0.0, 0.0, 0.0))))
+    assert not view.line_free(*way, far)  # on any other motion it keeps off
+    view.at_place = True
+    assert view.line_free(*way, far)
+    assert not view.line_free(*way, there)  # somebody's hand is under the object
+    planner.detach()
+    assert view.line_free(*way, there)  # which the robot alone would not touch
+
+
+def test_a_robot_that_gives_an_object_back_moves_once_its_fingers_are_open(maps):
+    story, human = story_of(maps)
+    story.machine.state = "retreat"
+    story._enter("late")
+    assert [step.kind for step in story._steps][:2] == ["grip", "let"]
+    q = story.executor.set_point.q
+    for k in range(20):
+        opened = k >= 15
+        story.update(sim.StoryFrame(PERIOD * k, human, None, opened, not opened))
+        assert opened or story.planner.attached is not None
+        assert opened or np.array_equal(story.executor.set_point.q, q)
+    assert story.fingers == "open" and story.planner.attached is None
 
 
 def test_a_goal_that_braking_keeps_it_from_counts_as_blocked(maps):
