@@ -159,6 +159,8 @@ class Executor:
         self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
         self._evading = False  # it retreats from somebody, whatever the planner says
+        # an evasion that was refused, and the speeds at which it was not tried yet
+        self._left: tuple[np.ndarray, tuple[float, ...]] | None = None
         self._on_path = False  # whether the motion follows the last answer's path
         self._corners = np.zeros((0, robot.dof))  # of that path
         self._path_begin = 0.0  # arc length on the motion at which that path begins
@@ -360,10 +362,17 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         commit = self.motion.commit(self.t, 0.0)
+        if self._left is not None:  # of the evasion that was found last
+            path, shares = self._left
+            if self.at_rest and self._begins_here(path):
+                return self._begin_evading(path, commit, threat, shares)
+            self._left = None
         # as if at the usual speed: that it takes time to get up speed is not reckoned
         scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
-        return path is not None and self._begin_evading(path, commit, threat)
+        if path is None:
+            return False
+        return self._begin_evading(path, commit, threat, _RETREATS)
 
     def _evades_on(self, threat: Moving | None) -> bool:
         """Go on with an evasion as fast as the person lets it; False: not at all.
@@ -389,10 +398,21 @@ class Executor:
                 return True
         return False
 
-    def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
-        """Retreat along a path, as fast as the person lets it; False if not at all."""
-        threat = _as_lately(threat)
-        for share in _RETREATS:
+    def _begin_evading(
+        self,
+        path: np.ndarray,
+        commit: Commit,
+        threat: Moving,
+        shares: tuple[float, ...],
+    ) -> bool:
+        """Retreat along a path, as fast as the person lets it; False if not now.
+
+        A robot that stands tries one of the speeds in a frame, the others in the next
+        ones: each takes as long as the frame has left beside the search for the path.
+        """
+        threat, self._left = _as_lately(threat), None
+        stands = self.at_rest
+        for k, share in enumerate(shares):
             scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
             if self._evasion_free(motion, 0.0, threat):
@@ -400,6 +420,9 @@ class Executor:
                 self._evading, self._on_path = True, False
                 self.state, self.reason = RETREATING, "somebody comes"
                 return True
+            if stands and k + 1 < len(shares):
+                self._left = path, shares[k + 1 :]
+                break
         return False
 
     def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401

@@ -53,6 +53,7 @@ _CALM, _BUSY = (
     3,
     1,
 )  # what may be bettered between frames: in others, and in costly ones
+_BRAKED_EVERY = 4  # frames of a braked robot, in one of which it looks for grasps
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
@@ -101,7 +102,7 @@ class Command(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One thing to do in a state: "targets", "goal", "line", "grip", "take", "let"."""
+    """One thing to do in a state: "goal", "line", "grip", "take", "let" and others."""
 
     kind: str
     value: object = None
@@ -209,6 +210,7 @@ class Handover:
         self._last: _Seen | None = None
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._told_at = -np.inf
+        self._braked = 0  # frames for which it has been braked on its way
         self._light = True  # whether nothing costly was done in this frame
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
@@ -275,8 +277,11 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             share = self._limit.share(motion, t, full, person, seen.hands)
             executor.limit_speed(share)
+        self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
-        self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
+        if not (self.view.looked or self.answer.status == "replanned"):
+            budget = _CALM if self._light else _BUSY
+            self.planner.improve(budget, executor.next_commit())
         executor.advance()
         self._change_hands()
         row = self.machine.step(self._signals(seen), frame.now)
@@ -293,7 +298,7 @@ class Handover:
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
         at_place = self.state in (table.FETCH, table.PUT_DOWN)
-        self.view.at_place = at_place and self._step.kind != "goal"
+        self.view.at_place = at_place and self._step.kind not in ("goal", "place")
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
         rows, labels = _person_of(frame)
@@ -586,12 +591,33 @@ class Handover:
         return [above, at, Step("grip", CLOSED), Step("take"), up]
 
     def _putting_down(self) -> list[Step]:
-        """Return the steps to the object's place; it is in the map until it stands."""
-        reach = self._reach_at_place()
-        self._placeless = reach is None
-        if reach is None:  # it is kept
-            return [Step("goal", [self._rest])]
-        return self._putting_down_by(reach)
+        """Return the steps that lead to the object's place, once it is known how."""
+        self._placeless, self._at_place = False, None
+        if self._T_place is not None:
+            self._at_place = self._looks_at_place(), 0
+        return [Step("place")]
+
+    def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
+        """Look for a way to the object's place, one costly thing a frame; stand."""
+        look = None if self._at_place is None else self._at_place[0]
+        self._light = False
+        if look is not None and look.at is None:
+            look.begin(self._T_place, q)
+        elif look is not None and not look.found and not look.over:
+            look.work()
+        elif look is None or not look.found:  # it is kept
+            self._placeless, self._at_place = True, None
+            self._begin_steps([Step("goal", [self._rest])])
+        elif not self._is_ready(look.found[0].q_before):
+            self.planner.prepare_goal(look.found[0].q_before)
+        else:
+            self._begin_steps(self._putting_down_by(look.found[0]))
+        return self._stand(seen, q)
+
+    def _begin_steps(self, steps: list[Step]) -> None:
+        """Go on with other steps."""
+        self._steps, self._at = steps, -1
+        self._next()
 
     def _putting_down_by(self, reach: Reach) -> list[Step]:
         return [
@@ -603,22 +629,25 @@ class Handover:
         ]
 
     def _reach_at_place(self) -> Reach | None:
-        """Return how the object is grasped in its place; with what it is held by."""
+        """Return how the object is grasped in its place: before the first frame."""
         self._at_place = None
         if self._T_place is None:
             return None
-        seed = self.executor.set_point.q
-        held = self._T_tool_object if self.holding else None
-        grasps = self._reaches.T_tool_object if held is None else held[None]
-        s = self.settings
-        look = Reaches(self.planner, self.targets.finder.index, grasps, s.back)
-        look.begin(self._T_place, seed)
+        look = self._looks_at_place()
+        look.begin(self._T_place, self.executor.set_point.q)
         while not look.over and not look.found:
             look.work()
         if not look.found:
             return None
         self._at_place = look, 0
         return look.found[0]
+
+    def _looks_at_place(self) -> Reaches:
+        """Return who looks for grasps in the place; by that with which it is held."""
+        held = self._T_tool_object if self.holding else None
+        grasps = self._reaches.T_tool_object if held is None else held[None]
+        index = self.targets.finder.index
+        return Reaches(self.planner, index, grasps, self.settings.back)
 
     def _reach_otherwise(self) -> None:
         """Go to the object's place with another grasp or arm: this one is blocked.
@@ -637,8 +666,7 @@ class Handover:
             self._at_place = look, k
             fetches = self.state == table.FETCH
             steps_by = self._fetching_by if fetches else self._putting_down_by
-            self._steps, self._at = steps_by(look.found[k]), -1
-            self._next()
+            self._begin_steps(steps_by(look.found[k]))
 
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
@@ -668,11 +696,11 @@ class Handover:
         step = self._step
         self._light = True
         if self._driven_off(seen.frame):
-            self.fingers, self._at = OPEN, -1  # to above the object, and down anew
-            self._next()
+            self.fingers = OPEN  # to above the object, and down anew
+            self._begin_steps(self._steps)
             step = self._step
         comes = self.state in (table.FETCH, table.PUT_DOWN) and self._at == 0
-        if comes and "blocked" in self._signalled:
+        if comes and step.kind == "goal" and "blocked" in self._signalled:
             self._reach_otherwise()
             step = self._step
         if self._begun is None:
@@ -683,6 +711,8 @@ class Handover:
             return self._go_to_object(seen, q)
         if step.kind == "goal":
             return self._go(seen, q, step.value)
+        if step.kind == "place":
+            return self._find_place(seen, q)
         if step.kind in ("line", "back"):
             return self._follow(seen, q, step.value)
         if step.kind == "close":
@@ -776,8 +806,8 @@ class Handover:
 
     def _set_goals(self, goals: list[np.ndarray]) -> None:
         """Set the planner's goals where they are others now."""
-        same = len(goals) == len(self._goals)
-        if not same or any(a is not b for a, b in zip(goals, self._goals, strict=True)):
+        if not _are_same(goals, self._goals):
+            self._light = False
             valid = [g for g in goals if is_valid(self.planner, g)]
             if valid:
                 self.planner.set_goals(valid)
@@ -815,15 +845,21 @@ class Handover:
             return self._go(seen, q, [self._rest])
         slow = seen.object_speed < 4.0 * s.still_speed
         if self._object_moved(T) and slow and self.state == table.APPROACH:
+            self._light = False
             reaches.begin(T, q)
             self._taken = None
-        else:
-            self._prepare()
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
         found.sort(key=lambda r: self._far(q, r.q_before))
-        if not found:
-            return self._go(seen, q, [self._rest])
-        answer = self._go(seen, q, [r.q_before for r in found])
+        goals = [r.q_before for r in found]
+        if not found:  # until it is known where it can be grasped now, on to the old
+            looks = not reaches.over and self._goals
+            goals = self._goals if looks else [self._rest]
+        # else a path is looked for, or joined and braked anew
+        self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
+        calm = self._light and self._braked % _BRAKED_EVERY == 0
+        if calm and _are_same(goals, self._goals):
+            self._prepare()
+        answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
@@ -862,6 +898,10 @@ class Handover:
         if self._line is None:
             return _holding("the object is out of reach of the straight motion")
         return self._follow(seen, q, self._line[1])
+
+
+def _are_same(goals: list[np.ndarray], others: list[np.ndarray]) -> bool:
+    return [id(q) for q in goals] == [id(q) for q in others]
 
 
 def _person_of(frame: StoryFrame) -> tuple[np.ndarray, np.ndarray]:
