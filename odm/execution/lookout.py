@@ -124,8 +124,8 @@ class Lookout:
                 return True
         return False
 
-    def _meets(self, path: np.ndarray, person: Obstacles) -> bool:
+    def _meets(self, path: np.ndarray, person: Obstacles | None) -> bool:
         """Whether somebody who is to be evaded would be at a path (k, dof)."""
         if self._told is not None:
-            return self._told(path, -self._closer, person)
+            return bool(self._told(path, -self._closer, person))
         return self.planner.blocked_leg(path, -self._closer, person) is not None

@@ -8,6 +8,7 @@ follow a straight certified motion, close the fingers, take the object into the 
 
 from collections import deque
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -277,6 +278,7 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             share = self._limit.share(motion, t, full, person, seen.hands)
             executor.limit_speed(share)
+            executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
         if not (self.view.looked or self.answer.status == "replanned"):
