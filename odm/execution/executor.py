@@ -17,6 +17,7 @@ the planner plans from there, and tests the first leg in full.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,10 @@ RETREATING, STANDING = "retreating", "standing"
 RETREAT_EVERY = 5  # frames between two searches for a retreat, which take a while
 _LOWER = 0.6  # each level of speed is this share of the one above
 _LEVELS = 5
+_HINDERED_S = 0.12  # [s] after it slowed down for somebody, no jerk is limited
+_KEEP_EVERY = 3  # frames between two looks at the jerk of a motion
+_AGAIN = 1.5  # a limit of the jerk that differs by so much is another one
+_HARDER = (1.0, 4.0)  # times the limit, where a motion cannot keep it any more
 _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 _EVASIONS = (0.8, 0.5, 0.2)  # shares of its present speed at which an evasion goes on
@@ -155,10 +160,17 @@ class Executor:
         self._shells = ShellTest(planner)
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
+        # see `limit_jerk`
+        self._jerk_rule: Callable[[Motion, float], float] | None = None
+        self._share, self._share_of = 1.0, -1  # what it allows, and in which frame
+        self._kept: Motion | None = None  # that was within it, or could not be
+        self._hindered = -math.inf  # frame in which it last slowed down for somebody
         self._frame = 0
         self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
         self._evading = False  # it retreats from somebody, whatever the planner says
+        # an evasion that was refused, and the speeds at which it was not tried yet
+        self._left: tuple[np.ndarray, tuple[float, ...]] | None = None
         self._on_path = False  # whether the motion follows the last answer's path
         self._corners = np.zeros((0, robot.dof))  # of that path
         self._path_begin = 0.0  # arc length on the motion at which that path begins
@@ -200,6 +212,18 @@ class Executor:
         shares = self.scales / self.scales[0]
         within = np.flatnonzero(shares <= share + 1e-9)
         self._least_level = int(within[0]) if len(within) else _LEVELS - 1
+
+    def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
+        """Use no more of the jerk limits than a rule allows, from the next frame on.
+
+        What is planned keeps it, where it still can; whatever brakes for somebody, gets
+        out of their way, or goes on after that, uses all of the limits.
+
+        Args:
+            rule: Returns the share, in (0, 1], for the rest of a motion from a time on
+                it [s], as `SpeedLimit.jerk_share` does; None: all of the limits.
+        """
+        self._jerk_rule = rule
 
     def commit(self) -> Commit:
         """Return where a new path would begin: the planner plans from there.
@@ -255,6 +279,7 @@ class Executor:
             if answer.status == "replanned" or not self._continues(answer.path):
                 self._join(answer.path, commit)
         if self.state != RETREATING and self._on_path:
+            self._keep_jerk()
             self._brake(threat)
         self.reason = self._tracking.note or self.reason
 
@@ -360,10 +385,17 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         commit = self.motion.commit(self.t, 0.0)
+        if self._left is not None:  # of the evasion that was found last
+            path, shares = self._left
+            if self.at_rest and self._begins_here(path):
+                return self._begin_evading(path, commit, threat, shares)
+            self._left = None
         # as if at the usual speed: that it takes time to get up speed is not reckoned
         scale = self.settings.speed_scale
         path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
-        return path is not None and self._begin_evading(path, commit, threat)
+        if path is None:
+            return False
+        return self._begin_evading(path, commit, threat, _RETREATS)
 
     def _evades_on(self, threat: Moving | None) -> bool:
         """Go on with an evasion as fast as the person lets it; False: not at all.
@@ -389,10 +421,21 @@ class Executor:
                 return True
         return False
 
-    def _begin_evading(self, path: np.ndarray, commit: Commit, threat: Moving) -> bool:
-        """Retreat along a path, as fast as the person lets it; False if not at all."""
-        threat = _as_lately(threat)
-        for share in _RETREATS:
+    def _begin_evading(
+        self,
+        path: np.ndarray,
+        commit: Commit,
+        threat: Moving,
+        shares: tuple[float, ...],
+    ) -> bool:
+        """Retreat along a path, as fast as the person lets it; False if not now.
+
+        A robot that stands tries one of the speeds in a frame, the others in the next
+        ones: each takes as long as the frame has left beside the search for the path.
+        """
+        threat, self._left = _as_lately(threat), None
+        stands = self.at_rest
+        for k, share in enumerate(shares):
             scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
             if self._evasion_free(motion, 0.0, threat):
@@ -400,6 +443,9 @@ class Executor:
                 self._evading, self._on_path = True, False
                 self.state, self.reason = RETREATING, "somebody comes"
                 return True
+            if stands and k + 1 < len(shares):
+                self._left = path, shares[k + 1 :]
+                break
         return False
 
     def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401
@@ -486,7 +532,7 @@ class Executor:
             self._try_faster(threat)
             self.state = SLOWED if self._level else MOVING
             return
-        self.reason = self._why(threat)
+        self.reason, self._hindered = self._why(threat), self._frame
         self._level = min(self._level + 1, _LEVELS - 1)
         slower = self.motion.rescaled(self.t, float(self.scales[self._level]))
         if self._stop_free(slower, 0.0, threat):
@@ -495,23 +541,56 @@ class Executor:
             return
         self._stop_as_tested()
 
+    def _keep_jerk(self) -> None:
+        """Go on within the limit of the jerk, or with more of it where that allows."""
+        motion, t = self.motion, self.t
+        if self._jerk_rule is None or self.at_rest or self.state == BRAKED:
+            return
+        if motion is self._kept and self._frame % _KEEP_EVERY:
+            return
+        used, share = motion.jerk_scale, self._jerk_share()
+        if _AGAIN * share < used or _AGAIN * used < share:
+            kept = _gentler(motion, t, share)
+            if kept is not None:
+                self._take(kept)
+        self._kept = self.motion
+
+    def _rescaled(self, level: int) -> Motion:
+        """Return the rest at another level of speed, as gentle as it has to be."""
+        motion = self.motion.rescaled(self.t, float(self.scales[level]))
+        share = self._jerk_share()
+        return motion if share >= 1.0 else _gentler(motion, 0.0, share) or motion
+
+    def _jerk_share(self) -> float:
+        """Return the share of the jerk that is allowed, worked out once a frame.
+
+        Who has just slowed down for somebody uses all of it: beside a person whom it
+        must be able to stop for, a gentle start would creep for seconds.
+        """
+        lately = (self._frame - self._hindered) * self.period < _HINDERED_S
+        if self._jerk_rule is None or lately:
+            return 1.0
+        if self._share_of != self._frame:
+            self._share = self._jerk_rule(self.motion, self.t)
+            self._share_of = self._frame
+        return self._share
+
     def _keep_limit(self, threat: Moving) -> None:
         """Slow down to the limit, if a stop from there is free, too."""
         if self._level >= self._least_level:
             return
-        scale = float(self.scales[self._least_level])
-        slower = self.motion.rescaled(self.t, scale)
+        slower = self._rescaled(self._least_level)
         if self._stop_free(slower, 0.0, threat):
             self._take(slower)
             self._level, self.reason = self._least_level, "slower, near the person"
 
     def _go_on_slowly(self, threat: Moving) -> None:
-        slow = self.motion.rescaled(self.t, float(self.scales[-1]))
+        slow = self._rescaled(_LEVELS - 1)
         if self._stop_free(slow, 0.0, threat):
             self._take(slow)
             self._level, self.state = _LEVELS - 1, SLOWED
         else:
-            self.reason = self._why(threat)
+            self.reason, self._hindered = self._why(threat), self._frame
 
     def _stop_as_tested(self) -> None:
         """Take the stop that was tested one frame ago, or before."""
@@ -525,7 +604,7 @@ class Executor:
     def _try_faster(self, threat: Moving) -> None:
         if self._level <= self._least_level:
             return
-        faster = self.motion.rescaled(self.t, float(self.scales[self._level - 1]))
+        faster = self._rescaled(self._level - 1)
         if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)
             self._level -= 1
@@ -534,7 +613,7 @@ class Executor:
     def _raise_to_full(self) -> None:
         if self._level or self.state == BRAKED:
             self._level = 0
-            self._take(self.motion.rescaled(self.t, float(self.scales[0])))
+            self._take(self._rescaled(0))
         self.state, self.reason = MOVING, ""
 
     def _stop_free(
@@ -584,6 +663,15 @@ class Executor:
 
     def _take(self, motion: Motion) -> None:
         self.motion, self.t = motion, 0.0
+
+
+def _gentler(motion: Motion, t: float, share: float) -> Motion | None:
+    """Return the rest of a motion with a share of the jerk, or with little more."""
+    for more in _HARDER:
+        found = motion.gentler(t, min(1.0, more * share))
+        if found is not None:
+            return found
+    return None
 
 
 def _as_lately(threat: Moving | None) -> Moving | None:

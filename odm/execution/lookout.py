@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from odm.execution.threat import Threat
+from odm.obstacles.obstacles import Obstacles
 from roadmap.motion.motion import Commit, Motion
 
 _AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
@@ -58,7 +59,8 @@ class Lookout:
     """Watches whether a person comes at a robot.
 
     Args:
-        planner: Asked with `blocked_leg` and `evasion`.
+        planner: Asked with `blocked_leg` and `evasion`; with `is_met` where it knows
+            who is meant to come.
         period: Time between frames [s].
     """
 
@@ -69,6 +71,7 @@ class Lookout:
         safety = planner.cell_map.safety
         # a motion that keeps m may come so much nearer, and is no reason to leave
         self._closer = safety.blending + safety.tracking
+        self._told = getattr(planner, "is_met", None)
 
     def look_at_once(self) -> None:
         """Wait no longer than between two looks: the last evasion was broken off."""
@@ -98,7 +101,7 @@ class Lookout:
         if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
         person = threat.likely(0.0, *_MEETS)
-        if self.planner.blocked_leg(commit.q[None], -self._closer, person) is None:
+        if not self._meets(commit.q[None], person):
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]
@@ -111,13 +114,18 @@ class Lookout:
         if (path == path[0]).all():
             path = path[:1]
         person = threat.likely(*_MEETS)
-        if self.planner.blocked_leg(path, -self._closer, person) is None:
+        if not self._meets(path, person):
             return False
         if len(path) == 1:
             return True
         for ahead in _MEETS:
             q = motion.at(t + ahead).q[None]
-            there = threat.likely(ahead)
-            if self.planner.blocked_leg(q, -self._closer, there) is not None:
+            if self._meets(q, threat.likely(ahead)):
                 return True
         return False
+
+    def _meets(self, path: np.ndarray, person: Obstacles | None) -> bool:
+        """Whether somebody who is to be evaded would be at a path (k, dof)."""
+        if self._told is not None:
+            return bool(self._told(path, -self._closer, person))
+        return self.planner.blocked_leg(path, -self._closer, person) is not None

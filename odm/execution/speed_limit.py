@@ -35,6 +35,9 @@ from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 
 _AHEAD = 0.05  # [s] the direction is that of the motion's next piece of this length
+# [s] a motion is gentle from where a gentle stop before the hand has still time
+_JERK_AHEAD = (0.0, 0.2, 0.4)
+_SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,10 @@ class SpeedSettings:
         unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
         hand_near: So near to a hand that takes part [m] ...
         hand_speed: ... no point of the robot is quicker than this, whichever way it
-            goes [m/s]: for comfort, no term of the standard.
+            goes [m/s]: for comfort, no term of the standard,
+        hand_jerk: ... and none is jerked harder than this along its path [m/s3], for
+            comfort, too: the most that a hand has which reaches half a metre in a
+            second (60 D / T^3 of a minimum-jerk motion). No stop is softened by it.
     """
 
     reaction_s: float = 0.02
@@ -62,6 +68,7 @@ class SpeedSettings:
     unknown_speed: float = 1.6
     hand_near: float = 0.25
     hand_speed: float = 0.5
+    hand_jerk: float = 30.0
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -78,6 +85,7 @@ class SpeedSettings:
             "unknown_speed": (0.0, 100.0, "m/s"),
             "hand_near": (0.0, 10.0, "m"),
             "hand_speed": (0.001, 100.0, "m/s"),
+            "hand_jerk": (0.1, np.inf, "m/s3"),
         }
         check_settings(self, ranges)
 
@@ -137,6 +145,36 @@ class SpeedLimit:
         if hands is not None and len(hands):
             share = min(share, self._share_near(hands, centers, moved))
         return float(share)
+
+    def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
+        """Return the share of the jerk limits that is allowed now, in (0, 1].
+
+        Points near a hand, now or soon, keep `hand_jerk` along their path: what its
+        bends add is left out.
+
+        Args:
+            motion: The motion in use.
+            t: The time on it [s].
+            hands: (k, 7) capsules of hands that take part [m].
+        """
+        s = self.settings
+        if not (s.hand_near and s.hand_jerk < np.inf and len(hands)):
+            return 1.0
+        if t >= motion.duration:
+            return 1.0
+        path, most = motion.path, s.hand_jerk
+        for ahead in _JERK_AHEAD:
+            place = motion.place(min(t + ahead, motion.duration))
+            q, direction, _ = path.at(place)
+            centers = sphere_centers(self.robot, q)[self._moving]
+            gaps = ball_gaps(np.column_stack([centers, self._radii]), hands)
+            near = (gaps < s.hand_near).any(axis=1)
+            if near.any():
+                moved = sphere_centers(self.robot, q + _SMALL * direction)
+                moved = (moved[self._moving] - centers)[near] / _SMALL
+                fastest = np.sqrt(np.einsum("ni,ni->n", moved, moved).max())
+                most = max(most, float(fastest * path.j[path.index(place)]))
+        return s.hand_jerk / most
 
     def _share_near(
         self, hands: np.ndarray, centers: np.ndarray, moved: np.ndarray

@@ -67,6 +67,13 @@ class BlendedPath:
         pieces = without_gaps(pieces)
         return cls(robot, pieces, *scalar_limits(pieces, robot), deviation, home)
 
+    def gentler(self, jerk_scale: float) -> "BlendedPath":
+        """Return the same path with a share of the joints' jerk limits, in (0, 1]."""
+        if not self.pieces:
+            return self
+        speed, turning, a, j = scalar_limits(self.pieces, self.robot, jerk_scale)
+        return replace(self, joint_speed=speed, turning_speed=turning, a=a, j=j)
+
     def index(self, s: float) -> int:
         """Return the piece that holds arc length `s`."""
         return max(0, bisect_right(self._begins, s) - 1)
@@ -243,7 +250,7 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
     return path
 
 
-def check_scale(speed_scale: float) -> None:
-    """Refuse what is no share of the velocity limits."""
-    if not 0.0 < speed_scale <= 1.0:
-        raise BadInput(f"a speed scale of {speed_scale} is no share; give (0, 1]")
+def check_scale(scale: float, of: str = "speed") -> None:
+    """Refuse what is no share of the velocity limits, or those that `of` names."""
+    if not 0.0 < scale <= 1.0:
+        raise BadInput(f"a {of} scale of {scale} is no share; give (0, 1]")

@@ -198,15 +198,17 @@ def slowing_limit(piece: Piece, robot: Robot, v: float) -> float:
 
 
 def scalar_limits(
-    pieces: tuple[Piece, ...], robot: Robot
+    pieces: tuple[Piece, ...], robot: Robot, jerk_scale: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the arc length's limits by piece (n,): two of speed, acceleration, jerk.
 
     The first speed is that of the joints' velocity limits, the second that of turning
     on a blend, infinite on straight pieces. Within them every joint keeps its own
     limits on every piece:
-    ddq = q'' v^2 + q' a and dddq = q''' v^3 + 3 q'' v a + q' j.
+    ddq = q'' v^2 + q' a and dddq = q''' v^3 + 3 q'' v a + q' j. Of the joints' jerk
+    limits the share `jerk_scale` is used.
     """
+    max_jerk = jerk_scale * robot.max_jerk
     steepest = np.array([np.maximum(np.abs(p.u), np.abs(p.w)) for p in pieces])
     turn = np.array([np.abs(p.w - p.u) for p in pieces])
     d = np.array([p.d for p in pieces])
@@ -216,7 +218,7 @@ def scalar_limits(
     with np.errstate(divide="ignore"):
         v = (robot.max_velocity / steepest).min(axis=1)
         a = share_a * (robot.max_acceleration / steepest).min(axis=1)
-        j = share_j * (robot.max_jerk / steepest).min(axis=1)
+        j = share_j * (max_jerk / steepest).min(axis=1)
         turning = np.full(len(pieces), np.inf)
         if blends.any():
             second = 1.5 / (2.0 * d[blends, None]) * turn[blends]  # largest |q''|
@@ -224,11 +226,11 @@ def scalar_limits(
             slowest = np.minimum.reduce(
                 [
                     np.sqrt(TURN_A * robot.max_acceleration / second),
-                    np.cbrt(TURN_J * robot.max_jerk / third),
+                    np.cbrt(TURN_J * max_jerk / third),
                 ]
             ).min(axis=1)
             turning[blends] = slowest
             fastest = np.minimum(v, turning)[blends, None]
-            mixed = MIXED_J * robot.max_jerk / (3.0 * second * fastest)
+            mixed = MIXED_J * max_jerk / (3.0 * second * fastest)
             a[blends] = np.minimum(a[blends], mixed.min(axis=1))
     return v, turning, a, j

@@ -20,7 +20,7 @@ from roadmap.motion.export import as_joint_trajectory, sample_times, write_csv
 from roadmap.motion.joining import Commit, joined, rescaled
 from roadmap.motion.retiming import timed
 from roadmap.motion.stopping import quickest_stop
-from roadmap.motion.timing import SpeedProfile, State
+from roadmap.motion.timing import NoProfile, SpeedProfile, State
 from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 
@@ -43,11 +43,13 @@ class Motion:
         path: Its pieces with their limits.
         profile: Arc length over time.
         speed_scale: Share of the velocity limits it uses where nothing else rules.
+        jerk_scale: Share of the jerk limits that it uses; a stop uses all of them.
     """
 
     path: BlendedPath
     profile: SpeedProfile
     speed_scale: float
+    jerk_scale: float = 1.0
 
     @property
     def duration(self) -> float:
@@ -163,6 +165,26 @@ class Motion:
         check_scale(speed_scale)
         rest = rescaled(self.path, self.profile, t, speed_scale)
         return Motion(self.path, rest, speed_scale)
+
+    def gentler(self, t: float, jerk_scale: float) -> "Motion | None":
+        """Return the rest from time `t` on within a share of the jerk limits.
+
+        Position, velocity and acceleration go on without a step. Its stops, and what
+        else is made of it, have all of the limits again.
+
+        Returns:
+            The motion; None where it is too fast for what lies ahead.
+
+        Raises:
+            BadInput: The share lies outside (0, 1], or `t` is no time.
+        """
+        check_scale(jerk_scale, "jerk")
+        path = self.path.gentler(jerk_scale)
+        try:
+            rest = timed(path, self.profile.state(t), self.speed_scale)
+        except NoProfile:
+            return None
+        return Motion(self.path, rest, self.speed_scale, jerk_scale)
 
     def commit(
         self,

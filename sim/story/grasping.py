@@ -27,11 +27,13 @@ class Reach:
         q: (dof,) at the object [rad or m].
         q_before: (dof,) `back` before it, along the tool's z.
         T_tool_object: (4, 4) how the object is held there.
+        grasp: Which of the grasps that is.
     """
 
     q: np.ndarray
     q_before: np.ndarray
     T_tool_object: np.ndarray
+    grasp: int = 0
 
 
 def quarter_turns(T_tool_object: np.ndarray) -> np.ndarray:
@@ -101,12 +103,14 @@ class Reaches:
     ) -> None:
         """Know nothing."""
         self.planner, self.index, self.back = planner, index, back
-        self._thing = thing
-        self._held: dict[int, StaticTest] = {}  # the robot with it, for each grasp
         self.T_tool_object = np.array(grasps)
+        self._held: list[StaticTest] = []  # the robot with it, for each grasp
+        if thing is not None:
+            made = planner.carrier.test_with
+            self._held = [made(thing, grasp) for grasp in self.T_tool_object]
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
         self.found: list[Reach] = []
-        self._queue: list[tuple[int, int]] = []
+        self._queue: list[tuple[int, int | np.ndarray]] = []  # grasp; seed, or which
         self._nodes: dict[int, np.ndarray] = {}
         self._T: np.ndarray | None = None
 
@@ -116,21 +120,29 @@ class Reaches:
         return None if self._T is None else self._T[:3, 3]
 
     def begin(self, T_base_object: np.ndarray, q: np.ndarray) -> None:
-        """Begin anew for an object that is elsewhere now; q (dof,) is tried first."""
-        near = [r.q for r in self.found[:2]]
+        """Begin anew for an object that is elsewhere now; do one start.
+
+        What was found may only have to be moved, so its configurations come first; then
+        q (dof,), then near nodes.
+        """
+        near = [(r.grasp, r.q) for r in self.found[:2]]
         self._T, self.found, self._nodes = np.array(T_base_object), [], {}
         n = range(len(self._T_object_tool))
-        self._queue = [(g, k) for k in range(SEEDS) for g in n]
-        for seed in [*near, q]:  # what was found may only have to be moved
-            for g in n:
-                if self._try(g, seed):
-                    return
+        seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
+        seeds += [(g, np.array(q)) for g in n]
+        self._queue = [*seeds, *((g, k) for k in range(SEEDS) for g in n)]
+        self.work()
 
     def work(self) -> bool:
         """Do one start; return whether something new was found."""
-        if self._T is None or not self._queue or len(self.found) >= KEPT:
+        if self._T is None or self.over:
             return False
         g, k = self._queue.pop(0)
+        if isinstance(k, np.ndarray):
+            found = self._try(g, k)
+            if found:  # the others would mostly find it again
+                self._queue = [one for one in self._queue if isinstance(one[1], int)]
+            return found
         if g not in self._nodes:
             self._nodes[g] = self.index.nearest(self._T @ self._T_object_tool[g], SEEDS)
         nodes = self._nodes[g]
@@ -162,19 +174,16 @@ class Reaches:
                 continue
             before = straight_back(planner, T, q, self.back)
             if before is not None and self._can_leave(grasp, q, before):
-                self.found.append(Reach(q, before, self.T_tool_object[grasp]))
+                T_tool_object = self.T_tool_object[grasp]
+                self.found.append(Reach(q, before, T_tool_object, grasp))
                 return True
         return False
 
     def _can_leave(self, grasp: int, q: np.ndarray, before: np.ndarray) -> bool:
         """Whether the straight way back is free with the object in the hand."""
-        if self._thing is None:
+        if not self._held:
             return True
-        planner = self.planner
-        if grasp not in self._held:
-            told = (self._thing, self.T_tool_object[grasp])
-            self._held[grasp] = planner.carrier.test_with(*told)
-        test = self._held[grasp]
+        planner, test = self.planner, self._held[grasp]
         test.share_place(planner.carrier.bare)
         return test.motion_free(q, planner.frame.difference(q, before))
 

@@ -8,6 +8,7 @@ follow a straight certified motion, close the fingers, take the object into the 
 
 from collections import deque
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -53,6 +54,7 @@ _CALM, _BUSY = (
     3,
     1,
 )  # what may be bettered between frames: in others, and in costly ones
+_BRAKED_EVERY = 4  # frames of a braked robot, in one of which it looks for grasps
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
@@ -101,7 +103,7 @@ class Command(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One thing to do in a state: "targets", "goal", "line", "grip", "take", "let"."""
+    """One thing to do in a state: "goal", "line", "grip", "take", "let" and others."""
 
     kind: str
     value: object = None
@@ -204,10 +206,12 @@ class Handover:
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
+        self._farthest = 0.0  # that the hand was from the object, in this state [m]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._told_at = -np.inf
+        self._braked = 0  # frames for which it has been braked on its way
         self._light = True  # whether nothing costly was done in this frame
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
@@ -274,8 +278,12 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             share = self._limit.share(motion, t, full, person, seen.hands)
             executor.limit_speed(share)
+            executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
+        self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
-        self.planner.improve(_CALM if self._light else _BUSY, executor.next_commit())
+        if not (self.view.looked or self.answer.status == "replanned"):
+            budget = _CALM if self._light else _BUSY
+            self.planner.improve(budget, executor.next_commit())
         executor.advance()
         self._change_hands()
         row = self.machine.step(self._signals(seen), frame.now)
@@ -291,8 +299,10 @@ class Handover:
         """Lay out all shapes with their classes, and follow them."""
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
-        if self.state in (table.FETCH, table.PUT_DOWN):  # the pads touch the object
-            self.view.phase = None if self._step.kind == "goal" else "receive"
+        at_place = self.state in (table.FETCH, table.PUT_DOWN)
+        self.view.at_place = at_place and self._step.kind not in ("goal", "place")
+        if at_place:  # the pads touch the object
+            self.view.phase = "receive" if self.view.at_place else None
         rows, labels = _person_of(frame)
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
@@ -409,7 +419,7 @@ class Handover:
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
             "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
-            "near": seen.hand_gap < s.near,
+            "near": self._hand_comes(seen.hand_gap),
             "gone": self._lasts(
                 "gone", away and not self._pull.pulls, seen.dt, _GONE_S
             ),
@@ -434,6 +444,12 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _hand_comes(self, gap: float) -> bool:
+        """Whether the hand, so far from the object [m], is there or on its way."""
+        s = self.settings
+        self._farthest = max(self._farthest, gap)
+        return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
     def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
         """Return what holds of where to go."""
@@ -524,7 +540,7 @@ class Handover:
     def _enter(self, signal: str = "") -> None:
         """Begin what belongs to the state."""
         state = self.state
-        self._at, self._begun = 0, None
+        self._at, self._begun, self._farthest = 0, None, 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
         steps: list[Step] = []
@@ -574,42 +590,66 @@ class Handover:
         self._T_tool_object = reach.T_tool_object
         above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
         up = Step("line", reach.q_before)
-        return [above, at, Step("grip", CLOSED), up, Step("take")]
+        return [above, at, Step("grip", CLOSED), Step("take"), up]
 
     def _putting_down(self) -> list[Step]:
-        """Above its place the object is let go of in the map: it touches its table."""
-        reach = self._reach_at_place()
-        self._placeless = reach is None
-        if reach is None:  # it is kept
-            return [Step("goal", [self._rest])]
-        return self._putting_down_by(reach)
+        """Return the steps that lead to the object's place, once it is known how."""
+        self._placeless, self._at_place = False, None
+        if self._T_place is not None:
+            self._at_place = self._looks_at_place(), 0
+        return [Step("place")]
+
+    def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
+        """Look for a way to the object's place, one costly thing a frame; stand."""
+        look = None if self._at_place is None else self._at_place[0]
+        self._light = False
+        if look is not None and look.at is None:
+            look.begin(self._T_place, q)
+        elif look is not None and not look.found and not look.over:
+            look.work()
+        elif look is None or not look.found:  # it is kept
+            self._placeless, self._at_place = True, None
+            self._begin_steps([Step("goal", [self._rest])])
+        elif not self._is_ready(look.found[0].q_before):
+            self.planner.prepare_goal(look.found[0].q_before)
+        else:
+            self._begin_steps(self._putting_down_by(look.found[0]))
+        return self._stand(seen, q)
+
+    def _begin_steps(self, steps: list[Step]) -> None:
+        """Go on with other steps."""
+        self._steps, self._at = steps, -1
+        self._next()
 
     def _putting_down_by(self, reach: Reach) -> list[Step]:
         return [
             Step("goal", [reach.q_before]),
-            Step("let"),
             Step("line", reach.q),
             Step("grip", OPEN),
+            Step("let"),
             Step("line", reach.q_before),
         ]
 
     def _reach_at_place(self) -> Reach | None:
-        """Return how the object is grasped in its place; with what it is held by."""
+        """Return how the object is grasped in its place: before the first frame."""
         self._at_place = None
         if self._T_place is None:
             return None
-        seed = self.executor.set_point.q
-        held = self._T_tool_object if self.holding else None
-        grasps = self._reaches.T_tool_object if held is None else held[None]
-        s = self.settings
-        look = Reaches(self.planner, self.targets.finder.index, grasps, s.back)
-        look.begin(self._T_place, seed)
+        look = self._looks_at_place()
+        look.begin(self._T_place, self.executor.set_point.q)
         while not look.over and not look.found:
             look.work()
         if not look.found:
             return None
         self._at_place = look, 0
         return look.found[0]
+
+    def _looks_at_place(self) -> Reaches:
+        """Return who looks for grasps in the place; by that with which it is held."""
+        held = self._T_tool_object if self.holding else None
+        grasps = self._reaches.T_tool_object if held is None else held[None]
+        index = self.targets.finder.index
+        return Reaches(self.planner, index, grasps, self.settings.back)
 
     def _reach_otherwise(self) -> None:
         """Go to the object's place with another grasp or arm: this one is blocked.
@@ -628,15 +668,16 @@ class Handover:
             self._at_place = look, k
             fetches = self.state == table.FETCH
             steps_by = self._fetching_by if fetches else self._putting_down_by
-            self._steps, self._at = steps_by(look.found[k]), -1
-            self._next()
+            self._begin_steps(steps_by(look.found[k]))
 
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
         beside = signal in ("open", "free", "late", "missed")
-        if signal in ("open", "lost", "late") and self.holding:
+        if signal in ("open", "lost") and self.holding:
             self._let_go()
+        opens = signal == "late" and self.holding  # it moves once they are open
+        first = [Step("grip", OPEN), Step("let")] if opens else []
         if not self.holding:
             self.fingers = OPEN
         if not beside:
@@ -650,18 +691,18 @@ class Handover:
         if back is None:
             T = tool_pose(self.planner.robot, q)
             back = straight_back(self.planner, T, q, self.settings.back)
-        return [rest] if back is None else [Step("back", back), rest]
+        return [*first, rest] if back is None else [*first, Step("back", back), rest]
 
     def _plan(self, seen: _Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
         step = self._step
         self._light = True
         if self._driven_off(seen.frame):
-            self.fingers, self._at = OPEN, -1  # to above the object, and down anew
-            self._next()
+            self.fingers = OPEN  # to above the object, and down anew
+            self._begin_steps(self._steps)
             step = self._step
         comes = self.state in (table.FETCH, table.PUT_DOWN) and self._at == 0
-        if comes and "blocked" in self._signalled:
+        if comes and step.kind == "goal" and "blocked" in self._signalled:
             self._reach_otherwise()
             step = self._step
         if self._begun is None:
@@ -672,6 +713,8 @@ class Handover:
             return self._go_to_object(seen, q)
         if step.kind == "goal":
             return self._go(seen, q, step.value)
+        if step.kind == "place":
+            return self._find_place(seen, q)
         if step.kind in ("line", "back"):
             return self._follow(seen, q, step.value)
         if step.kind == "close":
@@ -718,6 +761,8 @@ class Handover:
     def _let_go(self) -> None:
         self.planner.detach()
         self.holding = False
+        if self.view.phase is not None:
+            self.view.phase = "receive"  # the object may be left, and touched by pads
         self._pull.forget()
 
     def _next(self) -> None:
@@ -763,8 +808,8 @@ class Handover:
 
     def _set_goals(self, goals: list[np.ndarray]) -> None:
         """Set the planner's goals where they are others now."""
-        same = len(goals) == len(self._goals)
-        if not same or any(a is not b for a, b in zip(goals, self._goals, strict=True)):
+        if not _are_same(goals, self._goals):
+            self._light = False
             valid = [g for g in goals if is_valid(self.planner, g)]
             if valid:
                 self.planner.set_goals(valid)
@@ -802,15 +847,21 @@ class Handover:
             return self._go(seen, q, [self._rest])
         slow = seen.object_speed < 4.0 * s.still_speed
         if self._object_moved(T) and slow and self.state == table.APPROACH:
+            self._light = False
             reaches.begin(T, q)
             self._taken = None
-        else:
-            self._prepare()
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
         found.sort(key=lambda r: self._far(q, r.q_before))
-        if not found:
-            return self._go(seen, q, [self._rest])
-        answer = self._go(seen, q, [r.q_before for r in found])
+        goals = [r.q_before for r in found]
+        if not found:  # until it is known where it can be grasped now, on to the old
+            looks = not reaches.over and self._goals
+            goals = self._goals if looks else [self._rest]
+        # else a path is looked for, or joined and braked anew
+        self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
+        calm = self._light and self._braked % _BRAKED_EVERY == 0
+        if calm and _are_same(goals, self._goals):
+            self._prepare()
+        answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
@@ -849,6 +900,10 @@ class Handover:
         if self._line is None:
             return _holding("the object is out of reach of the straight motion")
         return self._follow(seen, q, self._line[1])
+
+
+def _are_same(goals: list[np.ndarray], others: list[np.ndarray]) -> bool:
+    return [id(q) for q in goals] == [id(q) for q in others]
 
 
 def _person_of(frame: StoryFrame) -> tuple[np.ndarray, np.ndarray]:

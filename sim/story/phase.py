@@ -8,13 +8,17 @@ An object that somebody pushes against a robot that waits for it is no part of t
 person: a retreat may begin within its clearance, and even in touch with the cover,
 as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
 a retreat keeps what it always keeps.
+
+An object that the robot fetches or puts down touches what it stands on. So a straight
+motion to its place and back may bring what is held, and nothing else, to the scenery;
+person, robot and object are tested against each other as on any motion.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from odm.checks import OBJECT
+from odm.checks import AVOID, OBJECT
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
@@ -34,6 +38,10 @@ class PhasePlanner:
         person: (k, 7) the person's capsules in this frame [m].
         meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
             part, and the object. Nobody evades them then; all else is evaded as ever.
+        looked: Whether a motion that evades somebody was looked for since this was set
+            to False: that takes as long as a path.
+        at_place: Whether straight motions lead to the object's place or from it: what
+            is held may touch the scenery on them.
     """
 
     def __init__(self, planner: ReactivePlanner) -> None:
@@ -44,6 +52,8 @@ class PhasePlanner:
         self.offered = 0
         self.person = np.zeros((0, 7))
         self.meant = np.zeros(0, np.int64)
+        self.at_place = False
+        self.looked = False
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -86,11 +96,26 @@ class PhasePlanner:
         speed_scale: float,
     ) -> np.ndarray | None:
         """Return a motion that evades what comes; see `ReactivePlanner.evasion`."""
+        self.looked = True
         if self.phase is not None:
-            rest = np.ones(len(self.classes), bool)
-            rest[self.meant] = False
-            coming = [(t, Obstacles(capsules=w.capsules[rest])) for t, w in coming]
+            coming = [(t, self._others(there)) for t, there in coming]
         return self.planner.evasion(q, coming, speed_scale)
+
+    def is_met(self, path: np.ndarray, extra: float, coming: Obstacles) -> bool:
+        """Whether somebody comes to a path who is not meant to; see `evasion`."""
+        if self.phase is None:
+            return self.blocked_leg(path, extra, coming) is not None
+        others = self._others(coming)
+        return self.planner.blocked_leg(path, extra, others, self.phase) is not None
+
+    def _others(self, coming: Obstacles) -> Obstacles:
+        """Return who is not meant to come, at each moment that is told."""
+        rest = np.ones(len(self.classes), bool)
+        rest[self.meant] = False
+        rows = np.array(coming.capsules).reshape(-1, len(self.classes), 7)
+        others = Obstacles(capsules=rows[:, rest].reshape(-1, 7))
+        others.shape_classes = np.full(len(others), AVOID, np.int8)
+        return others
 
     def separation(self, q: np.ndarray) -> float:
         """Return the distance from the person, without what they hold out [m]."""
@@ -116,6 +141,11 @@ class PhasePlanner:
         if not within.all():
             return False
         dq = planner.frame.difference(q, q_end)
-        if planner.static.why(q, dq) is not None:
+        still = planner.static
+        if self.at_place:
+            if still.touches_itself(q, dq) is not None:
+                return False
+            still = planner.carrier.bare
+        if still.why(q, dq) is not None:
             return False
         return self.blocked_leg(np.array([q, q + dq]), 0.0, there) is None

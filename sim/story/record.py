@@ -19,6 +19,7 @@ from sim.story.machine import TABLES
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.settings import StorySettings
 
+_NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf}  # of speeds near the hand
 _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
 
 
@@ -210,9 +211,10 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     from sim.story.settings import ComfortSettings
 
     known = dict(told["settings"])
+    known.setdefault("comes", 0.0)  # in older recordings any hand that near counts
     known["pull"] = PullSettings(**known["pull"])
     # recordings from before there was such a thing knew no comfort
-    known["speed"] = SpeedSettings(**{"hand_near": 0.0, **known["speed"]})
+    known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
     none = {"face_to_hand": 0.0, "unseen": 0.0}
     known["comfort"] = ComfortSettings(**known.get("comfort", none))
     return new_story(setup, StorySettings(**known), human, told["fetch"])

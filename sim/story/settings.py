@@ -45,7 +45,10 @@ class StorySettings:
 
     Attributes:
         direction: "give" or "receive".
-        near: The receiving hand is there when it is so near to the object [m].
+        near: A receiving hand that comes is heeded when it is so near to the object
+            [m],
+        comes: ... and has come nearer by this since it was held out [m]: a hand that
+            hangs beside it, at the person's side, does not come. 0: any hand that near.
         gone: It has gone away again when it is farther than this [m].
         back: Length of the straight motions to an object and away from it [m].
         follow: The robot follows an object that has moved by this [m].
@@ -70,6 +73,7 @@ class StorySettings:
 
     direction: str = "give"
     near: float = 0.25
+    comes: float = 0.05
     gone: float = 0.40
     back: float = 0.10
     follow: float = 0.02
@@ -104,7 +108,8 @@ class StorySettings:
         ranges = {name: (0.001, 2.0, "m") for name in lengths}
         ranges |= {name: (0.001, 3600.0, "s") for name in times}
         ranges["between_rad"] = (0.001, np.pi, "rad")
-        check_settings(self, ranges | {"still_speed": (0.001, 10.0, "m/s")})
+        ranges |= {"still_speed": (0.001, 10.0, "m/s"), "comes": (0.0, 2.0, "m")}
+        check_settings(self, ranges)
         if self.gone < self.near:
             raise BadInput(
                 f"gone is {self.gone} m, nearer than near, {self.near} m; give more"

@@ -1,6 +1,8 @@
 """Speed near a person: the standard's formula, and what it does to an executor."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -137,3 +139,85 @@ def test_near_a_hand_that_takes_part_no_point_is_quicker_than_is_said(small_map)
     full = robot.max_velocity / np.abs(motion.at(t).dq)
     assert shares[1] == 1.0
     assert shares[0] == pytest.approx(0.1 / (full.min() * speeds[near].max()), rel=0.02)
+
+
+def gone_beside(small_map, hand, limit):
+    """Return how hard the tip is jerked at most, and a stop, on a way beside a hand."""
+    robot = small_map.robot
+    q, goal = np.array([0.0, 0.6, 0.0]), np.array([0.8, 0.2, 0.3])
+    executor = Executor(robot, Nobody(small_map), q, 0.01)
+    settings = SpeedSettings(hand_near=0.5, hand_jerk=limit)
+    rule = partial(SpeedLimit(robot, settings).jerk_share, hands=hand)
+    executor.limit_jerk(rule)
+    watcher = Watcher()
+
+    class Go:
+        status, path, reason = "following", np.array([q, goal]), ""
+
+    tips, stops = [], []
+    for k in range(400):
+        threat = watcher.look(np.array([[5.0, 0, 0, 5.0, 0, 1.0, 0.1]]), 0.01 * k)
+        executor.update(Go, executor.commit(), threat)
+        executor.advance()
+        tips.append(sphere_centers(robot, executor.set_point.q)[robot.moving][-1])
+        stops.append(executor.held)
+    assert np.allclose(executor.set_point.q, goal)
+    jerk = np.linalg.norm(np.diff(tips, 3, axis=0), axis=1) / 0.01**3
+    return jerk.max(), max(stops, key=lambda stop: stop.duration)
+
+
+def test_near_a_hand_that_takes_part_it_is_gentle_and_stops_as_hard_as_ever(small_map):
+    robot = small_map.robot
+    tip = sphere_centers(robot, np.array([0.8, 0.2, 0.3]))[robot.moving][-1]
+    near, far = ([*p, *p, 0.05] for p in (tip + [0.0, 0.0, 0.2], tip + 3.0))
+    jerk = {}
+    for name, hand, limit in [
+        ("any", near, np.inf), ("near", near, 2.0), ("far", far, 2.0)
+    ]:  # fmt: skip
+        jerk[name], stop = gone_beside(small_map, np.array([hand]), limit)
+        hardest = max(abs(phase.j) for phase in stop.profile.phases)
+        assert stop.jerk_scale == 1.0 and hardest == pytest.approx(stop.path.j.max())
+    assert jerk["far"] == jerk["any"]
+    assert jerk["near"] < 1.5 * 2.0 and jerk["any"] > 3.0 * jerk["near"]
+
+
+def test_the_share_of_the_jerk_follows_the_limit_and_how_far_the_hand_is(small_map):
+    robot = small_map.robot
+    motion = time_path(robot, np.array([[0.0, 0.6, 0.0], [0.8, 0.2, 0.3]]))
+    tip = sphere_centers(robot, motion.q_end)[robot.moving][-1]
+    hand = np.array([[*tip, *tip, 0.05]])
+    rule = SpeedLimit(robot, SpeedSettings(hand_jerk=1.0))
+    share = rule.jerk_share(motion, 0.0, hand)
+    assert 0.0 < share < 0.5
+    twice = SpeedLimit(robot, SpeedSettings(hand_jerk=2.0))
+    assert twice.jerk_share(motion, 0.0, hand) == pytest.approx(2.0 * share)
+    assert rule.jerk_share(motion, 0.0, hand + [2.0, 0, 0, 2.0, 0, 0, 0]) == 1.0
+    assert rule.jerk_share(motion, motion.duration, hand) == 1.0
+    assert rule.jerk_share(motion, 0.0, np.zeros((0, 7))) == 1.0
+
+
+def test_who_has_just_braked_for_somebody_goes_on_with_all_of_the_jerk(small_map):
+    class Once(Nobody):
+        blocks = False
+
+        def blocked_leg(self, path, extra=0.0, points=None):
+            return 0 if self.blocks else None
+
+    q, goal = np.array([0.0, 0.6, 0.0]), np.array([0.8, 0.2, 0.3])
+    planner = Once(small_map)
+    executor = Executor(small_map.robot, planner, q, 0.01)
+    executor.limit_jerk(lambda motion, t: 0.02)
+    watcher = Watcher()
+
+    shares = []
+    for k in range(120):
+        planner.blocks = k == 20
+        threat = watcher.look(np.array([[5.0, 0, 0, 5.0, 0, 1.0, 0.1]]), 0.01 * k)
+        commit = executor.commit()
+        path = np.array([commit.q, goal])
+        go = SimpleNamespace(status="following", path=path, reason="")
+        executor.update(go, commit, threat)
+        shares.append(executor.motion.jerk_scale)
+        executor.advance()
+    assert set(shares[1:20]) == {0.02} and set(shares[20:31]) == {1.0}
+    assert min(shares[32:]) < 0.1  # as soon as that can be

@@ -32,6 +32,35 @@ def test_a_timed_path_keeps_all_limits_and_ends_at_rest(panda, rng, corners, ble
             assert np.abs(rows[[0, -1]]).max() < 1e-6
 
 
+def test_a_gentler_motion_keeps_its_share_of_the_jerk_and_its_stops_use_all(panda, rng):
+    for _ in range(3):
+        path = draw_path(panda, rng, 4)
+        motion = roadmap.time_path(panda, path, blend=0.01)
+        gentle = motion.gentler(0.0, 0.02)
+        soft = _with_limits(panda, np.array([[1.0], [1.0], [0.02]]))
+        check_limits(soft, sampled(gentle))
+        assert gentle.jerk_scale == 0.02 and gentle.duration > motion.duration
+        assert np.allclose(gentle.q_end, path[-1])
+        stop = gentle.stop(0.4 * gentle.duration)
+        check_limits(panda, sampled(stop))
+        jerk = np.abs(np.diff(sampled(stop).ddq, axis=0)) / DT / panda.max_jerk
+        assert jerk.max() > 0.1 and stop.jerk_scale == 1.0
+        late = motion.gentler(0.1 * motion.duration, 0.5)
+        if late is not None:
+            for a, b in zip(
+                late.at(0.0), motion.at(0.1 * motion.duration), strict=True
+            ):
+                assert np.allclose(a, b, atol=1e-6)
+
+
+def test_a_motion_that_is_about_to_stop_cannot_be_gentler(panda, rng):
+    motion = roadmap.time_path(panda, draw_path(panda, rng, 2))
+    t = motion.duration - 0.02
+    assert motion.profile.state(t).a < 0.0 and motion.gentler(t, 0.01) is None
+    with pytest.raises(BadInput, match="jerk scale of 0"):
+        motion.gentler(t, 0.0)
+
+
 def test_short_legs_and_limits_of_any_size_are_kept(panda, rng):
     for _ in range(15):
         scaled = _with_limits(panda, rng.uniform(0.05, 3.0, (3, panda.dof)))

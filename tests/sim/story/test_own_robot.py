@@ -10,14 +10,16 @@ import pytest
 import handover
 import odm
 import sim
+from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
+from odm.execution.threat import Watcher
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
-from sim.story.grasping import straight_back
+from sim.story.grasping import Reaches, straight_back
 from sim.story.handover import Step
-from sim.story.machine import FETCH, TABLES, Machine
+from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -139,6 +141,191 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     assert [step.kind for step in story._steps[:3]] == ["goal", "line", "grip"]
     assert np.abs(gone_to[1] - first).max() > 0.1
     assert story._goals[0] is story._steps[0].value[0]
+
+
+def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
+    story, human = story_of(maps)
+    labels, rows = human.labels, human.capsules()
+    hand, since, gaps = labels == Part.RIGHT_HAND, [], {}
+
+    def look(story, now, opened, closed):
+        seen = np.array(rows)
+        if story.state in ("present", "wait"):
+            since.append(now)
+            far = 0.2 - 0.1 * min(1.0, max(0.0, now - since[0] - 1.0))
+            T = tool_pose(story.planner.robot, story.executor.set_point.q)
+            place = (T @ story._T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
+            seen[hand, :3] = seen[hand, 3:6] = place
+        if story._last is not None:
+            gaps.setdefault(story.state, []).append(story._last.hand_gap)
+        told = dict(opened=opened, holds=not opened, capsules=seen, labels=labels)
+        return sim.StoryFrame(now, human, pulled(0.0), **told)
+
+    tell(story, 6.0, look)
+    assert [event.state for event in story.events[:2]] == ["present", "wait"]
+    assert story.events[1].signal == "near" and "comes" in story.events[1].reason
+    assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
+    assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
+    assert gaps["wait"][0] < max(gaps["present"][2:]) - 0.9 * story.settings.comes
+
+
+def at_a_place(maps, direction, state):
+    """Return a story that fetches from a place or puts down there, and its person."""
+    story, human = story_of(maps, direction)
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    if state == FETCH:
+        story.holding, story.fingers = False, "open"
+        story.planner.detach()
+    else:
+        story.holding, story.fingers = True, "closed"
+        story.planner.attach(story._carried, story._T_tool_object)
+    story.machine = Machine(TABLES[direction], state)
+    story._enter()
+    return story, human
+
+
+@pytest.mark.parametrize("direction", ["give", "receive"])
+def test_what_the_fingers_hold_is_in_the_map_from_the_first_frame_to_the_last(
+    maps, direction
+):
+    state = FETCH if direction == "give" else PUT_DOWN
+    story, human = at_a_place(maps, direction, state)
+    felt = []
+
+    def look(story, now, opened, closed):
+        holds = closed if state == FETCH else not opened
+        felt.append((story.state, holds, story.planner.attached is not None))
+        return sim.StoryFrame(now, human, None, opened, holds)
+
+    tell(story, 12.0, look)
+    assert story.events[0].signal == ("held" if state == FETCH else "placed")
+    held = [attached for where, holds, attached in felt if where == state and holds]
+    # one frame tells the story that they hold it; from then on the map has it
+    assert len(held) > 20 and all(held[1:])
+    free = [attached for where, holds, attached in felt if where == state and not holds]
+    assert len(free) > 5 and not any(free[1:])
+
+
+def test_an_object_at_its_place_may_touch_what_it_stands_on_and_nobody(maps):
+    story, human = at_a_place(maps, "receive", PUT_DOWN)
+    view, planner, robot = story.view, story.planner, story.planner.robot
+    reach = story._reach_at_place()
+    T, held = tool_pose(robot, reach.q), planner.attached
+    low = T[:3, :3] @ held[held[:, 2].argmax(), :3] + T[:3, 3]  # the end in front
+    ball = np.array([[*low, *low, 0.01]])
+    there = odm.Obstacles(capsules=ball)
+    view.classes, view.phase, view.offered = np.zeros(1, np.int8), "receive", 0
+    way = reach.q_before, reach.q
+    far = odm.Obstacles(capsules=ball + [2.0, 0, 0, 2.0, 0, 0, 0])
+    assert view.line_free(*way, far)
+    planner.scene.add("table", odm.Sphere(0.01, pose_of(low, (0.0, 0.0, 0.0))))
+    assert not view.line_free(*way, far)  # on any other motion it keeps off
+    view.at_place = True
+    assert view.line_free(*way, far)
+    assert not view.line_free(*way, there)  # somebody's hand is under the object
+    planner.detach()
+    assert view.line_free(*way, there)  # which the robot alone would not touch
+
+
+def test_a_robot_that_gives_an_object_back_moves_once_its_fingers_are_open(maps):
+    story, human = story_of(maps)
+    story.machine.state = "retreat"
+    story._enter("late")
+    assert [step.kind for step in story._steps][:2] == ["grip", "let"]
+    q = story.executor.set_point.q
+    for k in range(20):
+        opened = k >= 15
+        story.update(sim.StoryFrame(PERIOD * k, human, None, opened, not opened))
+        assert opened or story.planner.attached is not None
+        assert opened or np.array_equal(story.executor.set_point.q, q)
+    assert story.fingers == "open" and story.planner.attached is None
+
+
+def test_a_place_is_looked_for_one_start_a_frame_and_then_gone_to(maps, monkeypatch):
+    story, human = at_a_place(maps, "receive", PUT_DOWN)
+    starts, tries = [], Reaches._try
+
+    def counted(self, grasp, seed):
+        starts[-1] += 1
+        return tries(self, grasp, seed) and sum(starts) > 2
+
+    monkeypatch.setattr(Reaches, "_try", counted)
+    while story._steps[0].kind == "place":
+        starts.append(0)
+        frame = sim.StoryFrame(PERIOD * len(starts), human, None, False, True)
+        story.update(frame)
+        assert starts[-1] <= 1 and len(starts) < 60
+    assert 0 < sum(starts) < len(starts)
+    kinds = [step.kind for step in story._steps]
+    assert kinds == ["goal", "line", "grip", "let", "line"] and not story._placeless
+
+
+def test_an_object_that_moves_is_followed_by_one_start_a_frame(maps, monkeypatch):
+    """Until it is known where it is grasped now, the robot goes on to where it was."""
+    story, human = story_of(maps, "receive")
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    T = index.T_base_tool[near] @ story.targets.meet.obj.T_tool_object
+    rest, starts, tries, goals = story._rest, [], Reaches._try, []
+
+    def counted(self, grasp, seed):
+        starts[-1] += 1
+        return tries(self, grasp, seed)
+
+    monkeypatch.setattr(Reaches, "_try", counted)
+    for k in range(120):
+        starts.append(0)
+        if k >= 60:
+            T = pose_of((0.0, 0.001, 0.0), (0.0, 0.0, 0.0)) @ T  # 10 cm/s
+        frame = sim.StoryFrame(PERIOD * k, human, None, T_base_object=T)
+        story.update(frame)
+        goals.append([q is rest for q in story._goals])
+    assert max(starts) == 1 and len(story._reaches.found)
+    first = goals.index([False])
+    assert first < 60 and not any(any(g) for g in goals[first:])
+
+
+def test_who_is_meant_to_come_is_no_reason_to_look_for_an_evasion(maps):
+    story, human = story_of(maps)
+    view, q = story.view, story.executor.set_point.q
+    at = tool_pose(story.planner.robot, q)[:3, 3]
+    near, far = [*at, *at, 0.05], [*(at + 2.0), *(at + 2.0), 0.05]
+    for rows, meant, phase, met in [
+        ([near, far], [0], None, True),
+        ([near, far], [0], "give", False),
+        ([far, near], [0], "give", True),
+    ]:
+        view.classes, view.meant = np.zeros(2, np.int8), np.array(meant)
+        view.phase = phase
+        twice = odm.Obstacles(capsules=np.array(rows + rows))  # at two moments
+        assert view.is_met(q[None], 0.0, twice) == met
+
+
+def test_a_robot_that_stands_tries_one_speed_of_an_evasion_in_a_frame(
+    maps, monkeypatch
+):
+    story, human = story_of(maps)
+    executor, tried, asked = story.executor, [], []
+    q = executor.set_point.q
+    path = np.array([q, q + 0.1])
+
+    def evasion(*told):
+        asked.append(len(tried))
+        return path
+
+    def free(motion, t, threat):
+        tried.append(motion.speed_scale)
+        return len(tried) == 6
+
+    monkeypatch.setattr(executor._lookout, "evasion", evasion)
+    monkeypatch.setattr(executor, "_evasion_free", free)
+    threat = Watcher().look(human.capsules(), 0.0)
+    begun = [executor._evades(threat) for _ in range(6)]
+    assert begun == [False] * 5 + [True] and asked == [0, 3]
+    assert np.allclose(tried, [1.0, 0.4, 0.15] * 2)
+    assert executor.state == RETREATING
 
 
 def test_a_goal_that_braking_keeps_it_from_counts_as_blocked(maps):
