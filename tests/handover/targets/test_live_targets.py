@@ -6,7 +6,14 @@ from meet_people import person, workspace
 from small import small_recipe
 
 import odm
-from handover.targets.live_targets import BLOCKED, NOBODY, THERE, UNDER_WAY, LiveTargets
+from handover.targets.live_targets import (
+    BLOCKED,
+    NOBODY,
+    THERE,
+    UNDER_WAY,
+    WITHDRAWN,
+    LiveTargets,
+)
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from roadmap.errors import BadInput
@@ -112,6 +119,42 @@ def test_with_nobody_in_reach_it_goes_to_its_place_of_rest(cell_map, robot_map, 
     assert pursuits[-1].state == NOBODY and pursuits[-1].goals == 0
     assert pursuits[-1].missing_m == pytest.approx(live.meet.missing_m)
     assert np.abs(difference(cell_map.robot, q, rest)).max() < 1e-9
+
+
+def test_withdrawn_it_goes_to_its_place_of_rest_and_then_to_the_same_target(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human)
+    q, before = run(live, rest, [human] * 250)
+    assert before[-1].state == THERE
+    live.withdraw()
+    q, away = run(live, q, [human] * 250)
+    assert {p.state for p in away} == {WITHDRAWN}
+    assert {p.key for p in away} == {None} and [p.set_goals for p in away].count(1) == 1
+    np.testing.assert_allclose(difference(cell_map.robot, q, rest), 0, atol=1e-9)
+    assert live.targets  # they are ranked meanwhile
+    live.resume()
+    changes = live.counts["changes"]
+    q, after = run(live, q, [human] * 250)
+    assert after[-1].state == THERE and after[-1].key == before[-1].key
+    assert live.counts["changes"] == changes
+
+
+def test_withdrawn_it_goes_to_rest_where_the_person_within_the_clearance_lets_it(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human)
+    q, _ = run(live, rest, [human] * 250)
+    tool = tool_pose(cell_map.robot, q)[:3, 3]
+    touching = np.vstack([human.surface_points(), tool])
+    live.step(human, touching, q)
+    live.withdraw()
+    answer = live.step(human, touching, q)
+    assert answer.status == "holding" and live.pursuit.state == WITHDRAWN
+    q, _ = run(live, q, [human] * 250)
+    np.testing.assert_allclose(difference(cell_map.robot, q, rest), 0, atol=1e-9)
 
 
 def test_a_blocked_best_target_is_left_for_the_best_reachable(
