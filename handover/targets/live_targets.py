@@ -20,11 +20,12 @@ from odm.answer import Answer
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, tool_pose
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
 _IDLE = 3  # times as many choices between two rankings
+_ALIKE = 6  # decimals of quality that tell targets apart
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -155,6 +156,8 @@ class LiveTargets:
             lower = np.where(robot.continuous, -np.inf, robot.lower)
             upper = np.where(robot.continuous, np.inf, robot.upper)
             self.rest = np.clip(np.array(q, float), lower, upper)
+        if self.settings.near_rest:
+            self.finder.rest = self.rest
         self.counts["frames"] += 1
         busy = self.withdrawn or self._pursued is not None
         self._blocked = 0 if busy else self._blocked + 1
@@ -227,7 +230,21 @@ class LiveTargets:
 
     def _take_ranked(self, targets: list[Target]) -> None:
         self._best = targets[0].quality if targets else 0.0
+        if self.settings.near_rest:
+            targets = self._least_turned_first(targets)
         self._targets = {t.key: t for t in targets}
+
+    def _least_turned_first(self, targets: list[Target]) -> list[Target]:
+        """Return targets by quality; alike, those first that turn the tool least."""
+        T_world_base = self.meet.settings.T_world_base
+        R = (T_world_base @ tool_pose(self.planner.robot, self.rest))[:3, :3]
+
+        def rank(target: Target) -> tuple[float, float]:
+            # the trace of a rotation is 1 + 2 cos of its angle
+            cosine = float(np.sum(R * target.T_world_tool[:3, :3]))
+            return -round(target.quality, _ALIKE), -cosine
+
+        return sorted(targets, key=rank)
 
     def _choose(
         self, targets: list[Target], known: list[Target], pursued: int | None

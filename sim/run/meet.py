@@ -66,7 +66,10 @@ PLANNER = PlannerSettings(
 # reaches for a target blocks it for a second or less: it is waited for.
 QUALITY = QualitySettings()
 LIVE = LiveSettings(
-    rank_budget=1000, from_rest=True, choice=ChoiceSettings(patience_frames=150)
+    rank_budget=1000,
+    from_rest=True,
+    near_rest=True,
+    choice=ChoiceSettings(patience_frames=150),
 )
 
 

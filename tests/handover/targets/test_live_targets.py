@@ -157,6 +157,55 @@ def test_withdrawn_it_goes_to_rest_where_the_person_within_the_clearance_lets_it
     np.testing.assert_allclose(difference(cell_map.robot, q, rest), 0, atol=1e-9)
 
 
+def test_near_rest_inverse_kinematics_begins_at_the_place_of_rest(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human, near_rest=True)
+    robot, begun = live.planner.robot, []
+    finder = live.finder
+    live.look(human, rest)
+    solve = robot.ik
+    target = live.targets[0]
+    finder.forget()
+    object.__setattr__(
+        robot, "ik", lambda T, q, **o: begun.append(q) or solve(T, q, **o)
+    )
+    for _ in range(live.settings.starts):
+        finder.work(target)
+    object.__delattr__(robot, "ik")
+    np.testing.assert_array_equal(begun[0], rest)
+    assert not any(np.array_equal(q, rest) for q in begun[1:])
+    plain = live_of(cell_map, robot_map, index, human)
+    plain.look(human, rest)
+    assert plain.finder.rest is None
+
+
+def test_of_targets_alike_the_one_that_turns_the_tool_least_goes_first(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human, near_rest=True)
+    live.look(human, rest)
+    plain = live_of(cell_map, robot_map, index, human)
+    plain.look(human, rest)
+    assert {t.key for t in live.targets} == {t.key for t in plain.targets}
+    told = [round(t.quality, 6) for t in live.targets]
+    assert told == sorted(told, reverse=True)
+    R = tool_pose(cell_map.robot, rest)[:3, :3]
+    base = live.meet.settings.T_world_base[:3, :3]
+    turns = [
+        np.arccos((np.trace((base @ R).T @ t.T_world_tool[:3, :3]) - 1) / 2)
+        for t in live.targets
+    ]
+    alike = [
+        (a, b)
+        for a, b, x, y in zip(turns, turns[1:], told, told[1:], strict=False)
+        if x == y
+    ]
+    assert alike and all(a <= b + 1e-9 for a, b in alike)
+
+
 def test_a_blocked_best_target_is_left_for_the_best_reachable(
     cell_map, robot_map, index
 ):
