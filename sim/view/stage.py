@@ -12,6 +12,7 @@ from sim.draw.world import capsule_mesh
 from sim.loop.carried import ball_rows
 from sim.view import looks
 from sim.view.blocked import RoadmapPicture, cell_centers, occupied_cells, seen_points
+from sim.view.line_file import line_file
 from sim.view.moment import NOBODY, Moment
 from sim.view.shapes import Part
 
@@ -143,7 +144,12 @@ class Stage:
     def _all_edges(self) -> None:
         """Draw all edges where they are shown: megabytes that hidden ones are not."""
         if self.shown["edges"] and self.roadmap is not None:
-            self._lines("edges", self.roadmap.segments, looks.FREE_EDGE, 0.6)
+            self._nodes["edges"] = self.scene.add_glb(
+                "/edges",
+                line_file(self.roadmap.segments, looks.FREE_EDGE),
+                cast_shadow=False,
+                receive_shadow=False,
+            )
 
     def show(self, layer: str, on: bool) -> None:
         """Show or hide a layer."""

@@ -1,6 +1,7 @@
 """The page itself, with clients that shake hands, leave and flood."""
 
 import asyncio
+import io
 import threading
 import time
 
@@ -124,7 +125,12 @@ def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):
     assert page.stage.scene.get_handle_by_name("/edges") is None  # hidden: not sent
     page.stage.show("edges", True)
     edges = page.stage.scene.get_handle_by_name("/edges")
-    assert len(edges.points) == page.stage.cell_map.roadmap.n_edges
+    drawn = trimesh.load(io.BytesIO(edges.glb_data), file_type="glb", process=False)
+    (lines,) = drawn.geometry.values()
+    n_edges = page.stage.cell_map.roadmap.n_edges
+    assert len(lines.vertices) == 2 * n_edges
+    segments = page.stage.roadmap.segments.astype(np.float32)
+    np.testing.assert_array_equal(lines.vertices, segments.reshape(-1, 3))
 
 
 def test_the_robots_visual_meshes_stand_where_its_links_do(crane_urdf, crane):
