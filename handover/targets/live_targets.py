@@ -20,10 +20,12 @@ from odm.answer import Answer
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, tool_pose
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
+WITHDRAWN = "withdrawn"
 _IDLE = 3  # times as many choices between two rankings
+_ALIKE = 6  # decimals of quality that tell targets apart
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -39,7 +41,7 @@ class Pursuit:
 
     Attributes:
         state: "there", "on the way", "blocked" (there are targets, none can be reached
-            now) or "no target".
+            now), "no target" or "withdrawn" (at its place of rest or on the way back).
         key: Cell of the target it is at or on the way to; None: none.
         kind: "node" or "exact", of its goal; empty: none.
         quality: Of that target now; 0: none.
@@ -68,7 +70,8 @@ class LiveTargets:
     """Lets a reactive planner pursue the best reachable target of a moving person.
 
     Call `step` where you would call the planner's own. Its goals are then the targets,
-    best first; without any target the robot goes to its place of rest.
+    best first; without any target the robot goes to its place of rest, and between
+    `withdraw` and `resume`, too.
 
     Args:
         planner: The planner; its goals are set here only.
@@ -81,6 +84,8 @@ class LiveTargets:
     Attributes:
         pursuit: See Pursuit; of the last frame.
         goals: The planner's goals, best first; empty at rest.
+        withdrawn: Whether it goes to its place of rest, or stays there, whatever
+            targets there are.
         counts: "frames", "changes" of the target pursued, "set_goals", "attached".
 
     Raises:
@@ -104,6 +109,7 @@ class LiveTargets:
         self.counts = Counter(frames=0, changes=0, set_goals=0, attached=0)
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
         self.offers = TargetOffers(planner, self.finder)
+        self.withdrawn = False
         self._targets: dict[int, Target] = {}
         self._worth: dict[int, float] = {}
         self._chosen = self.settings.choices  # frames since the last ranking
@@ -150,10 +156,18 @@ class LiveTargets:
             lower = np.where(robot.continuous, -np.inf, robot.lower)
             upper = np.where(robot.continuous, np.inf, robot.upper)
             self.rest = np.clip(np.array(q, float), lower, upper)
+        if self.settings.near_rest:
+            self.finder.rest = self.rest
         self.counts["frames"] += 1
-        self._blocked = 0 if self._pursued is not None else self._blocked + 1
+        busy = self.withdrawn or self._pursued is not None
+        self._blocked = 0 if busy else self._blocked + 1
         self._changed = False
-        if not self._rank(human):
+        if self.withdrawn and (self.goals or not self.counts["set_goals"]):
+            self._changed = True  # a costly job: no other in this frame
+            self.counts["set_goals"] += 1
+            self.goals = self._set(())
+            return
+        if not self._rank(human) or self.withdrawn:
             return
         targets = list(self._targets.values())
         known = self._known()
@@ -173,6 +187,17 @@ class LiveTargets:
             self.counts["set_goals"] += 1
             goals = self._set(goals)
         self.goals = goals
+
+    def withdraw(self) -> None:
+        """Go to the place of rest from the next frame on, and stay there.
+
+        The way is planned and tested as any other; targets are ranked meanwhile.
+        """
+        self.withdrawn = True
+
+    def resume(self) -> None:
+        """Pursue targets again from the next frame on; the one before, if it stands."""
+        self.withdrawn = False
 
     def _rank(self, human: Human) -> bool:
         """Rank the targets, or go on with that; return whether there is time to choose.
@@ -205,7 +230,21 @@ class LiveTargets:
 
     def _take_ranked(self, targets: list[Target]) -> None:
         self._best = targets[0].quality if targets else 0.0
+        if self.settings.near_rest:
+            targets = self._least_turned_first(targets)
         self._targets = {t.key: t for t in targets}
+
+    def _least_turned_first(self, targets: list[Target]) -> list[Target]:
+        """Return targets by quality; alike, those first that turn the tool least."""
+        T_world_base = self.meet.settings.T_world_base
+        R = (T_world_base @ tool_pose(self.planner.robot, self.rest))[:3, :3]
+
+        def rank(target: Target) -> tuple[float, float]:
+            # the trace of a rotation is 1 + 2 cos of its angle
+            cosine = float(np.sum(R * target.T_world_tool[:3, :3]))
+            return -round(target.quality, _ALIKE), -cosine
+
+        return sorted(targets, key=rank)
 
     def _choose(
         self, targets: list[Target], known: list[Target], pursued: int | None
@@ -250,6 +289,7 @@ class LiveTargets:
         )
         if goal is None:
             state = BLOCKED if self.goals or self._targets else NOBODY
+            state = WITHDRAWN if self.withdrawn and not self.goals else state
             missing = 0.0 if self._targets else self.meet.missing_m
             found = (state, None, "", 0.0)
         else:

@@ -120,6 +120,7 @@ class LiveSettings:
     rank_budget: int = 0
     choices: int = 3
     from_rest: bool = False
+    near_rest: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""

@@ -51,6 +51,7 @@ class TargetGoals:
 
     Attributes:
         failed: Cell -> why the robot cannot get there.
+        rest: (dof,) where the first start begins [rad or m]; None: at a near node.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class TargetGoals:
         self.planner, self.meet, self.index = planner, meet, index
         self.settings = settings or LiveSettings()
         self.failed: dict[int, str] = {}
+        self.rest: np.ndarray | None = None
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
         self._exact: dict[int, list[Goal]] = {}
         self._near: dict[int, Goal | None] = {}
@@ -149,6 +151,10 @@ class TargetGoals:
         self, key: int, T_base_tool: np.ndarray, number: int
     ) -> np.ndarray | None:
         before, after = self.settings.before, self.settings.after
+        if self.rest is not None:
+            if number == 0:
+                return self.rest
+            number -= 1  # the last near node is left out
         if number == before:
             return self.meet.reach.witness(T_base_tool)
         if key not in self._seeds:

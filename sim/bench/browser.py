@@ -8,6 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -28,9 +29,23 @@ _FLAGS = (
 _OPEN_S = 60.0  # it has to be there by then [s]
 _LOOK_S = 0.05
 _SIZE = (1440, 900)
-# counts the pictures the browser draws: each wants one turn of this
+# counts the pictures the browser draws, each wants one turn of this, and what WebGL
+# is told to draw
 _COUNT = """(() => {
-  window.__pictures = 0;
+  window.__pictures = window.__calls = window.__faces = 0;
+  const watch = (name, at, times) => {
+    const own = WebGL2RenderingContext.prototype[name];
+    WebGL2RenderingContext.prototype[name] = function (...told) {
+      window.__calls += 1;
+      if (told[0] === this.TRIANGLES)
+        window.__faces += told[at] / 3 * (times ? told[times] : 1);
+      return own.apply(this, told);
+    };
+  };
+  watch('drawElements', 1);
+  watch('drawArrays', 2);
+  watch('drawElementsInstanced', 1, 4);
+  watch('drawArraysInstanced', 2, 3);
   const next = () => { window.__pictures += 1; requestAnimationFrame(next); };
   requestAnimationFrame(next);
 })()"""
@@ -156,8 +171,16 @@ class Tab:
     def _ask(self, method: str, **told: object) -> dict:
         return self._door.ask(method, **told)
 
-    def open(self, address: str, until: str, limit_s: float = 120.0) -> float:
+    def open(
+        self, address: str, until: str, limit_s: float = 120.0, canvas: bool = True
+    ) -> float:
         """Open a page; return how long it took until its text has `until` in it [s].
+
+        Args:
+            address: Of the page.
+            until: What it says once it is there.
+            limit_s: It has to be there by then [s].
+            canvas: Whether something has to be drawn on it, too.
 
         Raises:
             BadInput: It took longer than `limit_s`.
@@ -167,7 +190,8 @@ class Tab:
         while True:
             passed = time.perf_counter() - begun
             text = self.ask("document.body ? document.body.innerText : ''") or ""
-            if until in text and self.ask("!!document.querySelector('canvas')"):
+            drawn = not canvas or self.ask("!!document.querySelector('canvas')")
+            if until in text and drawn:
                 return passed
             if passed > limit_s:
                 raise BadInput(f"{address} does not show {until!r} within {limit_s} s")
@@ -181,6 +205,10 @@ class Tab:
     def pictures(self) -> int:
         """Return how many pictures were drawn since it was opened."""
         return int(self.ask("window.__pictures") or 0)
+
+    def drawn(self) -> tuple[int, float]:
+        """Return the draw calls and the triangles so far."""
+        return tuple(self.ask("[window.__calls, window.__faces]") or (0, 0.0))
 
     def press(self, text: str) -> bool:
         """Click what has exactly this text; return whether there was anything."""
@@ -201,6 +229,22 @@ class Tab:
         box = f"document.getElementById({found}?.htmlFor) ?? {found}?.closest('div')"
         box += "?.parentElement?.querySelector('input')"
         return bool(self.ask(f"(() => {{const e = {box}; e?.click(); return !!e}})()"))
+
+    def drag(
+        self, start: tuple[float, float], stop: tuple[float, float], steps: int = 10
+    ) -> None:
+        """Press the mouse at one point of the window, move it to another, let go."""
+        mouse = partial(self._ask, "Input.dispatchMouseEvent")
+        (x, y), (to_x, to_y) = start, stop
+        mouse(type="mouseMoved", x=x, y=y)
+        held = {"button": "left", "buttons": 1}
+        mouse(type="mousePressed", x=x, y=y, clickCount=1, **held)
+        for k in range(1, steps + 1):
+            share = k / steps
+            at = {"x": x + share * (to_x - x), "y": y + share * (to_y - y)}
+            mouse(type="mouseMoved", **at, **held)
+            time.sleep(_LOOK_S)
+        mouse(type="mouseReleased", x=to_x, y=to_y, clickCount=1, button="left")
 
     def picture(self, path: Path) -> Path:
         """Write what is seen as PNG."""

@@ -11,7 +11,7 @@ import numpy as np
 from handover import load_reach_map
 from odm import load_map
 from roadmap.errors import BadInput
-from sim.bench.browser import Browser, found_browser
+from sim.bench.browser import Browser, Tab, found_browser
 from sim.run.folders import REACH_MAPS
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.page import StoryPage
@@ -19,12 +19,15 @@ from sim.story.play import StoryPlay
 from sim.story.rehearsal import rehearse
 from sim.tables.header import header
 from sim.tables.table import value_row
+from sim.view.gate import LOCAL
+from sim.view.page import RATE_HZ
 
 ROUNDS = 3  # of each; a frame counts with the least time of its rounds
 CLIENTS = 2
 USABLE_S, SHARE, HIDDEN_HZ, SHOWN_HZ = 3.0, 1.3, 30.0, 10.0  # asked
 _OPENED = "robot to person"  # the panel says so once a moment is drawn
-_LOOK_S = 4.0
+_EMPTY = "nothing but a frame"
+_LOOK_S, _SETTLED_S = 4.0, 3.0
 
 
 def run(
@@ -190,13 +193,13 @@ def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[di
         page.hear(page.run.step())
     look_s = 1.0 if short else _LOOK_S
     with Browser() as browser:
+        empty, empty_hz = _empty_page(browser, look_s)
         tab = browser.tab()
         tab.open(page.viewer.address, _OPENED)  # the browser's own beginning
         tab.close()
         tab = browser.tab()
         after = tab.open(page.viewer.address, _OPENED)
-        note = "the processor draws: what limits is the drawing of a picture"
-        rows = [value_row("page usable after", after, "s", most=USABLE_S)]
+        rows = [value_row("page usable after", after, "s", most=USABLE_S), *empty]
         edges = len(page.run.setup.cell_map.roadmap.edges)
         for word, asked in (("hidden", HIDDEN_HZ), ("shown", SHOWN_HZ)):
             if word == "shown":
@@ -204,16 +207,64 @@ def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[di
                 time.sleep(1.0)
                 tab.toggle("Roadmap, all edges")
                 time.sleep(1.0)
-            before, busy = tab.pictures(), browser.cpu_s()
-            begun = time.perf_counter()
-            while time.perf_counter() - begun < look_s:
-                page.hear(page.run.step())
-            passed = time.perf_counter() - begun
-            drawn = tab.pictures() - before
-            name = f"pictures a second, {edges} edges {word}"
-            rows.append(value_row(name, drawn / passed, "1/s", note, least=asked))
-            cost = (browser.cpu_s() - busy) / max(drawn, 1)
-            rows.append(value_row(f"  CPU of the browser a picture, {word}", cost, "s"))
+            what = f"{edges} edges {word}"
+            told, hz = _pictures(
+                tab, browser, look_s, what, asked, lambda: page.hear(page.run.step())
+            )
+            rows += told
+            share = hz / empty_hz if empty_hz else np.nan
+            rows.append(value_row("  the same, of an empty page's", share, ""))
         if plot is not None:
             tab.picture(Path(plot))
     return rows
+
+
+def _empty_page(browser: Browser, look_s: float) -> tuple[list[dict], float]:
+    """Return what a page of viser's with one moving frame in it costs, and its rate.
+
+    More pictures than of this no page of viser's draws in this browser.
+    """
+    import viser
+
+    server = viser.ViserServer(host=LOCAL, port=0, verbose=False)
+    server.gui.add_markdown(_EMPTY)
+    server.scene.configure_environment_map(None)
+    server.scene.configure_default_lights(True, cast_shadow=False)
+    frame = server.scene.add_frame("/frame", axes_length=0.1, axes_radius=0.005)
+    tab = browser.tab()
+    tab.open(f"http://{LOCAL}:{server.get_port()}/", _EMPTY)
+    time.sleep(_SETTLED_S)
+
+    def turn() -> None:
+        frame.position = (0.0, 0.0, 0.1 * np.sin(5 * time.perf_counter()))
+        time.sleep(1.0 / RATE_HZ)
+
+    found = _pictures(tab, browser, look_s, "an empty page of viser's", None, turn)
+    tab.close()
+    server.stop()
+    return found
+
+
+def _pictures(
+    tab: Tab,
+    browser: Browser,
+    look_s: float,
+    what: str,
+    asked: float | None,
+    turn: Callable[[], None],
+) -> tuple[list[dict], float]:
+    """Return what a browser draws while `turn` changes what there is, and its rate."""
+    before, drawn, busy = tab.pictures(), tab.drawn(), browser.cpu_s()
+    begun = time.perf_counter()
+    while time.perf_counter() - begun < look_s:
+        turn()
+    passed = time.perf_counter() - begun
+    turns, cost = tab.pictures() - before, browser.cpu_s() - busy
+    calls, faces = (b - a for a, b in zip(drawn, tab.drawn(), strict=True))
+    n = max(turns, 1)
+    note = f"{calls / n:.0f} draw calls, {faces / n:.0f} triangles each"
+    hz = turns / passed
+    return [
+        value_row(f"pictures a second, {what}", hz, "1/s", note, least=asked),
+        value_row(f"  CPU of the browser a picture, {what}", cost / n, "s"),
+    ], hz

@@ -18,7 +18,7 @@ from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
 from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
-from handover.targets.live_targets import LiveTargets
+from handover.targets.live_targets import WITHDRAWN, LiveTargets
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
@@ -66,7 +66,10 @@ PLANNER = PlannerSettings(
 # reaches for a target blocks it for a second or less: it is waited for.
 QUALITY = QualitySettings()
 LIVE = LiveSettings(
-    rank_budget=1000, from_rest=True, choice=ChoiceSettings(patience_frames=150)
+    rank_budget=1000,
+    from_rest=True,
+    near_rest=True,
+    choice=ChoiceSettings(patience_frames=150),
 )
 
 
@@ -106,11 +109,16 @@ class MeetSetup:
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def loop(
-        self, person: WholePerson | RecordedPerson, side: str, settings: LoopSettings
+        self,
+        person: WholePerson | RecordedPerson,
+        side: str,
+        settings: LoopSettings,
+        dwell_s: float | None = None,
     ) -> tuple[MeetLoop, TargetAudit]:
         """Return a loop that has not begun, and its audit."""
         human = person.human(0.0)
-        loop = MeetLoop(self.live(human, side), self.rest, person, settings)
+        live = self.live(human, side)
+        loop = MeetLoop(live, self.rest, person, settings, None, dwell_s)
         audit = TargetAudit(self.meet(human, side), self.cell_map, LIVE.from_rest)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
@@ -190,7 +198,8 @@ class MeetTask:
         self._rehearse(person, settings)
         gc.collect()
         gc.freeze()  # else a collection of all that was loaded takes 80 ms of a frame
-        loop, self._audit = self.setup.loop(person, self.side, settings)
+        dwell_s = self.request.dwell
+        loop, self._audit = self.setup.loop(person, self.side, settings, dwell_s)
         self._loop = loop
         return loop
 
@@ -251,6 +260,8 @@ def judge_sometimes(
     rate = loop.settings.rate_hz
     if not every_s or not frame.index or frame.index % max(1, round(every_s * rate)):
         return []
+    if loop.pursuits[-1].state == WITHDRAWN:
+        return []  # it is to pursue none
     now = frame.index / rate
     person = Obstacles(capsules=frame.capsules)
     key = loop.pursuits[-1].key

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from handover import Human
-from handover.targets.live_targets import THERE, LiveTargets, Pursuit
-from roadmap.kinematics.forward import tool_pose
-from sim.loop.loop import Audit, Loop, LoopSettings
+from handover.targets.live_targets import THERE, WITHDRAWN, LiveTargets, Pursuit
+from roadmap.kinematics.forward import difference, tool_pose
+from sim.loop.loop import ARRIVED, Audit, Loop, LoopSettings
 
 
 class MeetPlanner:
@@ -49,8 +49,12 @@ class MeetLoop(Loop):
         person: A motion with `human(t)`.
         settings: Rate, duration, speeds.
         audit: As of `Loop`.
+        dwell_s: For how long it has to be at a target, without a break, for the
+            hand-over; then it goes back to `rest`, and comes again [s]. None: it stays.
 
     Attributes:
+        dwell_s: As given.
+        handovers: How often it was at a target for `dwell_s`.
         pursuits: One `Pursuit` for every frame so far.
         tools: Where the tool goes for each target pursued so far, by its cell [m].
     """
@@ -62,6 +66,7 @@ class MeetLoop(Loop):
         person: object,
         settings: LoopSettings | None = None,
         audit: Audit | None = None,
+        dwell_s: float | None = None,
     ) -> None:
         """Put the robot at rest."""
         planner = MeetPlanner(live, person.human)
@@ -70,7 +75,11 @@ class MeetLoop(Loop):
         self.live = live
         self.pursuits: list[Pursuit] = []
         self.tools: dict[int, np.ndarray] = {}
-        self._there = False
+        self.dwell_s, self.handovers = dwell_s, 0
+        self._dwell = np.inf  # frames at a target, before it goes back
+        if dwell_s is not None:
+            self._dwell = max(1, round(dwell_s * self.settings.rate_hz))
+        self._there = 0  # frames without a break
         self.place = -1
 
     def _move(self) -> None:
@@ -80,7 +89,15 @@ class MeetLoop(Loop):
         if self.place >= 0 and self.place not in self.tools:
             goal = next(g for g in self.live.goals if g.key == self.place)
             self.tools[self.place] = tool_pose(self.robot, goal.q)[:3, 3]
-        there = pursuit.state == THERE
-        self.trips += there and not self._there
-        self._there = there
+        self._there = self._there + 1 if pursuit.state == THERE else 0
+        self.trips += self._there == 1
+        if self._there == self._dwell:
+            self.handovers += 1
+            self.live.withdraw()
+        elif pursuit.state == WITHDRAWN and self._is_at_rest():
+            self.live.resume()
         self._advance()
+
+    def _is_at_rest(self) -> bool:
+        off = difference(self.robot, self.executor.set_point.q, self.places[0])
+        return self.executor.at_rest and bool(np.abs(off).max() <= ARRIVED)

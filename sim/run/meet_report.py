@@ -28,6 +28,8 @@ def target_figures(loop: MeetLoop, result: RunResult) -> dict:
         "set_goals_per_minute": round(counts["set_goals"] / minutes, 2),
         "attached_per_minute": round(counts["attached"] / minutes, 2),
         "arrivals": result.trips,
+        "dwell_s": loop.dwell_s,
+        "handovers": loop.handovers,
         "removed_targets": len(loop.live.finder.failed),
         "quality_below_best": percentiles(np.array(lost)),
         "loop_wall_s": percentiles(busy[0]),
@@ -68,6 +70,9 @@ def print_targets(told: dict) -> None:
     rows.add_row("target changes per minute", f"{told['target_changes_per_minute']:g}")
     rows.add_row("goals set per minute", f"{told['set_goals_per_minute']:g}")
     rows.add_row("arrivals at a target", str(told["arrivals"]))
+    if told["dwell_s"] is not None:
+        name = f"  stayed for {told['dwell_s']:g} s, and went back"
+        rows.add_row(name, str(told["handovers"]))
     for name in ("wall", "cpu"):
         ms = {k: 1e3 * v for k, v in told[f"loop_{name}_s"].items()}
         values = " / ".join(f"{ms[k]:.2f}" for k in ("p50", "p99", "max"))

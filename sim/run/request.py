@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from handover.meet.held_object import HeldObject
 
 OBJECTS = ("wrench", "mallet")  # what a robot can hold for a hand-over
-_MEET_ONLY = ("reach", "distance", "held", "hand")
+_MEET_ONLY = ("reach", "distance", "held", "hand", "dwell")
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,12 @@ class RunRequest:
     )
     hand: str | None = flag(
         None, "Hand of the person (meet).", "--side", metavar="right|left"
+    )
+    dwell: float | None = flag(
+        None,
+        "At a target for so long, in s, the robot goes back to where it began, and "
+        "comes again (meet); stays if left.",
+        limits=Limits(0.0, 3600.0, "s"),
     )
     record: Path | None = flag(
         None,

@@ -1,7 +1,7 @@
 """The robot's shapes for a picture: its visual meshes, else its collision solids."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,10 @@ from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
 
 MOST_FACES = 400_000  # of all visual meshes; a page has to stay quick
+# Faces that are drawn of all visual meshes: a picture of 100 000 took a processor that
+# draws itself 0.2 s longer than one of 30 000 (docs/decisions/0068).
+DRAWN_FACES = 20_000
+_FINEST, _COARSER = 0.002, 1.25  # first cell in which corners become one [m], its steps
 _SAME = 1e-6  # a link belongs to the body it moves with; [m] and in rotations
 _TRIES = 3
 
@@ -46,10 +50,42 @@ def robot_parts(
         locked: Joints that stand still, and where [rad or m].
     """
     try:
-        return visual_parts(robot, source, locked or {}), ""
+        return drawn_parts(visual_parts(robot, source, locked or {})), ""
     except (PlanningError, OSError, ValueError, KeyError) as error:
         why = str(error).split(";")[0]
         return solid_parts(robot), f"the robot is drawn by its collision solids: {why}"
+
+
+def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
+    """Return meshes with fewer faces in all, as they are if they have few.
+
+    Corners that lie in one cell become one, their mean; cells grow until it is enough.
+    For a picture only: no corner moves farther than the diagonal of a cell.
+
+    Args:
+        parts: The meshes.
+        most: Faces of all of them.
+    """
+    cell, drawn = _FINEST, parts
+    while sum(len(part.mesh.faces) for part in drawn) > most:
+        drawn = [replace(part, mesh=_clustered(part.mesh, cell)) for part in parts]
+        cell *= _COARSER
+    return drawn
+
+
+def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
+    """Return a mesh whose corners in a cell of so many metres are one; maybe empty."""
+    at = np.floor(np.asarray(mesh.vertices) / cell).astype(np.int64)
+    _, own, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    own = own.ravel()
+    corners = np.zeros((len(count), 3))
+    np.add.at(corners, own, mesh.vertices)
+    corners /= count[:, None]
+    faces = own[mesh.faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return trimesh.Trimesh(corners, faces[np.sort(first)], process=False)
 
 
 def solid_parts(robot: Robot) -> list[Part]:

@@ -12,6 +12,7 @@ from sim.draw.world import capsule_mesh
 from sim.loop.carried import ball_rows
 from sim.view import looks
 from sim.view.blocked import RoadmapPicture, cell_centers, occupied_cells, seen_points
+from sim.view.line_file import line_file
 from sim.view.moment import NOBODY, Moment
 from sim.view.shapes import Part
 
@@ -30,6 +31,7 @@ LAYERS = {
     "floor": ("Floor", True),
 }
 MOST_POINTS = 20_000
+SKY = 1.6  # light from all around, so that no side is black
 FEW_FACES = 1_000  # a mesh with fewer shows its edges
 EDGES_EVERY_S = 0.2  # blocked edges are sent so often [s]
 _CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -74,6 +76,13 @@ class Stage:
     def _add_light(self) -> None:
         self.scene.set_up_direction("+z")
         self.scene.world_axes.visible = False
+        # where the processor draws, the environment took a half of a picture's time
+        # and shadows, which draw all meshes four times, a quarter
+        self.scene.configure_environment_map(None)
+        self.scene.configure_default_lights(True, cast_shadow=False)
+        self.scene.add_light_hemisphere(
+            "/sky", sky_color=looks.SKY, ground_color=looks.GROUND, intensity=SKY
+        )
         self._nodes["floor"] = self.scene.add_grid(
             "/floor",
             3.0,
@@ -84,7 +93,7 @@ class Stage:
             section_color=(205, 212, 219),
             plane_color=(248, 249, 250),
             plane_opacity=1.0,
-            shadow_opacity=0.12,
+            shadow_opacity=0.0,
             position=(0.3, 0.0, -0.002),
         )
 
@@ -99,6 +108,8 @@ class Stage:
         for i, part in enumerate(parts):
             own = part.colour or (looks.ROBOT if part.body else looks.BASE)
             mesh, few = part.mesh, len(part.mesh.faces) < FEW_FACES
+            if len(mesh.faces) == 0:
+                continue
             node = self.scene.add_mesh_simple(
                 f"/robot/body_{part.body}/part_{len(parts)}_{i}",
                 mesh.vertices,
@@ -125,16 +136,29 @@ class Stage:
         )
 
     def set_map(self, cell_map: CellMap, roadmap: RoadmapPicture) -> None:
-        """Take a map, which brings cells and edges; they are drawn once."""
+        """Take a map, which brings cells and edges."""
         self.cell_map, self.roadmap = cell_map, roadmap
-        self._lines("edges", roadmap.segments, looks.FREE_EDGE, 0.6)
+        self._remove("edges")
+        self._all_edges()
+
+    def _all_edges(self) -> None:
+        """Draw all edges where they are shown: megabytes that hidden ones are not."""
+        if self.shown["edges"] and self.roadmap is not None:
+            self._nodes["edges"] = self.scene.add_glb(
+                "/edges",
+                line_file(self.roadmap.segments, looks.FREE_EDGE),
+                cast_shadow=False,
+                receive_shadow=False,
+            )
 
     def show(self, layer: str, on: bool) -> None:
         """Show or hide a layer."""
         self.shown[layer] = bool(on)
         self._edges_at = -np.inf
         node = self._nodes.get(layer)
-        if node is not None:
+        if layer == "edges" and node is None:
+            self._all_edges()
+        elif node is not None:
             node.visible = self.shown[layer]
         if layer == "person":
             for mesh in self._person:

@@ -21,9 +21,14 @@ DISTANCES = (0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.3)
 MOTION = "reach"
 P50_MS, P99_MS = 3.0, 8.0  # asked of a frame's loop
 CHANGES, ARRIVALS = 4.0, 12.0  # asked, a minute
+DWELL_S = 1.0  # at a target, where the robot hands over, goes back and comes again
 TIMES = ("distance", "CPU p50", "p99", "max", "wall p50", "p99", "max")
 SHARES = (
     "distance", "there", "on the way", "blocked", "top", "near", "changes", "contacts"
+)  # fmt: skip
+CYCLES = (
+    "distance", "arrivals", "hand-overs", "there", "on the way", "withdrawn", "blocked",
+    "changes", "contacts",
 )  # fmt: skip
 
 
@@ -40,6 +45,9 @@ def run(
     tell: Callable[[str], None] | None = None,
 ) -> dict:
     """Run the loop to the targets of people who stand at several distances.
+
+    Each person is met twice: by a robot that stays at its target, and by one that goes
+    back after `DWELL_S` there and comes again.
 
     Args:
         map_dir: Folder of a built map.
@@ -76,7 +84,8 @@ def run(
         reach=None if reach is None else Path(reach),
     )
     jobs = [
-        replace(asked, seed=seed + k, distance=(distance, distance))
+        replace(asked, seed=seed + k, distance=(distance, distance), **more)
+        for more in ({}, {"dwell": DWELL_S, "audit_s": 0.0})
         for k, distance in enumerate(distances)
     ]
     for job in jobs:  # a wrong distance or setting is refused before any work
@@ -98,6 +107,8 @@ def run(
         "reach map": f"{found.hash[:12]}, {found.grid.cell:g} m / "
         f"{found.grid.rotations.n_cells}",
         "object": f"{asked.obj}, {GRASPS} grasps",
+        "staying, cycling": f"the robot stays at its target; it goes back after "
+        f"{DWELL_S:g} s there without a break, and comes again",
         "audited": f"every {asked.audit_s:g} s",
         "runs at a time": min(processes, len(jobs)),
         "top, near": "at or on the way to the top-ranked reachable target, to one "
@@ -151,14 +162,45 @@ def _rows(runs: list[dict]) -> list[dict]:
         value_row(f"loop, wall: p99, {n}", worst("wall", "p99"), "ms", most=P99_MS),
         value_row("contacts", float(sum(r["contacts"] for r in runs)), "", most=0.0),
     ]
+    staying, cycling = _by_mode(runs)
+    most, least = {"most": CHANGES}, {"least": ARRIVALS}
+    rows += [
+        _a_minute(staying, "changes", "target changes a minute, staying", most),
+        _a_minute(cycling, "changes", "target changes a minute, cycling", most),
+        _a_minute(cycling, "arrivals", "arrivals a minute, cycling", least),
+        _a_minute(cycling, "handovers", f"stays of {DWELL_S:g} s a minute, cycling"),
+        _a_minute(staying, "arrivals", "arrivals a minute, staying"),
+        value_row("time at the target, staying", _there(staying), "%"),
+    ]
+    return rows + _audited(staying)
+
+
+def _by_mode(runs: list[dict]) -> tuple[list[dict], list[dict]]:
+    """Return the runs in which the robot stays, and those in which it goes back."""
+    return (
+        [r for r in runs if r["dwell_s"] is None],
+        [r for r in runs if r["dwell_s"] is not None],
+    )
+
+
+def _a_minute(
+    runs: list[dict], name: str, what: str, asked: dict | None = None
+) -> dict:
     minutes = sum(r["seconds"] for r in runs) / 60.0
-    for name, what, asked in (
-        ("changes", "target changes a minute, all runs", {"most": CHANGES}),
-        ("arrivals", "arrivals a minute, all runs", {"least": ARRIVALS}),
-    ):
-        note = f"{sum(r[name] for r in runs)} in {minutes:.1f} minutes"
-        value = sum(r[name] for r in runs) / minutes
-        rows.append(value_row(what, value, "", note, **asked))
+    count = sum(r[name] for r in runs)
+    note = f"{count} in {minutes:.1f} minutes"
+    return value_row(what, count / minutes, "", note, **(asked or {}))
+
+
+def _there(runs: list[dict]) -> float:
+    """Return the share of time at a target [%]."""
+    there = sum(r["share_of_time"].get("there", 0.0) * r["seconds"] for r in runs)
+    return round(100.0 * there / sum(r["seconds"] for r in runs), 1)
+
+
+def _audited(runs: list[dict]) -> list[dict]:
+    """Return what the audit says of all runs together."""
+    rows = []
     judged = sum(r["audit"]["judged"] for r in runs)
     none = sum(r["audit"]["out_of_reach"] for r in runs)
     note = f"{judged} frames audited; in {none} no target could be reached"
@@ -181,10 +223,26 @@ def _some(run: dict) -> int:
 
 
 def _tables(runs: list[dict]) -> list[dict]:
-    times = {"title": "A frame's loop [ms]", "head": TIMES}
-    shares = {"title": "Share of time; of audited frames; changes a minute"}
-    shares |= {"head": SHARES, "rows": [_shares(r) for r in runs]}
-    return [times | {"rows": [_times(r) for r in runs]}, shares]
+    staying, cycling = _by_mode(runs)
+    return [
+        {
+            "title": f"A frame's loop [ms], {word}",
+            "head": TIMES,
+            "rows": [_times(r) for r in some],
+        }
+        for word, some in (("staying", staying), ("cycling", cycling))
+    ] + [
+        {
+            "title": "Staying: share of time; of audited frames; changes a minute",
+            "head": SHARES,
+            "rows": [_shares(r) for r in staying],
+        },
+        {
+            "title": "Cycling: arrivals and hand-overs a minute; share of time",
+            "head": CYCLES,
+            "rows": [_cycles(r) for r in cycling],
+        },
+    ]
 
 
 def _times(run: dict) -> list[str]:
@@ -194,17 +252,34 @@ def _times(run: dict) -> list[str]:
 
 
 def _shares(run: dict) -> list[str]:
-    def percent(share: float) -> str:
-        return f"{100 * share:.0f} %"
-
-    time, audit = run["share_of_time"], run["audit"]
-    seen = [percent(audit[k]) for k in ("top", "within_margin")]
+    audit = run["audit"]
+    seen = [_percent(audit[k]) for k in ("top", "within_margin")]
     return [
         f"{run['distance_m']:g} m",
-        percent(time.get("there", 0.0)),
-        percent(time.get("on the way", 0.0)),
-        percent(time.get("blocked", 0.0) + time.get("no target", 0.0)),
+        *_states(run, ("there",), ("on the way",), ("blocked", "no target")),
         *(seen if _some(run) else ("-", "-")),
         f"{run['target_changes_per_minute']:.0f}",
         str(run["contacts"]),
     ]
+
+
+def _cycles(run: dict) -> list[str]:
+    minutes = run["seconds"] / 60.0
+    blocked = ("blocked", "no target")
+    return [
+        f"{run['distance_m']:g} m",
+        *(f"{run[name] / minutes:.1f}" for name in ("arrivals", "handovers")),
+        *_states(run, ("there",), ("on the way",), ("withdrawn",), blocked),
+        f"{run['target_changes_per_minute']:.0f}",
+        str(run["contacts"]),
+    ]
+
+
+def _states(run: dict, *groups: tuple[str, ...]) -> list[str]:
+    """Return the share of time in each group of states of the pursuit."""
+    time = run["share_of_time"]
+    return [_percent(sum(time.get(k, 0.0) for k in group)) for group in groups]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

@@ -6,7 +6,14 @@ from meet_people import person, workspace
 from small import small_recipe
 
 import odm
-from handover.targets.live_targets import BLOCKED, NOBODY, THERE, UNDER_WAY, LiveTargets
+from handover.targets.live_targets import (
+    BLOCKED,
+    NOBODY,
+    THERE,
+    UNDER_WAY,
+    WITHDRAWN,
+    LiveTargets,
+)
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from roadmap.errors import BadInput
@@ -112,6 +119,91 @@ def test_with_nobody_in_reach_it_goes_to_its_place_of_rest(cell_map, robot_map, 
     assert pursuits[-1].state == NOBODY and pursuits[-1].goals == 0
     assert pursuits[-1].missing_m == pytest.approx(live.meet.missing_m)
     assert np.abs(difference(cell_map.robot, q, rest)).max() < 1e-9
+
+
+def test_withdrawn_it_goes_to_its_place_of_rest_and_then_to_the_same_target(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human)
+    q, before = run(live, rest, [human] * 250)
+    assert before[-1].state == THERE
+    live.withdraw()
+    q, away = run(live, q, [human] * 250)
+    assert {p.state for p in away} == {WITHDRAWN}
+    assert {p.key for p in away} == {None} and [p.set_goals for p in away].count(1) == 1
+    np.testing.assert_allclose(difference(cell_map.robot, q, rest), 0, atol=1e-9)
+    assert live.targets  # they are ranked meanwhile
+    live.resume()
+    changes = live.counts["changes"]
+    q, after = run(live, q, [human] * 250)
+    assert after[-1].state == THERE and after[-1].key == before[-1].key
+    assert live.counts["changes"] == changes
+
+
+def test_withdrawn_it_goes_to_rest_where_the_person_within_the_clearance_lets_it(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human)
+    q, _ = run(live, rest, [human] * 250)
+    tool = tool_pose(cell_map.robot, q)[:3, 3]
+    touching = np.vstack([human.surface_points(), tool])
+    live.step(human, touching, q)
+    live.withdraw()
+    answer = live.step(human, touching, q)
+    assert answer.status == "holding" and live.pursuit.state == WITHDRAWN
+    q, _ = run(live, q, [human] * 250)
+    np.testing.assert_allclose(difference(cell_map.robot, q, rest), 0, atol=1e-9)
+
+
+def test_near_rest_inverse_kinematics_begins_at_the_place_of_rest(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human, near_rest=True)
+    robot, begun = live.planner.robot, []
+    finder = live.finder
+    live.look(human, rest)
+    solve = robot.ik
+    target = live.targets[0]
+    finder.forget()
+    object.__setattr__(
+        robot, "ik", lambda T, q, **o: begun.append(q) or solve(T, q, **o)
+    )
+    for _ in range(live.settings.starts):
+        finder.work(target)
+    object.__delattr__(robot, "ik")
+    np.testing.assert_array_equal(begun[0], rest)
+    assert not any(np.array_equal(q, rest) for q in begun[1:])
+    plain = live_of(cell_map, robot_map, index, human)
+    plain.look(human, rest)
+    assert plain.finder.rest is None
+
+
+def test_of_targets_alike_the_one_that_turns_the_tool_least_goes_first(
+    cell_map, robot_map, index
+):
+    human, rest = person(0.9), start(cell_map)
+    live = live_of(cell_map, robot_map, index, human, near_rest=True)
+    live.look(human, rest)
+    plain = live_of(cell_map, robot_map, index, human)
+    plain.look(human, rest)
+    assert {t.key for t in live.targets} == {t.key for t in plain.targets}
+    told = [round(t.quality, 6) for t in live.targets]
+    assert told == sorted(told, reverse=True)
+    R = tool_pose(cell_map.robot, rest)[:3, :3]
+    base = live.meet.settings.T_world_base[:3, :3]
+    turns = [
+        np.arccos((np.trace((base @ R).T @ t.T_world_tool[:3, :3]) - 1) / 2)
+        for t in live.targets
+    ]
+    alike = [
+        (a, b)
+        for a, b, x, y in zip(turns, turns[1:], told, told[1:], strict=False)
+        if x == y
+    ]
+    assert alike and all(a <= b + 1e-9 for a, b in alike)
 
 
 def test_a_blocked_best_target_is_left_for_the_best_reachable(

@@ -15,38 +15,50 @@ def result(meet_maps):
 
 
 def test_short_is_one_run_of_the_figures_asked(result):
-    (run,) = result["runs"]
+    run, cycling = result["runs"]
     assert run["distance_m"] == 0.9 and result["bench"] == "targets"
+    assert run["dwell_s"] is None and cycling["dwell_s"] == targets.DWELL_S
+    assert cycling["distance_m"] == 0.9 and cycling["seed"] == run["seed"]
+    assert cycling["audit"]["judged"] == 0 < run["audit"]["judged"]
     rows = {row["name"]: row for row in result["rows"]}
     p99 = next(row for name, row in rows.items() if name.startswith("loop, CPU: p99"))
-    assert p99["value"] == pytest.approx(1e3 * run["loop_cpu_s"]["p99"])
+    both = max(r["loop_cpu_s"]["p99"] for r in result["runs"])
+    assert p99["value"] == pytest.approx(1e3 * both)
     assert p99["asked"] == {"most": 8.0} and rows["contacts"]["asked"] == {"most": 0.0}
     assert rows["contacts"]["value"] == run["contacts"] == 0
     json.dumps(result, allow_nan=False)
 
 
 def test_the_rows_say_what_the_runs_were(result):
-    (run,) = result["runs"]
+    run, cycling = result["runs"]
     audit = {"judged": 10, "out_of_reach": 2, "top": 0.5, "within_margin": 0.75}
     audit |= {"worse": 0.125, "none": 0.125}
     other = run | {"audit": audit, "contacts": 3, "distance_m": 1.3}
     other["loop_cpu_s"] = {"p50": 0.004, "p99": 0.009, "max": 0.05}
     empty = run | {"audit": {**dict.fromkeys(audit, 0.0), "judged": 4}}
     empty["audit"]["out_of_reach"] = 4
-    rows = {r["name"]: r for r in targets._rows([empty, other])}
+    went = {"arrivals": 9, "handovers": 7, "changes": 2, "seconds": 30.0}
+    runs = [empty, other, cycling | went]
+    rows = {r["name"]: r for r in targets._rows(runs)}
     values = {name: row["value"] for name, row in rows.items()}
-    assert values["loop, CPU: p50, largest of 2 runs"] == 4.0
-    assert rows["loop, CPU: p99, largest of 2 runs"]["met"] is False
+    assert values["loop, CPU: p50, largest of 3 runs"] == 4.0
+    assert rows["loop, CPU: p99, largest of 3 runs"]["met"] is False
     assert values["contacts"] == 3.0 and rows["contacts"]["met"] is False
     assert values["at or on the way to the top-ranked reachable target"] == 50.0
     assert values["to it or one within the margin of its quality"] == 75.0
-    times, shares = targets._tables([empty, other])
+    assert values["arrivals a minute, cycling"] == 18.0
+    assert rows["arrivals a minute, cycling"]["met"] is True
+    assert values["stays of 1 s a minute, cycling"] == 14.0
+    assert values["target changes a minute, cycling"] == 4.0
+    assert rows["arrivals a minute, staying"]["asked"] == {}
+    times, cycled, shares, cycles = targets._tables(runs)
+    assert cycles["rows"][0][:3] == ["0.9 m", "18.0", "14.0"]
     assert times["rows"][1] == ["1.3 m", "4.0", "9.0", "50.0", *times["rows"][0][4:]]
     assert shares["rows"][0][4:6] == ["-", "-"]
     assert shares["rows"][1][4:6] == ["50 %", "75 %"]
-    for more in (times, shares):
+    for more in (times, cycled, shares, cycles):
         assert all(len(row) == len(more["head"]) for row in more["rows"])
-    assert "1.3 m" in table.markdown(result | {"tables": [times, shares]})
+    assert "1.3 m" in table.markdown(result | {"tables": [times, cycled, shares]})
 
 
 def test_other_distances_are_other_runs(meet_maps):
@@ -54,7 +66,7 @@ def test_other_distances_are_other_runs(meet_maps):
         meet_maps[0], reach=meet_maps[1], short=True, distances=(0.8, 1.0), seed=3
     )
     told = [(run["distance_m"], run["seed"]) for run in two["runs"]]
-    assert told == [(0.8, 3), (1.0, 4)]
+    assert told == 2 * [(0.8, 3), (1.0, 4)]
 
 
 def test_the_command_prints_it(odm, meet_maps, tmp_path):

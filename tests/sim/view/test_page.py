@@ -1,15 +1,23 @@
 """The page itself, with clients that shake hands, leave and flood."""
 
 import asyncio
+import io
 import threading
 import time
 
 import numpy as np
 import pytest
+import trimesh
 
 from sim.record import read_record
 from sim.view.gate import listening
-from sim.view.shapes import link_frames, robot_parts, solid_parts
+from sim.view.shapes import (
+    Part,
+    drawn_parts,
+    link_frames,
+    robot_parts,
+    solid_parts,
+)
 from sim.view.sources import Recorded
 
 viser = pytest.importorskip("viser")
@@ -114,8 +122,15 @@ def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):
     moment = page.shown.source.at(1.0)
     page.stage.draw(moment, 1e9)
     assert page.stage.scene.get_handle_by_name("/cells") is not None
+    assert page.stage.scene.get_handle_by_name("/edges") is None  # hidden: not sent
+    page.stage.show("edges", True)
     edges = page.stage.scene.get_handle_by_name("/edges")
-    assert len(edges.points) == page.stage.cell_map.roadmap.n_edges
+    drawn = trimesh.load(io.BytesIO(edges.glb_data), file_type="glb", process=False)
+    (lines,) = drawn.geometry.values()
+    n_edges = page.stage.cell_map.roadmap.n_edges
+    assert len(lines.vertices) == 2 * n_edges
+    segments = page.stage.roadmap.segments.astype(np.float32)
+    np.testing.assert_array_equal(lines.vertices, segments.reshape(-1, 3))
 
 
 def test_the_robots_visual_meshes_stand_where_its_links_do(crane_urdf, crane):
@@ -126,6 +141,19 @@ def test_the_robots_visual_meshes_stand_where_its_links_do(crane_urdf, crane):
     bodies = body_frames(crane, np.array([0.4, -0.7]))
     for name, body in zip(crane.link_names, crane.link_body, strict=True):
         np.testing.assert_allclose(frames[name], bodies[body], atol=1e-12)
+
+
+def test_a_mesh_has_as_few_faces_as_were_asked_and_its_shape():
+    ball = trimesh.creation.icosphere(5, 0.1)
+    some = [Part(1, ball), Part(2, trimesh.creation.box([0.1] * 3), (1, 2, 3))]
+    assert drawn_parts(some, 30_000) is some  # few already: as they are
+    round_, box = drawn_parts(some, 3_000)
+    assert 300 < len(round_.mesh.faces) + len(box.mesh.faces) <= 3_000
+    assert (round_.body, box.body, box.colour) == (1, 2, (1, 2, 3))
+    far = np.linalg.norm(round_.mesh.vertices, axis=1)
+    assert 0.09 < far.min() and far.max() <= 0.1 + 1e-9
+    assert round_.mesh.volume == pytest.approx(ball.volume, rel=0.1)
+    np.testing.assert_allclose(box.mesh.bounds, some[1].mesh.bounds)
 
 
 def test_a_robot_without_visual_geometry_is_drawn_by_its_solids(crane_urdf, crane):
