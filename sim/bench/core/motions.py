@@ -15,7 +15,8 @@ import numpy as np
 
 from odm import ReactivePlanner, load_map
 from sim.bench.evadable import Oracle, TouchWatch
-from sim.loop.loop import Loop, LoopSettings, exact_audit, run_frames
+from sim.bench.lost_time import PaceWatch, lost_time, lost_time_table
+from sim.loop.loop import Frame, Loop, LoopSettings, exact_audit, run_frames
 from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
 from sim.people.human_motion import HumanMotion, make_motion, motion_names
@@ -63,7 +64,8 @@ def run(
         tell: Called with what is about to run.
 
     Returns:
-        Plain data for JSON: "header", "setup", "rows" and "runs".
+        Plain data for JSON: "header", "setup", "rows", "tables" and "runs"; a table
+        of timed runs says where the time goes, see `sim.bench.lost_time`.
     """
     names = tuple(motions or (n for n in motion_names() if n not in SCENES))
     for name in names:
@@ -77,18 +79,20 @@ def run(
     jobs += [(file, seed) for file in files]
     shared = (str(map_dir), seconds, execution, pushed)
     (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
+    alone = _played((*shared, *jobs[0], None))
+    jobs = [(*shared, *job, alone["trip_s"]) for job in jobs[1:]]
     if processes > 1:
         with multiprocessing.get_context("spawn").Pool(processes) as pool:
-            runs = pool.map(_played, [(*shared, *job) for job in jobs], chunksize=1)
+            runs = pool.map(_played, jobs, chunksize=1)
     else:
-        runs = [_played((*shared, *job)) for job in jobs]
-    alone, runs = runs[0], runs[1:]
+        runs = [_played(job) for job in jobs]
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]
         rows += _rows(name, own, alone["trips_per_minute"], execution, pushed)
     if runs and all("evadable" in r for r in runs):
         rows += _standing_rows(runs)
+    split = [run for run in runs if "lost" in run]
     setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
     setup["execution"] = execution
     if pushed:
@@ -99,13 +103,14 @@ def run(
         "header": header(load_map(map_dir, verify=False)),
         "setup": setup,
         "rows": rows,
+        "tables": [lost_time_table(split)] if split else [],
         "runs": [alone, *runs],
     }
 
 
-def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
+def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) -> dict:
     """Run once; a process of its own may do this."""
-    map_dir, seconds, execution, pushed, motion, seed = job
+    map_dir, seconds, execution, pushed, motion, seed, trip_s = job
     planner = ReactivePlanner(load_map(map_dir, verify=False))
     settings = LoopSettings(
         rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
@@ -121,17 +126,37 @@ def _played(job: tuple[str, float, str, bool, str | None, int]) -> dict:
     pushes = PushSettings() if pushed else None
     loop = Loop(planner, planner.robot, places, human, settings, pushed=pushes)
     asks = human is not None and execution == "timed" and not pushed
-    watch = TouchWatch(loop) if asks else None
-    result = run_frames(loop, None if watch is None else watch.hear)
+    watch, paces = TouchWatch(loop) if asks else None, PaceWatch()
+
+    def hear(frame: Frame) -> None:
+        paces.hear(frame)
+        if watch is not None:
+            watch.hear(frame)
+
+    result = run_frames(loop, hear)
+    lost = {}
+    if asks and trip_s is not None:
+        how = (paces.paces, settings.speed_scale, trip_s)
+        lost["lost"] = lost_time(planner, places, human, result, *how)
     name = {"motion": Path(motion).stem} if recorded else {}
     return {
         **result.summary(),
         **name,
         "trips_per_minute": result.trips * MINUTE / seconds,
         "moving_s": float(result.moving.sum()) / result.rate_hz,
+        "trip_s": _trip_s(result),
         "occupied": _occupied(planner, places, result),
         **({} if watch is None else _evadable(planner, human, watch)),
+        **lost,
     }
+
+
+def _trip_s(result: RunResult) -> float | None:
+    """Return the time of a trip, on the average [s]; None where none was made."""
+    arrived = np.flatnonzero(np.diff(result.place))
+    if not len(arrived):
+        return None
+    return float(arrived[-1] + 1) / result.rate_hz / len(arrived)
 
 
 def _evadable(

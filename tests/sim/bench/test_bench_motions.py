@@ -28,6 +28,24 @@ def test_every_motion_has_its_rows_and_processes_change_nothing(map_dir):
     assert len(one["runs"]) == 3 and one["runs"][0]["motion"] == "none"
 
 
+def test_timed_runs_say_where_the_time_goes_and_others_do_not(map_dir):
+    options = {"short": True, "processes": 1, "motions": ("hover",)}
+    timed = motions.run(map_dir, execution="timed", **options)
+    (table,) = timed["tables"]
+    assert [row[0] for row in table["rows"]] == ["hover"]
+    lost = dict(timed["runs"][1]["lost"])
+    assert 0.0 < lost.pop("possible") <= 1.0 and np.isclose(sum(lost.values()), 1.0)
+    assert np.isclose(lost["trips"], timed["runs"][1]["trips"] * _alone(timed) / 2.0)
+    assert motions.run(map_dir, **options)["tables"] == []
+
+
+def _alone(result):
+    """Return the time of a trip with nobody about [s]."""
+    alone = result["runs"][0]
+    assert alone["trips"] > 0 and "lost" not in alone
+    return alone["trip_s"]
+
+
 def test_pushed_runs_say_so_and_how_far_and_are_the_same_again(map_dir):
     options = {"short": True, "processes": 1, "motions": ("hover",), "pushed": True}
     one, again = (motions.run(map_dir, execution="timed", **options) for _ in range(2))

@@ -1,0 +1,277 @@
+"""How many trips are possible beside a person: an oracle that knows what comes.
+
+It goes to and fro at the speed of a robot with nobody about, by the way that brings it
+there soonest: on the roadmap first, then straightened between the corners. It knows
+where the person will be; their distance is exact, so neither cover nor cells take space
+from it, and it never brakes: it sets off later. It keeps m while it moves; whoever
+comes to it while it stands is let come. A robot that has to see, to prove and to brake
+cannot do what it does. It is no strict bound: another way may be shorter still, though
+all corners are turned at full speed.
+"""
+
+import heapq
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from odm import ReactivePlanner
+from odm.audit.exact import ExactRobot, obstacles_of
+from odm.obstacles.shapes import Capsule
+from roadmap.kinematics.forward import difference
+
+_JOINED = 24  # nodes that a configuration is joined to
+_PARTS = 4  # of each leg of a way, between which it is straightened
+_STEP = 0.04  # [s] the distance is looked at so often
+_LATER = 0.05  # [s] a motion that is not free is tried again so much later
+_MOST_TESTS = 4000  # of motions, for one way
+
+PersonAt = Callable[[float], np.ndarray]
+Vertices = tuple[int, ...]
+
+
+class _Graph(NamedTuple):
+    """Configurations, and what leads from one to the next.
+
+    Attributes:
+        q: Configurations [rad or m].
+        ways: Vertex -> (vertex, time needed [s]) of each motion from it.
+        left: No way from a vertex to the goal takes less [s].
+        goal: The vertex to reach.
+        proved: All motions are free of what stands still.
+    """
+
+    q: list[np.ndarray]
+    ways: Callable[[int], list[tuple[int, float]]]
+    left: np.ndarray
+    goal: int
+    proved: bool
+
+
+class TripOracle:
+    """Finds the soonest trips between work places.
+
+    Args:
+        planner: Its robot, roadmap, clearance and scenery count; its frames do not.
+        places: (n, dof) the work places [rad or m].
+        speed_scale: Share of the joints' speed limits.
+    """
+
+    def __init__(
+        self, planner: ReactivePlanner, places: np.ndarray, speed_scale: float
+    ) -> None:
+        """Join the places to the roadmap, and measure all ways with nobody about."""
+        self.planner, self._exact = planner, ExactRobot(planner.robot)
+        self._speed = speed_scale * planner.robot.max_velocity
+        self._m = planner.cell_map.safety.m
+        roadmap = planner.cell_map.roadmap
+        self._q, self._ways = list(roadmap.nodes), [[] for _ in roadmap.nodes]
+        for a, b in roadmap.edges.tolist():
+            self._link(a, b)
+        self._places = [self._add(q) for q in places]
+        for k, a in enumerate(self._places):
+            for b in self._places[:k]:
+                self._link_if_free(a, b)
+        self._left = [self._time_to(place) for place in self._places]
+        self._known: dict[int, Any] = {}
+
+    def way_alone(self, place: int) -> float:
+        """Return how long the way to a place takes with nobody about [s]."""
+        return float(self._left[place][self._places[place - 1]])
+
+    def trips(self, person: PersonAt, seconds: float, trip_s: float) -> float:
+        """Return the trips in a time, the last one by how much of it was done.
+
+        Args:
+            person: Time [s] -> (k, 7) capsules [m].
+            seconds: How long it goes to and fro [s].
+            trip_s: What a trip takes a robot that has nobody about [s]: what this is
+                more than the way, to get up speed and to stop, each trip takes here.
+        """
+        self._known.clear()
+        now, trips, at = 0.0, 0, 0
+        while True:
+            to = (at + 1) % len(self._places)
+            begun = now
+            begin = now + max(trip_s - self.way_alone(to), 0.0)
+            now = self._arrival(self._places[at], to, begin, person, seconds)
+            if now >= seconds:
+                return trips + (seconds - begun) / max(now - begun, 1e-9)
+            trips, at = trips + 1, to
+
+    def leads_on(self, q: np.ndarray, place: int, capsules: np.ndarray) -> bool:
+        """Whether a way leads from q (dof,) to a place past a person who stays."""
+        self._known.clear()
+        n, left = len(self._q), self._left[place]
+        start = self._add(q)
+        self._link_if_free(start, self._places[place])
+        own = min((w + left[k] for k, w in self._ways[start]), default=math.inf)
+        graph = self._graph(place, np.append(left, own))
+        found = self._soonest(graph, start, 0.0, lambda t: capsules, stays=True)[1]
+        for k, _ in self._ways[start]:
+            self._ways[k].pop()
+        del self._q[n:], self._ways[n:]
+        return bool(found)
+
+    def _arrival(
+        self, start: int, place: int, now: float, person: PersonAt, end: float
+    ) -> float:
+        """Return when it can be at a place [s]; from `end` on: not by then."""
+        graph = self._graph(place, self._left[place])
+        goal, clear = self._q[graph.goal], now + graph.left[start]
+        while not self._keeps_clear(goal, clear, person):
+            clear += _LATER
+            if clear >= end:
+                return clear
+        at, way = self._soonest(graph, start, now, person, end, clear)
+        if not way:
+            return at
+        straight = self._straightened([self._q[k] for k in way])
+        return min(at, self._soonest(straight, 0, now, person, at, clear)[0])
+
+    def _graph(self, place: int, left: np.ndarray) -> _Graph:
+        goal = self._places[place]
+        return _Graph(self._q, self._ways.__getitem__, left, goal, True)
+
+    def _straightened(self, corners: list[np.ndarray]) -> _Graph:
+        """Return all straight motions forward between points of a way."""
+        q = [corners[0]]
+        for a, b in zip(corners[:-1], corners[1:], strict=True):
+            way = difference(self.planner.robot, a, b)
+            q += [a + way * (k / _PARTS) for k in range(1, _PARTS + 1)]
+        goal, times = len(q) - 1, [[self._time(a, b) for b in q] for a in q]
+
+        def ways(k: int) -> list[tuple[int, float]]:
+            return [(j, times[k][j]) for j in range(k + 1, goal + 1)]
+
+        return _Graph(q, ways, np.array([row[goal] for row in times]), goal, False)
+
+    def _soonest(
+        self,
+        graph: _Graph,
+        start: int,
+        now: float,
+        person: PersonAt,
+        end: float = math.inf,
+        clear: float = 0.0,
+        stays: bool = False,
+    ) -> tuple[float, Vertices]:
+        """Return when it can be at the goal [s], and by which vertices.
+
+        Who may wait anywhere loses nothing by being early, so ways are grown in the
+        order of the time that they would take if all ahead were free. After
+        `_MOST_TESTS` motions, or at `end`, that time is the answer, without vertices.
+
+        Args:
+            graph: What it may go along.
+            start: Vertex where it stands.
+            now: When it may set off [s].
+            person: Time [s] -> (k, 7) capsules [m].
+            end: When nobody looks any more [s].
+            clear: The goal is not free before [s].
+            stays: The person does not move: what is not free will not be.
+        """
+        left, came = graph.left, {}
+        heap = [(max(now + left[start], clear), left[start], now, start, start)]
+        tests = 0
+        while heap:
+            soonest, _, begin, origin, vertex = heapq.heappop(heap)
+            if soonest >= end or tests > _MOST_TESTS:
+                return soonest, ()
+            if vertex in came:
+                continue
+            if vertex != origin:
+                tests += 1
+                a, b = graph.q[origin], graph.q[vertex]
+                if not graph.proved and not self._is_proved(a, b):
+                    continue
+                if not self._is_free(a, b, begin, person):
+                    if not stays:
+                        begin += _LATER
+                        soonest = max(begin + self._time(a, b) + left[vertex], clear)
+                        again = (soonest, left[vertex], begin, origin, vertex)
+                        heapq.heappush(heap, again)
+                    continue
+                begin += self._time(a, b)
+            came[vertex] = origin
+            if vertex == graph.goal:
+                return begin, _way(came, start, vertex)
+            for k, needs in graph.ways(vertex):
+                if k in came or not left[k] < math.inf:
+                    continue
+                leaves = begin if k != graph.goal else max(begin, clear - needs)
+                soonest = max(leaves + needs + left[k], clear)
+                heapq.heappush(heap, (soonest, left[k], leaves, vertex, k))
+        return math.inf, ()
+
+    def _is_free(
+        self, a: np.ndarray, b: np.ndarray, begin: float, person: PersonAt
+    ) -> bool:
+        """Whether a motion keeps m; looked at from both ends towards the middle."""
+        way, needs = difference(self.planner.robot, a, b), self._time(a, b)
+        steps = max(1, math.ceil(needs / _STEP))
+        for k in sorted(range(steps + 1), key=lambda k: min(k, steps - k)):
+            t = begin + needs * k / steps
+            if not self._keeps_clear(a + way * (k / steps), t, person):
+                return False
+        return True
+
+    def _keeps_clear(self, q: np.ndarray, t: float, person: PersonAt) -> bool:
+        return not self._exact.collides(q, self._person(person, t), self._m)
+
+    def _is_proved(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether a motion is free of limits, the robot itself and the scenery."""
+        dq = difference(self.planner.robot, a, b)
+        return bool(self.planner.static.motion_free(a, dq))
+
+    def _person(self, person: PersonAt, t: float) -> Any:  # noqa: ANN401 (of the audit)
+        key = round(t / (0.5 * _STEP))
+        if key not in self._known:
+            rows = person(key * 0.5 * _STEP)
+            shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in rows]
+            self._known[key] = obstacles_of(shapes)
+        return self._known[key]
+
+    def _time(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Return how long a straight motion takes [s]."""
+        way = difference(self.planner.robot, a, b)
+        return float((np.abs(way) / self._speed).max())
+
+    def _link(self, a: int, b: int) -> None:
+        time = self._time(self._q[a], self._q[b])
+        self._ways[a].append((b, time))
+        self._ways[b].append((a, time))
+
+    def _link_if_free(self, a: int, b: int) -> None:
+        if self._is_proved(self._q[a], self._q[b]):
+            self._link(a, b)
+
+    def _add(self, q: np.ndarray) -> int:
+        """Add a configuration, joined to the nodes that are reached soonest."""
+        nodes = self.planner.cell_map.roadmap.nodes
+        ways = np.abs(difference(self.planner.robot, q, nodes)) / self._speed
+        near = np.argsort(ways.max(axis=1), kind="stable")[:_JOINED]
+        self._q.append(np.asarray(q, float))
+        self._ways.append([])
+        for node in near.tolist():
+            self._link_if_free(len(self._q) - 1, node)
+        return len(self._q) - 1
+
+    def _time_to(self, goal: int) -> np.ndarray:
+        """Return (n,) how long it takes from each vertex with nobody about [s]."""
+        rows = [(a, b, t) for a, ways in enumerate(self._ways) for b, t in ways]
+        a, b, t = np.array(rows).T
+        n = len(self._q)
+        graph = coo_matrix((t, (a.astype(int), b.astype(int))), (n, n)).tocsr()
+        return dijkstra(graph, indices=goal)
+
+
+def _way(came: dict[int, int], start: int, vertex: int) -> Vertices:
+    """Return the vertices from the start on."""
+    way = [vertex]
+    while way[-1] != start:
+        way.append(came[way[-1]])
+    return tuple(reversed(way))
