@@ -17,8 +17,8 @@ from sim.loop.run_result import RunResult
 from sim.people.human_motion import HumanMotion
 
 _EVERY = 10  # frames, of those in which it stands, between two that are asked
-_PACES = {"slowed": SLOWED, "braked": BRAKED, "evading": RETREATING}
-_STANDING = ("place taken", "person at it", "no way", "a way is free")
+_PACES = {"slowed": (SLOWED, BRAKED), "evading": (RETREATING,)}
+_STANDING = ("taken", "pinned", "no way", "waits")  # names that fit a terminal
 _COLUMNS = ("possible", "trips", "detour", *_PACES, *_STANDING)
 
 
@@ -46,7 +46,9 @@ def lost_time(
     """Return the shares of the time by name, and the trips that were "possible".
 
     "trips" is what those made take a robot with nobody about; "detour" the rest of the
-    time at full speed: longer ways, more corners, ways begun in vain.
+    time at full speed: longer ways, more corners, ways begun in vain. It stands since
+    its place is "taken", within m of the person; else since it is "pinned", within m
+    itself; else there is "no way", or one and it "waits".
 
     Args:
         planner: Its robot, roadmap and clearance count.
@@ -62,8 +64,8 @@ def lost_time(
     stands = ~np.r_[result.moving[1:], False]
     stands &= pace != RETREATING
     shares = {
-        name: float(np.mean((pace == state) & ~stands))
-        for name, state in _PACES.items()
+        name: float(np.mean(np.isin(pace, states) & ~stands))
+        for name, states in _PACES.items()
     }
     shares |= _standing(oracle, planner, places, result, np.flatnonzero(stands))
     shares["trips"] = result.trips * trip_s / result.duration_s
@@ -86,11 +88,11 @@ def _standing(
     for k in asked:
         person, place = result.capsules[k], int(result.place[k])
         if audit(places[place], person) < m:
-            why = "place taken"
+            why = "taken"
         elif result.separation[k] < m:
-            why = "person at it"
+            why = "pinned"
         elif oracle.leads_on(result.q[k], place, person):
-            why = "a way is free"
+            why = "waits"
         else:
             why = "no way"
         counts[why] += 1

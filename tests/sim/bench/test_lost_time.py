@@ -116,14 +116,14 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
     assert shares["slowed"] == pytest.approx(30 / 400)
     assert shares["evading"] == pytest.approx(20 / 400)
     assert shares["trips"] == pytest.approx(trip_s / 4.0)
-    for why in ("place taken", "person at it", "a way is free"):
+    for why in ("taken", "pinned", "waits"):
         assert shares[why] == pytest.approx(0.25, abs=0.01)
     assert shares["no way"] == 0.0
 
 
 def test_the_table_has_a_row_for_each_motion_with_the_means_of_its_runs():
-    names = ("possible", "trips", "detour", "slowed", "braked", "evading")
-    names += ("place taken", "person at it", "no way", "a way is free")
+    names = ("possible", "trips", "detour", "slowed", "evading")
+    names += ("taken", "pinned", "no way", "waits")
     one = {name: 0.1 for name in names}
     runs = [{"motion": "sweep", "lost": one}, {"motion": "reach", "lost": one}]
     runs += [{"motion": "sweep", "lost": one | {"detour": 0.3}}]
