@@ -63,8 +63,9 @@ def _calls_loop(call: ir.Expr, values: dict[str, list]) -> bool:
     if call.op != "call":
         return False
     what = _source(call.func.name, values)
-    named = isinstance(what, (ir.Global, ir.FreeVar))
-    return named and isinstance(what.value, Dispatcher)
+    if not isinstance(what, (ir.Global, ir.FreeVar)):
+        return False
+    return isinstance(what.value, Dispatcher)
 
 
 def _plain_arguments(call: ir.Expr, values: dict[str, list], scope: ir.Scope) -> list:

@@ -1,8 +1,9 @@
 """The table of what is compiled ahead: `python -m sim.bench.compile_jobs run FOLDER`.
 
 FOLDER is a NUMBA_CACHE_DIR that was empty and in which the command (here `odm run`) was
-then run. The types in numba's index files are written into the table of
-`sim.terminal.ahead`, by that command's name.
+then run on one core (`taskset -c 0`): on two, all that this very table names would be
+compiled ahead, also what nobody asks for any more. The types in numba's index files are
+written into the table of `sim.terminal.ahead`, by that command's name.
 """
 
 import json

@@ -214,7 +214,8 @@ def _row(
     begun = time.perf_counter()
     cells = sweep_roadmap(robot, raw.arm, little, grid, safety, 1)
     swept_s = (time.perf_counter() - begun) / (little.n_nodes + little.n_edges)
-    sizes, n = np.diff(cells.ptr), little.n_nodes
+    sizes = np.diff(cells.start[:, 1].astype(np.int64))
+    n = little.n_nodes
     node_entries = probe.n_nodes * sizes[:n].mean()
     entries = node_entries + probe.n_edges * sizes[n:].mean()
     items = probe.n_nodes + probe.n_edges

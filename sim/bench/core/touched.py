@@ -31,16 +31,16 @@ def bytes_touched(memory: Memory, segment: int, n_points: int) -> int:
     n, frame = len(graph.adj_ptr) - 1, memory.search.signature
     for ref in path.ref[segment : int(path.count[0]) - 1].tolist():
         cells, items = memory.pool, [ref]
-        begin, end = memory.pool.begin, memory.pool.end
+        begin, end, entry = cells.begin, cells.end, cells.block.itemsize + _WORD
         if ref <= EDGE_BASE:
             edge = EDGE_BASE - ref
             cells, items = graph, [n + edge, *graph.edges[edge].tolist()]
-            begin, end = graph.ptr[:-1], graph.ptr[1:]
+            begin, end = graph.start[:-1, 0], graph.start[1:, 0]
+            entry = graph.step.itemsize + _WORD
         elif ref < 0:
             continue
-        entry = cells.block.dtype.itemsize + _WORD
         for item in items:
             total += _SIGN
             if np.any(cells.signature[4 * item : 4 * item + 4] & frame):
-                total += int(end[item] - begin[item]) * entry
+                total += (int(end[item]) - int(begin[item])) * entry
     return total
