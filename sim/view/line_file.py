@@ -13,12 +13,15 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks
 _FLOAT, _LINES = 5126, 1
 
 
-def line_file(segments: np.ndarray, colour: tuple[int, int, int]) -> bytes:
+def line_file(
+    segments: np.ndarray, colour: tuple[int, int, int], opacity: float
+) -> bytes:
     """Return a binary glTF of line segments.
 
     Args:
         segments: (n, 2, 3) their ends [m], n > 0.
         colour: 0 to 255, sRGB.
+        opacity: 0 to 1; below 1 what lies behind many of them is seen, too.
     """
     points = np.ascontiguousarray(segments, np.float32).reshape(-1, 3)
     shade = [_linear(c / 255.0) for c in colour]
@@ -34,7 +37,12 @@ def line_file(segments: np.ndarray, colour: tuple[int, int, int]) -> bytes:
                 ]
             }
         ],
-        "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [*shade, 1.0]}}],
+        "materials": [
+            {
+                "pbrMetallicRoughness": {"baseColorFactor": [*shade, opacity]},
+                "alphaMode": "BLEND",
+            }
+        ],
         "accessors": [
             {
                 "bufferView": 0,

@@ -33,6 +33,7 @@ LAYERS = {
 MOST_POINTS = 20_000
 SKY = 1.6  # light from all around, so that no side is black
 FEW_FACES = 1_000  # a mesh with fewer shows its edges
+EDGE_OPACITY = 0.1  # of all edges: thousands lie before the robot
 EDGES_EVERY_S = 0.2  # blocked edges are sent so often [s]
 _CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 _CUBE_FACES = np.array(
@@ -146,7 +147,7 @@ class Stage:
         if self.shown["edges"] and self.roadmap is not None:
             self._nodes["edges"] = self.scene.add_glb(
                 "/edges",
-                line_file(self.roadmap.segments, looks.FREE_EDGE),
+                line_file(self.roadmap.segments, looks.FREE_EDGE, EDGE_OPACITY),
                 cast_shadow=False,
                 receive_shadow=False,
             )
