@@ -100,6 +100,9 @@ class LiveSettings:
             the targets known are weighed anew, and one costly job is done.
         from_rest: Whether the way of the person's hand counts from where their arm
             rests, not from where it is: else the best place follows a hand that moves.
+        near_rest: Whether ways from the place of rest are kept short: inverse
+            kinematics begins there, in place of the last near node, and of targets
+            with the same quality the one that turns the tool least goes first.
     """
 
     ranked: int = 10

@@ -1,12 +1,16 @@
 """`odm run --targets meet`: to the best reachable target of a moving person."""
 
 import json
+from itertools import groupby
 
 import numpy as np
 import pytest
 from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
+from handover.targets.live_targets import THERE, WITHDRAWN
+from roadmap.kinematics.forward import difference
+from sim.loop.loop import LoopSettings, run_frames
 from sim.run.meet import MeetTask
 from sim.run.meet_audit import Verdict, shares
 from sim.run.meet_loop import MeetLoop
@@ -70,6 +74,23 @@ def test_the_loop_pursues_what_it_says(built):
         np.testing.assert_allclose(frame.answer.path[-1], goals[at], atol=1e-9)
 
 
+def test_after_its_dwell_it_goes_back_and_comes_again(built):
+    asked = request(built, "hover", seconds=12.0, dwell=0.4, audit_s=0.5)
+    task = MeetTask(asked)
+    task.open(lambda *a: None)
+    loop = task.loop(task.person(), LoopSettings(duration_s=12.0, rate_hz=50.0))
+    result = run_frames(loop, task.hear)
+    told = task.figures(loop, result)["targets"]
+    states = [p.state for p in loop.pursuits]
+    stays = [len(list(run)) for state, run in groupby(states) if state == THERE]
+    assert stays.count(20) == told["handovers"] >= 2
+    assert told["arrivals"] >= told["handovers"] and told["dwell_s"] == 0.4
+    off = np.abs(difference(loop.robot, np.array(result.q), loop.places[0]))
+    home = (off.max(axis=1) < 1e-6).astype(int)
+    assert (np.diff(home) == 1).sum() >= told["handovers"] - 1  # it was back
+    assert WITHDRAWN in states and result.contacts == 0
+
+
 def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
     joints = {n: p for n, p in person(120).items() if not n.startswith("left_elbow")}
     clip = write_csv(tmp_path / "clip.csv", joints)
@@ -101,6 +122,8 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
         (["--between", "0.6", "1"], "--between goes with --targets meet"),
         (["--object", "wrench"], "--object goes with --targets meet"),
         (["--side", "left"], "--side goes with --targets meet"),
+        (["--dwell", "1"], "--dwell goes with --targets meet"),
+        (["--targets", "meet", "--dwell", "-1"], "--dwell"),
         (["--targets", "meet", "--object", "cup"], "choose wrench or mallet"),
         (["--targets", "meet", "--side", "third"], "choose right or left"),
         (["--targets", "meet", "--side", "left"], "right arm only"),
