@@ -206,7 +206,7 @@ def _absorb(digest: "hashlib._Hash", value: object) -> None:
     digest.update(type(value).__name__.encode())
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value))
+        digest.update(np.ascontiguousarray(value).data)
     elif isinstance(value, tuple | list):
         digest.update(str(len(value)).encode())
         for part in value:

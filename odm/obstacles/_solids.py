@@ -31,7 +31,7 @@ class Solids(NamedTuple):
 
     rows: np.ndarray = array("f8", "shapes 19", FRAME)
     kind: np.ndarray = array("i8", "shapes", FRAME)
-    count: np.ndarray = array("i8", "1", FRAME)
+    count: np.ndarray = array("i8", "1", FRAME)  # type: ignore[assignment]  # hides tuple's
     faces: np.ndarray = array("f8", "faces 13", FRAME)
 
 

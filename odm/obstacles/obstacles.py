@@ -111,13 +111,13 @@ class Obstacles:
         told = self._by_kind("classes", classes, (*KINDS, "points"))
         n = {kind: len(self._views[kind]) for kind in KINDS}
         self.classes = None if "points" not in told else np.asarray(told["points"])
-        parts = [check_classes(told[k], n[k]) for k in KINDS if k in told]
         self.shape_classes = np.zeros(len(self), np.int8)
-        if parts:
-            parts = [
-                check_classes(told.get(k, np.zeros(n[k], int)), n[k]) for k in KINDS
-            ]
-            self.shape_classes = np.concatenate(parts)
+        at = 0
+        for kind in KINDS:
+            if kind in told:
+                own = np.asarray(check_classes(told[kind], n[kind]))
+                self.shape_classes[at : at + n[kind]] = own
+            at += n[kind]
 
     @classmethod
     def of(
@@ -239,6 +239,7 @@ class Obstacles:
                 f"{what} are {told!r}; give a mapping from some of {', '.join(kinds)} "
                 "to one for each"
             )
+        told = {kind: values for kind, values in told.items() if values is not None}
         for kind, values in told.items():
             n = len(self._points if kind == "points" else self._views[kind])
             if len(values) != n:
@@ -246,7 +247,7 @@ class Obstacles:
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "
                     "each"
                 )
-        return dict(told)
+        return told
 
 
 class Hull:

@@ -249,9 +249,11 @@ def _moveit_shape(words: _Words):  # noqa: ANN202 (a shape, or what makes a plan
         if kind == "box":
             return Box(np.array(words.numbers(3, "the size of a box")))
         if kind == "sphere":
-            return Sphere(*words.numbers(1, "a radius"))
+            (radius,) = words.numbers(1, "a radius")
+            return Sphere(radius)
         if kind == "cylinder":
-            return Cylinder(*words.numbers(2, "radius and length of a cylinder"))
+            radius, length = words.numbers(2, "radius and length of a cylinder")
+            return Cylinder(radius, length)
         if kind == "cone":
             return _pyramid(*words.numbers(2, "radius and length of a cone"))
         if kind == "plane":

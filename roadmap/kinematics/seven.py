@@ -67,8 +67,8 @@ def free_angles(arm: kernels.Seven, steps: int = _STEPS) -> np.ndarray:
     """Return (k,) values of the free angle, evenly over its range [rad]."""
     if arm.round_wrist:
         return 2.0 * np.pi * np.arange(steps) / steps
-    ends = np.sort(arm.limits[6] * arm.scale[6, 0] + arm.scale[6, 1])
-    return np.linspace(*ends, steps)
+    low, high = np.sort(arm.limits[6] * arm.scale[6, 0] + arm.scale[6, 1])
+    return np.linspace(low, high, steps)
 
 
 def solutions(

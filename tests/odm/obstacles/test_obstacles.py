@@ -223,3 +223,13 @@ def test_a_name_with_a_slip_is_an_error_and_not_kept():
     obstacles = odm.Obstacles(capsules=1)
     with pytest.raises(AttributeError, match="capsule"):
         obstacles.capsule = np.zeros((1, 7))
+
+
+def test_classes_and_labels_of_none_are_as_if_they_were_left_out():
+    """Who hands on an argument of their own need not ask whether it is there."""
+    told = {"capsules": None, "spheres": [int(odm.CONTACT)]}
+    found = odm.Obstacles(
+        capsules=CAPSULES, spheres=np.ones((1, 4)), classes=told, labels={"boxes": None}
+    )
+    expected = [odm.AVOID] * len(CAPSULES) + [odm.CONTACT]
+    np.testing.assert_array_equal(found.shape_classes, expected)
