@@ -14,6 +14,7 @@ from roadmap.errors import BadConfiguration
 RANKED = 20  # targets that are tried, best first
 _ATTEMPTS, _STEPS = 8, 100  # of the inverse kinematics, for each
 _GOALS = 6  # configurations of one target that are tried
+_SAME = 1e-6  # qualities that differ by less are one
 
 
 @dataclass(frozen=True)
@@ -130,18 +131,21 @@ class TargetAudit:
 def shares(verdicts: list[Verdict], margin: float) -> dict:
     """Return how often the best reachable target was pursued, as plain data.
 
-    Of the frames judged in which any target can be reached: "top": that very one is
-    pursued; "within_margin": one not worse by more than the margin (the top one too);
+    Of the frames judged in which any target can be reached: "top": that one is pursued,
+    or another of the same quality, as grasps often have it; "within_margin": one not worse by more than the margin (the top one too);
     "worse": one that is; "none": no target is pursued. `out_of_reach` counts the frames
     in which none of the targets tried can be reached, or there is none.
     """
     some = [v for v in verdicts if v.top is not None]
-    top = sum(v.pursued == v.top for v in some)
-    near = sum(
-        v.pursued is not None
-        and (v.pursued == v.top or v.quality >= v.top_quality - margin)
-        for v in some
-    )
+
+    def within(much: float) -> int:
+        return sum(
+            v.pursued is not None
+            and (v.pursued == v.top or v.quality >= v.top_quality - much)
+            for v in some
+        )
+
+    top, near = within(_SAME), within(margin)
     none = sum(v.pursued is None for v in some)
     n = max(1, len(some))
     return {

@@ -177,6 +177,7 @@ def test_shares_count_each_verdict_once():
     told = shares(
         [
             verdict(1, 0.6, 1, 0.6),  # the top one
+            verdict(3, 0.6 - 1e-9, 1, 0.6),  # its mirror image
             verdict(2, 0.58, 1, 0.6, rank=2),  # within the margin
             verdict(2, 0.5, 1, 0.6),  # worse
             verdict(None, 0.0, 1, 0.6),  # none
@@ -185,11 +186,11 @@ def test_shares_count_each_verdict_once():
         margin=0.03,
     )
     assert told == {
-        "judged": 5,
+        "judged": 6,
         "out_of_reach": 1,
-        "top": 0.25,
-        "within_margin": 0.5,
-        "worse": 0.25,
-        "none": 0.25,
-        "first_ranked_reachable": 0.75,
+        "top": 0.4,
+        "within_margin": 0.6,
+        "worse": 0.2,
+        "none": 0.2,
+        "first_ranked_reachable": 0.8,
     }
