@@ -132,9 +132,10 @@ def shares(verdicts: list[Verdict], margin: float) -> dict:
     """Return how often the best reachable target was pursued, as plain data.
 
     Of the frames judged in which any target can be reached: "top": that one is pursued,
-    or another of the same quality, as grasps often have it; "within_margin": one not worse by more than the margin (the top one too);
-    "worse": one that is; "none": no target is pursued. `out_of_reach` counts the frames
-    in which none of the targets tried can be reached, or there is none.
+    or another of the same quality, as grasps often have it; "within_margin": one not
+    worse by more than the margin (the top one too); "worse": one that is; "none": no
+    target is pursued. `out_of_reach` counts the frames in which none of the targets
+    tried can be reached, or there is none.
     """
     some = [v for v in verdicts if v.top is not None]
 

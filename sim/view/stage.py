@@ -11,8 +11,13 @@ from roadmap.robot.robot import Robot
 from sim.draw.world import capsule_mesh
 from sim.loop.carried import ball_rows
 from sim.view import looks
-from sim.view.blocked import RoadmapPicture, cell_centers, occupied_cells, seen_points
-from sim.view.line_file import line_file
+from sim.view.blocked import (
+    RoadmapPicture,
+    cell_centers,
+    line_file,
+    occupied_cells,
+    seen_points,
+)
 from sim.view.moment import NOBODY, Moment
 from sim.view.shapes import Part
 

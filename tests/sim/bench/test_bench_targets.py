@@ -63,7 +63,12 @@ def test_the_rows_say_what_the_runs_were(result):
 
 def test_other_distances_are_other_runs(meet_maps):
     two = targets.run(
-        meet_maps[0], reach=meet_maps[1], short=True, distances=(0.8, 1.0), seed=3
+        meet_maps[0],
+        reach=meet_maps[1],
+        short=True,
+        seconds=0.1,
+        distances=(0.8, 1.0),
+        seed=3,
     )
     told = [(run["distance_m"], run["seed"]) for run in two["runs"]]
     assert told == 2 * [(0.8, 3), (1.0, 4)]
@@ -71,7 +76,7 @@ def test_other_distances_are_other_runs(meet_maps):
 
 def test_the_command_prints_it(odm, meet_maps, tmp_path):
     words = ["bench", "targets", "--map", meet_maps[0], "--reach", meet_maps[1]]
-    code, out, err = odm(*words, "--short", "--execution", "timed")
+    code, out, err = odm(*words, "--short", "--seconds", "0.5", "--execution", "timed")
     assert code == 0, err
     assert "top-ranked" in out and "0.9 m" in out and "execution: timed" in out
 
