@@ -278,7 +278,8 @@ class Handover:
             person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
             share = self._limit.share(motion, t, full, person, seen.hands)
             executor.limit_speed(share)
-            executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
+            if self.settings.direction == "give":  # who is gentle comes late to take
+                executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
         if not (self.view.looked or self.answer.status == "replanned"):

@@ -48,7 +48,8 @@ class StorySettings:
         near: A receiving hand that comes is heeded when it is so near to the object
             [m],
         comes: ... and has come nearer by this since it was held out [m]: a hand that
-            hangs beside it, at the person's side, does not come. 0: any hand that near.
+            hangs beside it, at the person's side, does not come. 0: any hand that near;
+            above, a hand that waits beside where the object will be is never there.
         gone: It has gone away again when it is farther than this [m].
         back: Length of the straight motions to an object and away from it [m].
         follow: The robot follows an object that has moved by this [m].
@@ -73,7 +74,7 @@ class StorySettings:
 
     direction: str = "give"
     near: float = 0.25
-    comes: float = 0.05
+    comes: float = 0.0
     gone: float = 0.40
     back: float = 0.10
     follow: float = 0.02

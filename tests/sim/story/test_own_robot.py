@@ -144,7 +144,7 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
 
 
 def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
-    story, human = story_of(maps)
+    story, human = story_of(maps, comes=0.05)
     labels, rows = human.labels, human.capsules()
     hand, since, gaps = labels == Part.RIGHT_HAND, [], {}
 
@@ -163,7 +163,7 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
 
     tell(story, 6.0, look)
     assert [event.state for event in story.events[:2]] == ["present", "wait"]
-    assert story.events[1].signal == "near" and "comes" in story.events[1].reason
+    assert story.events[1].signal == "near" and "near" in story.events[1].reason
     assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
     assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
     assert gaps["wait"][0] < max(gaps["present"][2:]) - 0.9 * story.settings.comes
