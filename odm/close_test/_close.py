@@ -26,6 +26,7 @@ from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
 ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
+BALL_ROUNDING = 1e-9  # [m] by which a body's ball is larger than computed
 FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
 
 
@@ -516,6 +517,53 @@ def place_anchor(arm, q, work):
     place_points(work.frames[0], arm.body, arm.spheres, work.anchor)
 
 
+@njit(**INNER)
+def gap_from_solids(arm, work, solids, begin, end, best, least):
+    """Return the least distance of the cover from solids begin to end, at most `best`.
+
+    The bodies stand where work.frames[0] has them. A value that is not above `least`
+    may be no more than some of their distances. work.found as of `separation`.
+    """
+    for b in range(1, arm.tree_i.shape[0]):
+        first, last = arm.body_ptr[b], arm.body_ptr[b + 1]
+        if first == last:
+            continue
+        f, ball = work.frames[0, b], arm.bound[b]
+        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
+        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
+        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        reach = 0.0
+        for i in range(first, last):
+            reach = max(reach, arm.spheres[i, 3])
+        reach += ball[3] + BALL_ROUNDING
+        for k in range(begin, end):
+            # no sphere is nearer than the ball round all of the body's
+            far = best + reach
+            rod, is_rod = rod_of(solids.rows[k]), solids.kind[k] == CAPSULE
+            if is_rod:
+                d = rod_distance(rod, wx, wy, wz)
+            else:
+                d = solid_distance(solids, k, wx, wy, wz, far)
+            if d >= far:
+                continue
+            for i in range(first, last):
+                s = arm.spheres[i]
+                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
+                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
+                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                if is_rod:
+                    d = rod_distance(rod, cx, cy, cz) - s[3]
+                else:
+                    d = solid_distance(solids, k, cx, cy, cz, best + s[3]) - s[3]
+                if d < best:
+                    best = d
+                    work.found[0] = i
+                    work.found[1] = FIRST_SOLID - k
+            if best <= least:
+                return best
+    return best
+
+
 @njit(**LEAN)
 def separation(arm, q, cloud, solids, limit, work):
     """Return the least distance of the cover from points and solids, at most `limit`.
@@ -527,14 +575,15 @@ def separation(arm, q, cloud, solids, limit, work):
     best = limit
     work.found[0] = -1
     work.found[1] = -1
-    for b in range(1, arm.tree_i.shape[0]):
+    listed = cloud.counts[N_LISTED]
+    for b in range(1, arm.tree_i.shape[0] if listed else 0):
         f = work.frames[0, b]
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
             cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
             cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
             cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            for k in range(cloud.counts[N_LISTED]):
+            for k in range(listed):
                 far = best + s[3]
                 if far <= 0.0:
                     break
@@ -549,13 +598,7 @@ def separation(arm, q, cloud, solids, limit, work):
                         best = d
                         work.found[0] = i
                         work.found[1] = cloud.order[p]
-            for k in range(solids.count[0]):
-                d = solid_distance(solids, k, cx, cy, cz, best + s[3]) - s[3]
-                if d < best:
-                    best = d
-                    work.found[0] = i
-                    work.found[1] = FIRST_SOLID - k
-    return best
+    return gap_from_solids(arm, work, solids, 0, solids.count[0], best, -math.inf)
 
 
 MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead

@@ -11,7 +11,7 @@ from odm.checks import as_floats, check_classes, check_points
 from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
-from odm.obstacles._solids import Solids
+from odm.obstacles._solids import MESH, Solids
 from roadmap.errors import BadInput
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
@@ -402,6 +402,24 @@ def some_of(solids: Solids, chosen: np.ndarray) -> Solids:
         np.array([int(chosen.sum())]),
         solids.faces,
     )
+
+
+def together(groups: Sequence[Solids]) -> tuple[Solids, np.ndarray]:
+    """Return the shapes of all groups, copied, and (groups + 1,) whose they are."""
+    counts = [group.count.item() for group in groups]
+    ptr = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    pairs = list(zip(groups, counts, strict=True))
+    solids = new(Solids, {"shapes": int(ptr[-1]), "faces": 0})
+    faces, before = [solids.faces], 0
+    for (group, n), at in zip(pairs, ptr[:-1].tolist(), strict=True):
+        rows, kind = solids.rows[at : at + n], solids.kind[at : at + n]
+        rows[...], kind[...] = group.rows[:n], group.kind[:n]
+        if len(group.faces):
+            rows[kind == MESH, 12:14] += before
+            faces.append(group.faces)
+            before += len(group.faces)
+    solids.count[0] = ptr[-1]
+    return solids._replace(faces=np.concatenate(faces)), ptr
 
 
 class SolidRoom:

@@ -12,7 +12,8 @@ from odm.close_test.sorted_clouds import SortedClouds
 from odm.frame.frame import Frame
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._solids import Solids
-from odm.obstacles.obstacles import Obstacles, SolidRoom
+from odm.obstacles.obstacles import Obstacles, SolidRoom, together
+from odm.planner._retreat import Coming, next_better
 from odm.planner.attaching import Attacher
 from roadmap.errors import BadInput
 
@@ -104,30 +105,34 @@ class Retreat:
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None
-        times = [max(0.0, t - _SETS_OFF) for t, _ in coming]
-        keep = frame.keep
-        ample = keep + _AMPLE
+        times = np.array([max(0.0, t - _SETS_OFF) for t, _ in coming])
         fastest = speed_scale * frame.robot.max_velocity
-        expected = _Expected(frame, times, there, fastest, ample)
-        best, found = expected.gap(q, np.zeros_like(q), -np.inf) + _WORTH, None
+        ample = frame.keep + _AMPLE
+        expected = _Expected(frame, *there, times, fastest, ample)
+        stays = expected.better(q, np.zeros((1, len(q))), 0, -np.inf)
+        best, found = stays[1] + _WORTH, None
         if best >= ample:
             return None
         escape = self._place_anchor(q)
-        for node in self.attacher.nearest(q, _DIRECTIONS):
-            dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
-            # no farther than it gets by then
-            dq = min(1.0, max(times, default=0.0) / expected.duration(dq)) * dq
-            gap = expected.gap(q, dq, best)
-            if gap > best and self._is_clear(q, dq, escape):
-                best, found = gap, np.stack([q, q + dq])
+        nodes = self.attacher.nearest(q, _DIRECTIONS)
+        dq = frame.difference(q, frame.cell_map.roadmap.nodes[nodes])
+        # no farther than it gets by then
+        longest = times.max(initial=0.0)
+        dq *= np.minimum(1.0, longest / expected.durations(dq))[:, None]
+        k = -1
+        while True:
+            k, gap = expected.better(q, dq, k + 1, best)
+            if k == len(dq):
+                return found
+            if self._is_clear(q, dq[k], escape):
+                best, found = gap, np.stack([q, q + dq[k]])
                 if best >= ample:
-                    break
-        return found
+                    return found
 
     def _laid_out(
         self, sets: Sequence[np.ndarray | Obstacles]
-    ) -> list[tuple[object, Solids]] | None:
-        """Return each set as a cloud and solids; None where one is nowhere.
+    ) -> tuple[list[object], Solids, np.ndarray] | None:
+        """Return sets as clouds and solids, and whose those are; None: one is nowhere.
 
         They are not in the room of the frame's, which stay as they are.
         """
@@ -144,7 +149,8 @@ class Retreat:
                 return None
             points.append(frame.world_ahead.points(given).copy())
             solids.append(shapes)
-        return list(zip(self._coming.of(points), solids, strict=True))
+        clouds = self._coming.of(points) if any(map(len, points)) else []
+        return clouds, *together(solids)
 
     def _place_anchor(self, q: np.ndarray) -> bool:
         """Remember where the spheres are at q; return whether a point is too near."""
@@ -162,24 +168,48 @@ class _Expected(NamedTuple):
     """What is expected where, and how fast the robot may evade it."""
 
     frame: Frame
-    times: list[float]  # from now [s]
-    there: list[tuple[object, Solids]]  # points and solids at each of them
+    clouds: list[object]  # points at each of the times; none: nowhere are any
+    solids: Solids  # at all of them
+    ptr: np.ndarray  # (times + 1,) which are there at a time
+    times: np.ndarray  # from now [s]
     fastest: np.ndarray  # (dof,) speed of the joints [rad or m per s]
     ample: float  # more distance is no better [m]
 
-    def duration(self, dq: np.ndarray) -> float:
-        """Return how long a motion takes [s]."""
-        return max(np.abs(dq / self.fastest).max(), 1e-9)
+    def durations(self, dq: np.ndarray) -> np.ndarray:
+        """Return (k,) how long motions (k, dof) take [s]."""
+        return np.maximum(np.abs(dq / self.fastest).max(axis=1), 1e-9)
 
-    def gap(self, q: np.ndarray, dq: np.ndarray, least: float) -> float:
-        """Return the least distance on a motion, or some value below `least` [m]."""
-        needed = self.duration(dq)
-        gap = self.ample
+    def better(
+        self, q: np.ndarray, dq: np.ndarray, first: int, best: float
+    ) -> tuple[int, float]:
+        """Return the first motion of (k, dof) that keeps more than `best` [m].
+
+        And how much; from number `first` on; k where none does.
+        """
+        memory, needed = self.frame.memory, self.durations(dq)
+        coming = Coming(self.solids, self.ptr, self.times)
+        while True:
+            bounds = np.array([first, best, self.ample])
+            told = (memory.arm, coming, q, dq, needed, bounds, memory.work)
+            k, gap = next_better(*told)
+            if k == len(dq) or not self.clouds:
+                return k, gap
+            gap = self._from_points(q, dq[k], needed[k], gap, best)
+            if gap > best:
+                return k, gap
+            first = k + 1
+
+    def _from_points(
+        self, q: np.ndarray, dq: np.ndarray, needed: float, gap: float, least: float
+    ) -> float:
+        """Return the least distance from points, at most `gap`, or one below `least`.
+
+        As of solids, those of the last moment first.
+        """
         test = self.frame.close_test
-        # the last is the nearest, mostly: what is too near is known after one look
-        for t, (cloud, solids) in list(zip(self.times, self.there, strict=True))[::-1]:
+        for t, cloud in zip(self.times[::-1], self.clouds[::-1], strict=True):
             at = q + min(1.0, t / needed) * dq
-            gap = min(gap, test.separation(at, cloud, gap, solids))
+            gap = min(gap, test.separation(at, cloud, gap))
             if gap <= least:
                 break
         return gap

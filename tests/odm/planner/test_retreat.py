@@ -1,0 +1,126 @@
+"""An evasion keeps most distance of those to the near nodes: as a slow search says."""
+
+import numpy as np
+import pytest
+from naive_cells import centers
+from shapes_drawn import draw_shapes, solids_of
+from small import draw_arm, draw_valid
+
+import odm
+from odm.obstacles._solids import solid_distance
+from odm.obstacles.obstacles import together
+from roadmap.kinematics.forward import difference
+
+TIMES = (0.12, 0.24, 0.36, 0.48)
+SETS_OFF, WORTH, AMPLE, DIRECTIONS = 0.06, 0.03, 0.12, 24  # as `Retreat` has them
+
+
+def slow_gap(planner, q, there):
+    """Return the least distance of the cover at q from shapes and points [m]."""
+    shapes, points = there
+    arm = planner.memory.arm
+    at, radii = centers(arm, planner.robot, q), arm.spheres[:, 3]
+    solids = solids_of(shapes)
+    gaps = [np.inf]
+    for place, radius in zip(at, radii, strict=True):
+        told = range(len(shapes))
+        gaps += [solid_distance(solids, k, *place, np.inf) - radius for k in told]
+    if len(points):
+        far = np.linalg.norm(at[:, None] - points, axis=2) - radii[:, None]
+        gaps.append(far.min())
+    return min(gaps)
+
+
+def slow_evasion(planner, q, coming, scale):
+    """Return the (2, dof) evasion from its definition, or None, and what it gains."""
+    frame, robot = planner.frame, planner.robot
+    times = [max(0.0, t - SETS_OFF) for t, _ in coming]
+    ample = planner.keep + AMPLE
+
+    def duration(dq):
+        return max(np.abs(dq / (scale * robot.max_velocity)).max(), 1e-9)
+
+    def least(dq):
+        gaps = [ample]
+        for t, (_, there) in zip(times, coming, strict=True):
+            at = q + min(1.0, t / duration(dq)) * dq
+            gaps.append(slow_gap(planner, at, there))
+        return min(gaps)
+
+    stays = least(np.zeros_like(q))
+    best, found = stays + WORTH, None
+    if best >= ample:
+        return None, stays
+    escape = planner.separation(q) < planner.keep
+    nodes = planner.cell_map.roadmap.nodes
+    for node in planner.attacher.nearest(q, DIRECTIONS):
+        dq = difference(robot, q, nodes[node])
+        dq = min(1.0, max(times) / duration(dq)) * dq
+        gap = least(dq)
+        if gap <= best:
+            continue
+        frame.close_test.anchor(q)
+        if not frame.motion_clear(q, np.ascontiguousarray(dq), escape=escape):
+            continue
+        if planner.static.motion_free(q, dq):
+            best, found = gap, np.stack([q, q + dq])
+            if best >= ample:
+                break
+    return found, stays
+
+
+def draw_coming(rng, kind, hand):
+    """Draw who is expected near a hand at each time: shapes, points (n, 3), or both."""
+    shapes, points = [], np.zeros((0, 3))
+    if kind != "points":
+        shapes = draw_shapes(rng, 3, middle=hand, spread=0.25)
+    if kind != "shapes":
+        points = odm.sample_capsules(draw_arm(rng), 0.03)
+        points = points - points.mean(axis=0) + hand + rng.uniform(-0.2, 0.2, 3)
+    return shapes, np.ascontiguousarray(points)
+
+
+@pytest.mark.parametrize("kind", ["shapes", "points", "both"])
+def test_an_evasion_is_the_best_of_those_to_the_near_nodes(planner, rng, kind):
+    found = none = 0
+    for _ in range(40):
+        q = draw_valid(planner, rng)
+        hand = centers(planner.memory.arm, planner.robot, q)[-1]
+        now = draw_shapes(rng, 1, middle=hand, spread=0.4)
+        planner.step(odm.Obstacles.of(now), q=q)
+        there = [draw_coming(rng, kind, hand) for _ in TIMES]
+        coming = [
+            (t, odm.Obstacles.of(shapes, points))
+            for t, (shapes, points) in zip(TIMES, there, strict=True)
+        ]
+        slow, stays = slow_evasion(
+            planner, q, list(zip(TIMES, there, strict=True)), 0.5
+        )
+        quick = planner.evasion(q, coming, 0.5)
+        assert (slow is None) == (quick is None), stays
+        if slow is None:
+            none += 1
+        else:
+            assert quick.tobytes() == slow.tobytes()
+            found += 1
+    assert found > 3 and none > 3
+
+
+def test_who_stays_away_is_not_evaded(planner, rng):
+    q = draw_valid(planner, rng)
+    planner.step(np.zeros((0, 3)), q=q)
+    far = odm.Obstacles(spheres=np.array([[0.0, 0.0, 9.0, 0.1]]))
+    assert planner.evasion(q, [(0.3, far)], 0.5) is None
+    assert planner.evasion(q, [], 0.5) is None
+
+
+def test_shapes_of_several_moments_keep_their_places_and_faces(rng):
+    groups = [draw_shapes(rng, n) for n in (4, 0, 3, 6)]
+    given = [solids_of(shapes) for shapes in groups]
+    both, ptr = together(given)
+    assert ptr.tolist() == [0, 4, 4, 7, 13] and both.count[0] == 13
+    for solids, first in zip(given, ptr[:-1].tolist(), strict=True):
+        for k in range(solids.count.item()):
+            for place in rng.uniform(-1.0, 1.0, (10, 3)):
+                d = solid_distance(solids, k, *place, np.inf)
+                assert solid_distance(both, first + k, *place, np.inf) == d
