@@ -181,7 +181,7 @@ class UpperBody:
         rods = [rod for side in self.sides for rod in self._arm(at, side)]
         if self.has_trunk:
             rods += self._trunk(at)
-        return np.stack([_rod(*rod) for rod in rods], axis=-2)
+        return _rows_of(rods, places.shape[:-2])
 
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
         """Return part and joints of the rods of `_arm`, in its order."""
@@ -253,10 +253,10 @@ def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
     for hip, knee, ankle, heel, toes in places:
         length = max(float(np.linalg.norm(toes - heel)), 1e-9)
         inset = min(sizes.foot / length, 0.5) * (toes - heel)
-        rods.append([*hip, *knee, sizes.thigh])
-        rods.append([*knee, *ankle, sizes.shank])
-        rods.append([*(heel + inset), *(toes - inset), sizes.foot])
-    return np.array(rods)
+        rods.append((hip, knee, sizes.thigh))
+        rods.append((knee, ankle, sizes.shank))
+        rods.append((heel + inset, toes - inset, sizes.foot))
+    return _rows_of(rods, ())
 
 
 def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
@@ -293,8 +293,12 @@ def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
     return places
 
 
-def _rod(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
-    return np.concatenate([a, b, np.full((*a.shape[:-1], 1), radius)], axis=-1)
+def _rows_of(rods: list[tuple], shape: tuple[int, ...]) -> np.ndarray:
+    """Return rods of ends a, b (*shape, 3) and a radius as rows (*shape, k, 7) [m]."""
+    rows = np.empty((*shape, len(rods), 7))
+    for k, (a, b, radius) in enumerate(rods):
+        rows[..., k, :3], rows[..., k, 3:6], rows[..., k, 6] = a, b, radius
+    return rows
 
 
 def _length(v: np.ndarray) -> np.ndarray:

@@ -1,10 +1,12 @@
 """How people stand, bend, sit, kneel, lie and climb: angles of trunk, legs and arms."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from handover.human.skeleton import Skeleton
+from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of, rotation_rpy
 
@@ -85,10 +87,12 @@ def posture_named(name: str) -> Posture:
     return POSTURES[name]
 
 
+@lru_cache(maxsize=64)
 def leg_places(skeleton: Skeleton, posture: Posture) -> np.ndarray:
     """Return (2, 5, 3): hip, knee, ankle, heel and toes of both legs, pelvis frame [m].
 
-    Heel and toes lie in the middle of the foot, not on the sole.
+    Heel and toes lie in the middle of the foot, not on the sole. Kept for the next
+    frame of the same person.
     """
     thigh, shank, ankle, foot = skeleton.legs
     places = []
@@ -101,7 +105,7 @@ def leg_places(skeleton: Skeleton, posture: Posture) -> np.ndarray:
         middle = at_ankle + 0.4 * ankle * _down(flexion - knee + sole - 90.0)
         heel, toes = middle - 0.25 * foot * ahead, middle + 0.75 * foot * ahead
         places.append([hip, at_knee, at_ankle, heel, toes])
-    return np.array(places)
+    return frozen(places, np.float64)
 
 
 def floor_pose(

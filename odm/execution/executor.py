@@ -174,6 +174,8 @@ class Executor:
         self._on_path = False  # whether the motion follows the last answer's path
         self._corners = np.zeros((0, robot.dof))  # of that path
         self._path_begin = 0.0  # arc length on the motion at which that path begins
+        # the set-point of a motion and a time: a frame asks for it several times
+        self._point: tuple[Motion, float, SetPoint] | None = None
         # see `next_commit`
         self._next: tuple[Motion, float, float, Commit] | None = None
 
@@ -188,8 +190,12 @@ class Executor:
     @property
     def set_point(self) -> SetPoint:
         """The set-point of this moment; continuous joints in [-pi, pi)."""
-        point = self.motion.at(self.t)
-        return point._replace(q=wrapped(self.robot, point.q))
+        known = self._point
+        if known is None or known[0] is not self.motion or known[1] != self.t:
+            point = self.motion.at(self.t)
+            point = point._replace(q=wrapped(self.robot, point.q))
+            known = self._point = self.motion, self.t, point
+        return SetPoint(*(numbers.copy() for numbers in known[2]))
 
     @property
     def at_rest(self) -> bool:
@@ -384,18 +390,17 @@ class Executor:
             self.state, self.reason = STANDING, ""
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
-        commit = self.motion.commit(self.t, 0.0)
         if self._left is not None:  # of the evasion that was found last
             path, shares = self._left
             if self.at_rest and self._begins_here(path):
-                return self._begin_evading(path, commit, threat, shares)
+                return self._begin_evading(path, threat, shares)
             self._left = None
         # as if at the usual speed: that it takes time to get up speed is not reckoned
         scale = self.settings.speed_scale
-        path = self._lookout.evasion(self.motion, self.t, commit, threat, scale)
+        path = self._lookout.evasion(self.motion, self.t, threat, scale)
         if path is None:
             return False
-        return self._begin_evading(path, commit, threat, _RETREATS)
+        return self._begin_evading(path, threat, _RETREATS)
 
     def _evades_on(self, threat: Moving | None) -> bool:
         """Go on with an evasion as fast as the person lets it; False: not at all.
@@ -424,7 +429,6 @@ class Executor:
     def _begin_evading(
         self,
         path: np.ndarray,
-        commit: Commit,
         threat: Moving,
         shares: tuple[float, ...],
     ) -> bool:
@@ -434,7 +438,7 @@ class Executor:
         ones: each takes as long as the frame has left beside the search for the path.
         """
         threat, self._left = _as_lately(threat), None
-        stands = self.at_rest
+        stands, commit = self.at_rest, self.motion.commit(self.t, 0.0)
         for k, share in enumerate(shares):
             scale = share * self.settings.yield_scale
             motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)

@@ -11,7 +11,7 @@ import numpy as np
 
 from odm.execution.threat import Threat
 from odm.obstacles.obstacles import Obstacles
-from roadmap.motion.motion import Commit, Motion
+from roadmap.motion.motion import Motion
 
 _AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
 # [s] and, to see whether they will meet the robot: at 1 m/s a hand does not get
@@ -81,16 +81,16 @@ class Lookout:
         self,
         motion: Motion,
         t: float,
-        commit: Commit,
         threat: Threat,
         speed_scale: float,
     ) -> np.ndarray | None:
         """Return (2, dof) a motion that leads away, or None; ask in every frame.
 
+        It begins where the robot could leave the motion in use.
+
         Args:
             motion: The motion in use.
             t: The time on it [s].
-            commit: Where it could leave it.
             threat: The person.
             speed_scale: Share of the speed limits that it will use.
         """
@@ -100,27 +100,27 @@ class Lookout:
         self._wait_s = _BETWEEN_LOOKS
         if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
             return None
-        person = threat.likely(0.0, *_MEETS)
-        if not self._meets(commit.q[None], person):
+        q = motion.commit(t, 0.0).q
+        if not self._meets(q[None], threat.likely(0.0, *_MEETS)):
             return None
         self._wait_s = _BETWEEN_SEARCHES
         coming = [(t, threat.likely(t)) for t in _AHEAD]
-        return self.planner.evasion(commit.q, coming, speed_scale)
+        return self.planner.evasion(q, coming, speed_scale)
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
         # first all places on its way against all times at once: mostly nothing is near
-        path = np.array([motion.at(t + ahead).q for ahead in _MEETS])
+        rests = t + _MEETS[0] >= motion.duration
+        places = [motion.place(t + k) for k in (_MEETS[:1] if rests else _MEETS)]
+        path = np.array([motion.path.at(s)[0] for s in places])
         if (path == path[0]).all():
             path = path[:1]
-        person = threat.likely(*_MEETS)
-        if not self._meets(path, person):
+        if not self._meets(path, threat.likely(*_MEETS)):
             return False
         if len(path) == 1:
             return True
-        for ahead in _MEETS:
-            q = motion.at(t + ahead).q[None]
-            if self._meets(q, threat.likely(ahead)):
+        for q, ahead in zip(path, _MEETS, strict=True):
+            if self._meets(q[None], threat.likely(ahead)):
                 return True
         return False
 

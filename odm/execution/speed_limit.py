@@ -125,7 +125,9 @@ class SpeedLimit:
             threat: The person, as seen now.
             hands: (k, 7) capsules of hands that take part [m]; None: none does.
         """
-        here, there = motion.at(t).q, motion.at(t + _AHEAD).q
+        if t >= motion.duration:
+            return 1.0
+        here, there = (motion.path.at(motion.place(x))[0] for x in (t, t + _AHEAD))
         step = difference(self.robot, here, there)
         far = np.abs(step)
         if not far.max() > 1e-9:

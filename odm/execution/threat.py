@@ -392,12 +392,14 @@ class Watcher:
             2.0 * s.noise / w + 0.5 * s.acceleration * w if w > 0.0 else math.inf
             for w in ages
         ]
-        for count in np.unique(self._count).tolist():
+        counts = set(self._count.tolist())
+        for count in counts:
             if count < 2:
                 continue
             first = max(0, last + 1 - count)
             i = min(range(last, first - 1, -1), key=errors.__getitem__)
-            these = self._count == count
+            # mostly all were followed for as long
+            these = self._count == count if len(counts) > 1 else slice(None)
             moved = past[-1][1][these] - past[i][1][these]
             self._rates[0, these] = moved / ages[i]
             self._slack[these] = errors[i]

@@ -95,29 +95,32 @@ class Obstacles:
             "boxes": boxes,
             "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
-        rows = [
-            _NO_ROWS[w] if given[kind] is _NONE else _rows(kind, given[kind], w)
-            for kind, w in zip(KINDS, WIDTHS, strict=True)
-        ]
-        self.counts = np.array([len(part) for part in rows], np.int64)
-        self.data = np.concatenate([part.ravel() for part in rows])
-        self._views, at = {}, 0
-        for kind, part in zip(KINDS, rows, strict=True):
+        # a frame makes several of them, mostly of capsules alone
+        self._views, self.counts = dict(_NO_ROWS), np.zeros(len(KINDS), np.int64)
+        rows = {}
+        for k, kind in enumerate(KINDS):
+            if given[kind] is not _NONE:
+                rows[kind] = part = _rows(kind, given[kind], WIDTHS[k])
+                self.counts[k] = len(part)
+        self.data = np.concatenate([_NO_DATA, *(part.ravel() for part in rows.values())])
+        at = 0
+        for kind, part in rows.items():
             self._views[kind] = self.data[at : at + part.size].reshape(part.shape)
             at += part.size
         self.poses = self._views["meshes"].reshape(-1, 3, 4)
-        self.points = np.zeros((0, 3)) if points is None else points
+        self._points = _NO_POINTS
+        if points is not None:
+            self.points = points
         self.labels = self._by_kind("labels", labels, KINDS)
         told = self._by_kind("classes", classes, (*KINDS, "points"))
-        n = {kind: len(self._views[kind]) for kind in KINDS}
         self.classes = None if "points" not in told else np.asarray(told["points"])
-        self.shape_classes = np.zeros(len(self), np.int8)
+        self.shape_classes = np.zeros(sum(map(len, rows.values())), np.int8)
         at = 0
-        for kind in KINDS:
+        for kind, part in rows.items():
             if kind in told:
-                own = np.asarray(check_classes(told[kind], n[kind]))
-                self.shape_classes[at : at + n[kind]] = own
-            at += n[kind]
+                own = np.asarray(check_classes(told[kind], len(part)))
+                self.shape_classes[at : at + len(part)] = own
+            at += len(part)
 
     @classmethod
     def of(
@@ -328,7 +331,8 @@ def is_small_hull(mesh: solid.Mesh) -> bool:
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else
-_NO_ROWS = {w: np.zeros((0, w)) for w in (4, 7, 12, 15)}
+_NO_ROWS = {k: np.zeros((0, w)) for k, w in zip(KINDS, WIDTHS, strict=True)}
+_NO_DATA = np.zeros(0)
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:

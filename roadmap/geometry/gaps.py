@@ -1,13 +1,20 @@
 """Distances of capsules, and of balls and capsules."""
 
+import math
+
 import numpy as np
 
 
 def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of the surfaces of two capsules (7,), below 0 inside [m]."""
-    a, b, c, d = one[:3], one[3:6], other[:3], other[3:6]
-    u, v, w = b - a, d - c, a - c
-    uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
+    ax, ay, az, bx, by, bz, r = one.tolist()  # numbers: arrays of three cost more
+    cx, cy, cz, dx, dy, dz, radius = other.tolist()
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = dx - cx, dy - cy, dz - cz
+    wx, wy, wz = ax - cx, ay - cy, az - cz
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    uv, uw = ux * vx + uy * vy + uz * vz, ux * wx + uy * wy + uz * wz
+    vw = vx * wx + vy * wy + vz * wz
     flat = uu * vv - uv * uv
     s = min(1.0, max(0.0, (uv * vw - vv * uw) / flat)) if flat > 1e-15 else 0.0
     t = (uv * s + vw) / vv if vv > 1e-15 else 0.0
@@ -16,7 +23,8 @@ def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
         s = min(1.0, max(0.0, (uv * t - uw) / uu)) if uu > 1e-15 else 0.0
     elif uu <= 1e-15:
         s = 0.0
-    return float(np.linalg.norm(w + s * u - t * v)) - one[6] - other[6]
+    x, y, z = wx + s * ux - t * vx, wy + s * uy - t * vy, wz + s * uz - t * vz
+    return math.sqrt(x * x + y * y + z * z) - r - radius
 
 
 def ball_gaps(balls: np.ndarray, capsules: np.ndarray) -> np.ndarray:

@@ -105,8 +105,8 @@ class PhasePlanner:
         """Whether somebody comes to a path who is not meant to; see `evasion`."""
         if self.phase is None:
             return self.blocked_leg(path, extra, coming) is not None
-        others = self._others(coming)
-        return self.planner.blocked_leg(path, extra, others, self.phase) is not None
+        # of these, nothing may be touched: the phase makes no difference
+        return self.planner.blocked_leg(path, extra, self._others(coming)) is not None
 
     def _others(self, coming: Obstacles) -> Obstacles:
         """Return who is not meant to come, at each moment that is told."""
