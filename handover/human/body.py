@@ -1,5 +1,6 @@
 """A person's body as closed, labelled capsules from the places of its joints."""
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
@@ -251,8 +252,9 @@ def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
     """
     rods = []
     for hip, knee, ankle, heel, toes in places:
-        length = max(float(np.linalg.norm(toes - heel)), 1e-9)
-        inset = min(sizes.foot / length, 0.5) * (toes - heel)
+        foot = toes - heel
+        length = max(math.sqrt(foot @ foot), 1e-9)
+        inset = min(sizes.foot / length, 0.5) * foot
         rods.append((hip, knee, sizes.thigh))
         rods.append((knee, ankle, sizes.shank))
         rods.append((heel + inset, toes - inset, sizes.foot))
@@ -302,7 +304,7 @@ def _rows_of(rods: list[tuple], shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _length(v: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.sqrt(np.add.reduce(v * v, axis=-1, keepdims=True))
 
 
 def _unit(v: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Moving, Threat
+from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
@@ -158,6 +159,7 @@ class Executor:
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
+        self._timed = TimedBefore()
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
         # see `limit_jerk`
@@ -299,9 +301,8 @@ class Executor:
     def _join(self, path: np.ndarray, commit: Commit) -> None:
         """Leave the motion in use for a path at the commit point."""
         scale = float(self.scales[self._level])
-        self._take(
-            self.motion.join(self.t, commit, path, blend=self._blend, speed_scale=scale)
-        )
+        told = (self.motion, self.t, commit, path, self._blend, scale)
+        self._take(self._timed.join(*told))
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
         self.state = MOVING
@@ -538,7 +539,8 @@ class Executor:
             return
         self.reason, self._hindered = self._why(threat), self._frame
         self._level = min(self._level + 1, _LEVELS - 1)
-        slower = self.motion.rescaled(self.t, float(self.scales[self._level]))
+        scale = float(self.scales[self._level])
+        slower = self._timed.rescaled(self.motion, self.t, scale)
         if self._stop_free(slower, 0.0, threat):
             self._take(slower)
             self.state = SLOWED

@@ -43,6 +43,10 @@ class LastPhase:
         self.frame = frame
         grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)
+        # which points, and which shapes, of those looked at may be touched
+        self._chosen: np.ndarray | None = None
+        self._may_be = np.zeros(0, bool)
+        self._own: tuple[Robot, set[str]] | None = None  # the gripper of a robot
         # of one arm, radii and phase; their arrays are held, so that none is reused
         self._known: tuple[tuple, tuple] | None = None
 
@@ -60,19 +64,19 @@ class LastPhase:
             BadInput: No such phase; nothing to give; no pads to receive with.
         """
         self._may = self._links_that_may(phase)
-        chosen = np.zeros(len(points), bool)
-        if classes is not None:
-            chosen = classes == _TOUCHED[phase]
-        self._index = np.flatnonzero(~chosen), np.flatnonzero(chosen)
-        self._clouds = (
-            self._others.of(np.ascontiguousarray(points[~chosen])),
-            self._touched.of(np.ascontiguousarray(points[chosen])),
-        )
+        if len(points) or self._chosen is None or len(self._chosen):
+            chosen = np.zeros(len(points), bool)
+            if classes is not None:
+                chosen = classes == _TOUCHED[phase]
+            self._clouds = (
+                self._others.of(np.ascontiguousarray(points[~chosen])),
+                self._touched.of(np.ascontiguousarray(points[chosen])),
+            )
+            self._chosen = chosen
         n = solids.count.item()
         kinds = np.zeros(n, np.int8) if kinds is None else kinds
-        may = kinds == _TOUCHED[phase]
+        may = self._may_be = kinds == _TOUCHED[phase]
         self._solids = some_of(solids, ~may), some_of(solids, may)
-        self._number = np.flatnonzero(~may), np.flatnonzero(may)
 
     def hit(
         self,
@@ -107,9 +111,10 @@ class LastPhase:
                 found, point = test.blocked_by
                 sphere = found if of is None else int(of[found])
                 if point <= FIRST_SOLID:
-                    point = FIRST_SOLID - int(self._number[k][FIRST_SOLID - point])
+                    numbers = np.flatnonzero(self._may_be == bool(k))
+                    point = FIRST_SOLID - int(numbers[FIRST_SOLID - point])
                 elif point >= 0:
-                    point = int(self._index[k][point])
+                    point = int(np.flatnonzero(self._chosen == bool(k))[point])
                 return sphere, point, test.missing
         return None
 
@@ -121,7 +126,7 @@ class LastPhase:
         of = (arm, cover.radii, cover.bare, frozenset(self._may))
         if self._known is not None and _same(self._known[0], of):
             return self._known[1]
-        own = gripper_links(frame.robot)
+        own = self._gripper()
         kept = np.array([n not in self._may for n in cover.links], bool)
         gripper = np.array([n in own for n in cover.links], bool)
         balls = arm.spheres[:, 3] + GRIPPER_KEEPS
@@ -152,7 +157,7 @@ class LastPhase:
                     "nothing is attached, so nothing can be given; call attach first"
                 )
             return {PAYLOAD}
-        pads, own = set(frame.finger_pads), gripper_links(frame.robot)
+        pads, own = set(frame.finger_pads), self._gripper()
         if not pads or not pads <= own:
             raise BadInput(
                 f"the finger pads are {sorted(pads)}, but must be some of the links "
@@ -160,6 +165,12 @@ class LastPhase:
                 "PlannerSettings(finger_pads=...)"
             )
         return pads
+
+    def _gripper(self) -> set[str]:
+        robot = self.frame.robot
+        if self._own is None or self._own[0] is not robot:
+            self._own = robot, gripper_links(robot)
+        return self._own[1]
 
 
 def _same(known: tuple, of: tuple) -> bool:

@@ -67,8 +67,8 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be heeded by nobody
     __slots__ = (
-        "_meshes", "_points", "_views", "classes", "counts", "data", "labels", "poses",
-        "shape_classes",
+        "_meshes", "_points", "_size", "_views", "classes", "counts", "data", "labels",
+        "poses", "shape_classes",
     )  # fmt: skip
 
     def __init__(
@@ -84,7 +84,7 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
-        if not isinstance(meshes, Sequence):
+        if type(meshes) is not tuple and not isinstance(meshes, Sequence):
             raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
         self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
@@ -102,7 +102,9 @@ class Obstacles:
             if given[kind] is not _NONE:
                 rows[kind] = part = _rows(kind, given[kind], WIDTHS[k])
                 self.counts[k] = len(part)
-        self.data = np.concatenate([_NO_DATA, *(part.ravel() for part in rows.values())])
+        self.data = np.concatenate(
+            [_NO_DATA, *(part.ravel() for part in rows.values())]
+        )
         at = 0
         for kind, part in rows.items():
             self._views[kind] = self.data[at : at + part.size].reshape(part.shape)
@@ -114,7 +116,8 @@ class Obstacles:
         self.labels = self._by_kind("labels", labels, KINDS)
         told = self._by_kind("classes", classes, (*KINDS, "points"))
         self.classes = None if "points" not in told else np.asarray(told["points"])
-        self.shape_classes = np.zeros(sum(map(len, rows.values())), np.int8)
+        self._size = sum(map(len, rows.values()))
+        self.shape_classes = np.zeros(self._size, np.int8)
         at = 0
         for kind, part in rows.items():
             if kind in told:
@@ -158,7 +161,7 @@ class Obstacles:
 
     def __len__(self) -> int:
         """Return how many shapes there are."""
-        return int(self.counts.sum())
+        return self._size
 
     @property
     def capsules(self) -> np.ndarray:
@@ -400,12 +403,8 @@ def write_meshes(
 def some_of(solids: Solids, chosen: np.ndarray) -> Solids:
     """Return those of the shapes where `chosen` (n,) is True."""
     n = solids.count[0]
-    return Solids(
-        np.ascontiguousarray(solids.rows[:n][chosen]),
-        np.ascontiguousarray(solids.kind[:n][chosen]),
-        np.array([int(chosen.sum())]),
-        solids.faces,
-    )
+    rows = solids.rows[:n][chosen]  # a copy
+    return Solids(rows, solids.kind[:n][chosen], np.array([len(rows)]), solids.faces)
 
 
 def together(groups: Sequence[Solids]) -> tuple[Solids, np.ndarray]:
@@ -439,11 +438,13 @@ class SolidRoom:
 
         Those before are overwritten.
         """
-        larger = room_for(obstacles, self._solids, self._patterns, sampled=False)
-        if larger is not None:
-            self._solids, self._patterns = larger
+        # what has no meshes needs rows alone
+        if obstacles.meshes or len(obstacles) > len(self._solids.kind):
+            larger = room_for(obstacles, self._solids, self._patterns, sampled=False)
+            if larger is not None:
+                self._solids, self._patterns = larger
+            write_meshes(obstacles, self._solids, self._patterns, sampled=False)
         solids, patterns = self._solids, self._patterns
-        write_meshes(obstacles, solids, patterns, sampled=False)
         data, counts = obstacles.data, obstacles.counts
         code = kernels.take_solids(data, counts, T, solids, patterns)
         return solids if code == kernels.FINE else None

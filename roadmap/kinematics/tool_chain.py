@@ -1,6 +1,7 @@
 """The joints between a robot's base and its tool in a row, and descents along them."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -84,6 +85,12 @@ def descent_of(chain: ChainArrays) -> Descent:
     )
 
 
+# a frame may solve the inverse kinematics: it takes a third of what the chain does
+@lru_cache(maxsize=16)
+def _kept_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
+    return tool_chain(robot)
+
+
 class ToolDescent:
     """Descents of one robot's tool to poses.
 
@@ -102,7 +109,7 @@ class ToolDescent:
         self, robot: JointTree, position: float, rotation: float, steps: int
     ) -> None:
         """Lay out the memory."""
-        self.chain, self.rows = tool_chain(robot)
+        self.chain, self.rows = _kept_chain(robot)
         self._work = descent_of(self.chain)
         self._trial = np.empty(len(self.rows))
         ratio = min(max(rotation / position, 1.0 / _MOST), _MOST)

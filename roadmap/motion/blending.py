@@ -54,7 +54,7 @@ class Piece:
         """Return q, dq/ds and d2q/ds2 at arc length `s`."""
         along = s - self.anchor
         if self.d == 0.0:
-            return self.origin + along * self.u, self.u, np.zeros_like(self.u)
+            return self.origin + along * self.u, self.u, np.zeros(self.u.shape)
         x = along / (2.0 * self.d)
         turn = self.w - self.u
         q = self.origin + along * self.u + 2.0 * self.d * x**3 * (1.0 - 0.5 * x) * turn

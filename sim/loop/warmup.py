@@ -240,6 +240,7 @@ def exercise(cell_map: CellMap) -> None:
         planner.step(np.array(cell_map.grid.upper)[None] - 0.1, q=start, stamp=0.0)
         planner.step(np.array(cell_map.grid.upper)[None] + 0.1, q=start, stamp=0.0)
         planner.reset()
+    _watch()
 
 
 def _improve_a_detour(

@@ -71,7 +71,9 @@ class PhasePlanner:
                 return self._leg_of_retreat(path, extra, points)
             return self.planner.blocked_leg(path, extra, points)
         times = len(points) // max(1, len(self.classes))  # several moments at once
-        points.shape_classes = np.tile(self.classes, times)
+        points.shape_classes = (
+            self.classes if times == 1 else np.tile(self.classes, times)
+        )
         return self.planner.blocked_leg(path, extra, points, phase=self.phase)
 
     def _leg_of_retreat(

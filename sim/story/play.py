@@ -12,6 +12,7 @@ from odm.cell_map.payload import carried_object
 from odm.execution.executor import ExecutionSettings, Executor
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
+from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
@@ -220,9 +221,10 @@ class StoryPlay:
         human = partner.step(now, seen, offered and held, story.fingers, held)
         T_object = self._object(T_tool)
         frame = self._frame(now, T_tool, T_object, human)
-        busy = time.thread_time()
-        command = story.update(frame)
-        cpu = time.thread_time() - busy
+        with NotCollected():
+            busy = time.thread_time()
+            command = story.update(frame)
+            cpu = time.thread_time() - busy
         T_tool_object = None if T_object is None else np.linalg.inv(T_tool) @ T_object
         self._move_fingers(command, now, T_tool_object)
         moment = self._moment(now, q, T_object, frame, cpu)

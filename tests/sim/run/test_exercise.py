@@ -31,6 +31,13 @@ for package in (odm, roadmap):
             value for value in vars(importlib.import_module(info.name)).values()
             if isinstance(value, Dispatcher)
         }
+from odm.execution._shell_test import hulls_apart
+from odm.execution._speed import allowed_share
+from odm.execution._threat import follow
+late = [k.py_func.__name__ for k in (hulls_apart, allowed_share, follow)
+        if not k.signatures]
+if late:
+    sys.exit("never called: " + ", ".join(late))
 known = {kernel: len(kernel.signatures) for kernel in found}
 rng = np.random.default_rng(3)
 for always in (True, False):

@@ -1,0 +1,23 @@
+"""Garbage is collected between frames: in one it would be a millisecond or more."""
+
+import gc
+from types import TracebackType
+
+
+class NotCollected:
+    """While this holds, no garbage is collected; what is due is, right after it."""
+
+    def __enter__(self) -> None:
+        """Put collections off."""
+        self._was = gc.isenabled()
+        gc.disable()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Collect again, if that was so before."""
+        if self._was:
+            gc.enable()
