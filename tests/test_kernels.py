@@ -51,22 +51,33 @@ def _kernels() -> dict[Kernel, str]:
 
 
 @cache
+def _names(module: str) -> dict[str, Kernel]:
+    """Return the kernels that a module defines or imports, by their names there."""
+    kernels = _kernels()
+    found = {name: (m, name) for m, name in kernels if m == module}
+    for node in ast.walk(_parsed()[module]):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                if node.module in _parsed() and alias.name in _names(node.module):
+                    there = _names(node.module)[alias.name]
+                    found[alias.asname or alias.name] = there
+    return found
+
+
+@cache
 def _called_from_python() -> frozenset[Kernel]:
     """Return the kernels that are named outside of kernels, tests included."""
-    kernels = _kernels()
-    modules = {module for module, _ in kernels}
     found: set[Kernel] = set()
     for module, tree in _parsed().items():
-        names = {name: (m, name) for m, name in kernels if m == module}
+        names = _names(module)
         whole: dict[str, str] = {}
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module:
                 for alias in node.names:
-                    here = alias.asname or alias.name
-                    if (node.module, alias.name) in kernels:
-                        names[here] = (node.module, alias.name)
-                    if f"{node.module}.{alias.name}" in modules:
-                        whole[here] = f"{node.module}.{alias.name}"
+                    if f"{node.module}.{alias.name}" in _parsed():
+                        whole[alias.asname or alias.name] = (
+                            f"{node.module}.{alias.name}"
+                        )
         for top in tree.body:
             if _options(top) is not None:
                 continue
@@ -74,8 +85,10 @@ def _called_from_python() -> frozenset[Kernel]:
                 if isinstance(node, ast.Name) and node.id in names:
                     found.add(names[node.id])
                 if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                    found.add((whole.get(node.value.id, ""), node.attr))
-    return frozenset(found & kernels.keys())
+                    there = whole.get(node.value.id)
+                    if there is not None and node.attr in _names(there):
+                        found.add(_names(there)[node.attr])
+    return frozenset(found)
 
 
 def test_every_kernel_says_all_of_its_options():

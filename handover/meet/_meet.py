@@ -198,7 +198,7 @@ def fill_hands(turn, tools, grasps, mirror, grip, turns, hands):
         hands.far[i] = np.sqrt(hands.far[i]) + TINY_M
 
 
-@njit(**WITHIN_INNER)
+@njit(**WITHIN)
 def position_of(box, x, y, z):
     """Return the position cell of a grip in the person's reach map, -1 outside."""
     i = int(np.floor((x - box[0]) * box[7]))
