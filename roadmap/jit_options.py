@@ -33,6 +33,8 @@ BARE_INNER = BARE | {"no_cpython_wrapper": True}
 
 # As `BARE`, and written into whatever calls it.
 WITHIN = BARE | {"forceinline": True}
+WITHIN_INNER = WITHIN | {"no_cpython_wrapper": True}
 
 # Makes arrays, so references are counted.
 FULL = LEAN | {"_nrt": True}
+FULL_INNER = FULL | {"no_cpython_wrapper": True}

@@ -37,7 +37,7 @@ class LoopCompiler(CompilerBase):
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
         state = self.state
-        ours = KNOWN and config.OPT != 0 and not state.flags.nrt
+        ours = KNOWN and config.OPT != 0
         if ours and state.library is None:
             library = LoopLibrary(
                 state.targetctx.codegen(), state.func_id.func_qualname

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from odm.audit import _exact as exact
-from roadmap.jit_options import BARE_INNER, FULL
+from roadmap.jit_options import BARE_INNER, FULL, FULL_INNER
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
 _TIE = 1e-9  # [m] more than rounding: what may be as near is looked at
@@ -107,7 +107,7 @@ def box_gap(box, frame, ball):
     return math.sqrt(total) - ball[3]
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def least_along(set_, i, frame, v, out):
     """Write the unit vector (3,) along v; return the least place of solid i along it.
 

@@ -14,7 +14,7 @@ from numba import njit
 from handover.meet._meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
 from handover.meet._quality import quality_of
 from handover.reach._rotations import rotation_cell
-from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
 
 TINY_M = 1e-9
 # Qualities are rounded to this. A tool turned by half a turn often offers the same hand
@@ -210,7 +210,7 @@ def position_of(box, x, y, z):
     return (i * ny + j) * nz + k
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def wrist_of(hands, one):
     """Return the place (3) of a candidate's wrist [m], and its squared distance."""
     r, g = one.rotation, one.grasp
@@ -220,7 +220,7 @@ def wrist_of(hands, one):
     return (wx, wy, wz), wx * wx + wy * wy + wz * wz
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def grip_of(hands, one):
     """Return the place (3) of a candidate's grip [m]."""
     r, g = one.rotation, one.grasp
@@ -231,7 +231,7 @@ def grip_of(hands, one):
     )
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def dexterity_at(person, hands, one, grip):
     """Return the dexterity of a candidate whose grip is at `grip` (3)."""
     at = position_of(person.box, grip[0], grip[1], grip[2])
@@ -296,7 +296,7 @@ def full_grid(scene, scratch, value, grasp):
                     value[e], grasp[e] = found, g
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def candidate_of(cells, e, g):
     """Return entry e of the cells with grasp g."""
     p = np.searchsorted(cells.first, e, side="right") - 1

@@ -43,14 +43,14 @@ from handover.meet._quality import (
     square_to_axis,
     visibility_cost,
 )
-from roadmap.jit_options import WITHIN
+from roadmap.jit_options import WITHIN_INNER
 
 UNREACHED, BELOW = -1.0, -0.5
 ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by
 _LOOSE = 1e-6  # of cosines, for the rounding of roots near 0
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def open_parts(state, settings, x, y, z, parts):
     """Write the spatial and visibility qualities of a grip; return the weights' sum."""
     parts[SPATIAL] = 1.0 - math.tanh(
@@ -66,7 +66,7 @@ def open_parts(state, settings, x, y, z, parts):
     return shares + settings[OMEGA + SAFETY] + settings[OMEGA + EFFORT]
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def safety_part(rods, settings, x, y, z):
     """Return the quality of safety of a grip, without the forearm."""
     concern = settings[CONCERN]
@@ -84,7 +84,7 @@ def safety_part(rods, settings, x, y, z):
     return 1.0 - math.tanh(settings[BETA + SAFETY] * (concern / nearest - 1.0))
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def wrist_allows(arm, hand_y, hand_z, square):
     """Return False only where forearm and hand cannot fit together at any swivel.
 
@@ -118,7 +118,7 @@ def wrist_allows(arm, hand_y, hand_z, square):
     return cosine * z + spread >= least
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def online_sum(settings, parts):
     """Return the weighted sum of five qualities."""
     total = settings[OMEGA] * parts[0]
@@ -147,7 +147,7 @@ class PoseTerms(NamedTuple):
     wrist: tuple[float, float, float]
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def pose_value(person, scratch, dexterity, least, floor):
     """Return q_total of the best representative of the hand pose in scratch.pose.
 
@@ -191,7 +191,7 @@ def pose_value(person, scratch, dexterity, least, floor):
     return _best_swivel(person, scratch, n_spans, terms)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _best_swivel(person, scratch, n_spans, terms):
     """Return q_total of the best swivel representative; its joints: scratch.best."""
     arm, settings, work, parts = (
@@ -237,7 +237,7 @@ def _best_swivel(person, scratch, n_spans, terms):
     return best
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def line_enters(rods, a, b):
     """Return whether the line between the points a (3) and b (3) enters a capsule."""
     for i in range(rods.shape[0]):
@@ -246,7 +246,7 @@ def line_enters(rods, a, b):
     return False
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def elbow_at(arm, work, phi):
     """Return the place of the elbow at a swivel angle."""
     c, s = math.cos(phi), math.sin(phi)
@@ -256,7 +256,7 @@ def elbow_at(arm, work, phi):
     return arm[0] * x, -arm[0] * y, -arm[0] * z
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def swivel_effort(state, work, phi, pose, q):
     """Return `effort_cost` at a swivel angle of a pose, whose joints are q.
 
@@ -299,7 +299,7 @@ def swivel_effort(state, work, phi, pose, q):
     return total + abs(ux * tx + uy * ty + uz * tz)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def least_effort(state, fingers, wrist, square):
     """Return what the effort of a hand pose costs at least, whatever the swivel.
 

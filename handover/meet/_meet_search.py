@@ -123,7 +123,13 @@ def begin(task, warm, order):
         if whole[p] >= floor:
             order[n_open] = p
             n_open += 1
-    order[:n_open] = order[:n_open][np.argsort(-whole[order[:n_open]])]
+    bound = np.empty(n_open)
+    places = np.empty(n_open, np.int64)
+    for i in range(n_open):
+        places[i], bound[i] = order[i], -whole[order[i]]
+    ranked = np.argsort(bound)
+    for i in range(n_open):
+        order[i] = places[ranked[i]]
     return n, n_open
 
 

@@ -8,6 +8,7 @@ from numba import njit
 from handover.human._arm_solve import solve_arm
 from handover.meet._quality import EFFORT, quality_of
 from handover.reach._reach_build import Work
+from roadmap._rows import copy_row
 from roadmap.jit_options import FULL
 from roadmap.kinematics._chain import ChainArrays, dexterity, forward, jacobian
 
@@ -62,9 +63,9 @@ def best_at_places(arm, turns, points, scratch, out, found):
     for i in range(points.shape[0]):
         out[i] = 0.0
         found[i] = 0.0
-        pose[9:12] = points[i]
+        copy_row(points[i], pose[9:])
         for r in range(turns.shape[0]):
-            pose[:9] = turns[r]
+            copy_row(turns[r], pose[:9])
             n, _ = solve_arm(
                 state, pose, shares[2], scratch.work, scratch.joints, scratch.swivels
             )
@@ -87,5 +88,5 @@ def best_at_places(arm, turns, points, scratch, out, found):
                 out[i, ONLINE] = max(out[i, ONLINE], online)
                 if total > out[i, TOTAL]:
                     out[i, TOTAL] = total
-                    found[i, :7] = q
+                    copy_row(q, found[i, :7])
                     found[i, 7] = r

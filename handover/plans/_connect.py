@@ -13,7 +13,8 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
+from roadmap._rows import copy_row
+from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -35,7 +36,7 @@ class Trees(NamedTuple):
     sample: np.ndarray  # (3, dof)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def put(out, q):
     """Copy joints."""
     for j in range(q.shape[0]):
@@ -94,7 +95,7 @@ def grow(space, trees, side, near, q, tolerance, scratch):
     return new, share == 1.0
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def draw(trees, number, side, limits, n_arm):
     """Write sample `number`, now and then near a branch."""
     out = trees.sample[0]
@@ -228,11 +229,12 @@ def shorten(space, trees, budget, tolerance, scratch):
         shift = i + 2 - j
         if shift > 0:
             for c in range(n - 1, j, -1):
-                route[c + shift] = route[c]
+                copy_row(route[c], route[c + shift])
         else:
             for c in range(j + 1, n):
-                route[c + shift] = route[c]
-        route[i + 1], route[i + 2] = a, b
+                copy_row(route[c], route[c + shift])
+        copy_row(a, route[i + 1])
+        copy_row(b, route[i + 2])
         trees.corners[0] = n + shift
         failed = 0
     return tested

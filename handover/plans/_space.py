@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
@@ -99,7 +99,7 @@ def place(space, q, scratch):
         scratch.arms[g, 0] = -1.0
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def beyond(a, b, far):
     """Return whether two points are at least `far` apart."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]

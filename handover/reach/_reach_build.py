@@ -14,7 +14,8 @@ from numba import njit
 
 from handover.reach._reach_touch import Touch, touches_itself
 from handover.reach._rotations import rotation_cell
-from roadmap.jit_options import BARE, FULL, WITHIN
+from roadmap._rows import copy_row
+from roadmap.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
 from roadmap.kinematics._chain import (
     ChainArrays,
     dexterity,
@@ -101,7 +102,7 @@ class Build(NamedTuple):
     work: Work
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def position_of(grid, T):
     """Return the position cell of a pose, -1 outside of the grid."""
     flat = 0
@@ -137,7 +138,7 @@ def center_of(grid, cell, T):
     T[11] = grid.place[2] + (z + 0.5) * grid.place[3]
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def position_neighbor(grid, p, axis):
     """Return the position next to `p` on side 0 to 5 (-x, +x, -y..), -1 outside."""
     z, rest = p % grid.size[2], p // grid.size[2]
@@ -153,7 +154,7 @@ def position_neighbor(grid, p, axis):
     return (x * grid.size[1] + y) * grid.size[2] + z if inside else -1
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def origin_cell(grid, cell, predecessor):
     """Return the cell that a predecessor of `cell` stands for, -1 for none."""
     p, r = cell // grid.size[3], cell % grid.size[3]
@@ -167,7 +168,7 @@ def origin_cell(grid, cell, predecessor):
     return near * grid.size[3] + r if near >= 0 else -1
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def quality_byte(measure, reference):
     """Return 1 to 255 for a dexterity relative to the reference."""
     return np.uint8(1 + int(254.0 * min(measure / reference, 1.0)))
@@ -214,7 +215,7 @@ def keep_best(part, parts, n_rotations, start, where, quality, cells):
             cells.source[c] = start + i
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def propagate(chain, grid, parent, origin, cell, work):
     """Move the witness of cell `origin` into the neighbouring `cell` by damped steps.
 
@@ -274,5 +275,5 @@ def replay(chain, grid, predecessors, root, cell, work):
     for k in range(predecessors.shape[0] - 1, -1, -1):
         if not propagate(chain, grid, parent, path[k + 1], path[k], work):
             return False
-        parent[:] = work.code
+        copy_row(work.code, parent)
     return True

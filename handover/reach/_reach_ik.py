@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_touch import touches_itself
-from roadmap.jit_options import BARE, BARE_INNER, FULL
+from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
 from roadmap.kinematics._chain import draw_code, forward, from_lattice
 from roadmap.kinematics._inverse import descend
 
@@ -61,7 +61,7 @@ def _along(direction, tool):
     return direction[0] * tool[9] + direction[1] * tool[10] + direction[2] * tool[11]
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def _best_value(chain, direction, work, j):
     q, low, high = work.q, chain.limits[j, 0], chain.limits[j, 1]
     start, best, keep = q[j], -1e300, q[j]

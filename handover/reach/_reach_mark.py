@@ -14,7 +14,7 @@ from handover.reach._reach_build import (
 )
 from handover.reach._reach_lookup import ones
 from handover.reach._reach_touch import touches_itself
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, WITHIN_INNER
 from roadmap.kinematics._chain import dexterity, draw_code, jacobian
 
 _SURE = 3  # marked neighbours before a cell that no sample hit is tried
@@ -105,7 +105,7 @@ def mark_positions(build, queue, positions, rules, counts):
                 top = max(top, key)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _begin(build, queue, position):
     """Enter the cells of a position that are not marked; return entries and best key.
 
@@ -129,7 +129,7 @@ def _begin(build, queue, position):
     return used, top
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _enter(head, entries, used, key, r):
     entries[0, used] = r
     entries[1, used] = head[key]
@@ -137,7 +137,7 @@ def _enter(head, entries, used, key, r):
     return used + 1
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def priority(neighbors, near_positions, cells, first, r):
     """Return the best quality a cell may get, 0 for none, and from which neighbour.
 
@@ -173,7 +173,7 @@ def priority(neighbors, near_positions, cells, first, r):
     return max(own, top), predecessor
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _mark(build, cell, predecessor, parent, rules, counts):
     """Propagate from `parent`, else take the sample; keep what gives a witness."""
     chain, grid, cells, touch, work = build
@@ -202,7 +202,7 @@ def _mark(build, cell, predecessor, parent, rules, counts):
         cells.source[cell] |= np.uint32(1) << np.uint32(predecessor)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _keep(cells, cell, value, predecessor, depth, code, counts):
     cells.quality[cell] = value
     cells.predecessor[cell] = predecessor

@@ -14,7 +14,7 @@ from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
-from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 
 TABLE = 64  # cells along a joint
@@ -85,7 +85,7 @@ def touches_itself(touch, q, frames):
     return _touches(touch, q, touch.frames)
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def _place_bodies(touch, q):
     for j in range(q.shape[0]):
         touch.whole[touch.rows[j]] = q[j]
@@ -128,7 +128,7 @@ def _touches(touch, q, frames):
     return False
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _carry(frames, row, balls, s, places):
     """Write the centre of ball s, carried by a row, to places."""
     x, y, z = balls[s, 0], balls[s, 1], balls[s, 2]
@@ -144,7 +144,7 @@ def _carry(frames, row, balls, s, places):
         )
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _least(frames, shell, s, lanes, x, y, z):
     """Return the least of v . p over the points p of shell s, v = (x, y, z)."""
     row, offset = shell[s, 0], 0.0
@@ -168,7 +168,7 @@ def _least(frames, shell, s, lanes, x, y, z):
     return offset + min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _parted(frames, shell, a, b, lanes, direction):
     """Say if a direction from shell b to shell a proves them apart."""
     x, y, z = direction[0], direction[1], direction[2]
@@ -177,7 +177,7 @@ def _parted(frames, shell, a, b, lanes, direction):
     return gap > 0.0 and gap * gap >= MARGIN * MARGIN * (x * x + y * y + z * z)
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def _near(touch, frames, p):
     """Say if a pair is not proved apart, by GJK from `direction`."""
     shell, a, b = touch.shell, touch.pair[p, 0], touch.pair[p, 1]
@@ -195,7 +195,7 @@ def _near(touch, frames, p):
     return lower < MARGIN
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _to_world(frames, row, axes, p, direction):
     """Write axes[p], of a row's frame, as seen from the base, to `direction`."""
     x, y, z = axes[p, 0], axes[p, 1], axes[p, 2]
@@ -209,7 +209,7 @@ def _to_world(frames, row, axes, p, direction):
     direction[0], direction[1], direction[2] = x, y, z
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _to_row(frames, row, direction, axes, p):
     """Write `direction`, of the base's frame, as seen from a row, to axes[p]."""
     x, y, z = direction[0], direction[1], direction[2]

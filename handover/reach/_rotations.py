@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, WITHIN_INNER
 
 _HALF_PI = 0.5 * math.pi
 _TURN = 2.0 * math.pi
@@ -29,7 +29,7 @@ class RotationArrays(NamedTuple):
     pixel_frames: np.ndarray
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def pixel_of(x, y, z, n_side):
     """Return the HEALPix pixel (ring order) of a unit vector [Gorski2005, 5.2]."""
     t = math.atan2(y, x) / _HALF_PI
@@ -57,7 +57,7 @@ def pixel_of(x, y, z, n_side):
     return 12 * n_side * n_side - 2 * ring * (ring + 1) + k
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def rotation_cell(T, n_side, n_roll, pixel_frames):
     """Return the cell of the rotation of pose `T`.
 

@@ -12,7 +12,8 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
-from roadmap.jit_options import FULL, INNER
+from roadmap._rows import copy_row
+from roadmap.jit_options import FULL, FULL_INNER, INNER
 from roadmap.kinematics._forward import body_frames
 
 FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
@@ -140,7 +141,7 @@ def basis(x, y, z, out):
     out[0, 2], out[1, 2], out[2, 2] = y * w - z * v, z * u - x * w, x * v - y * u
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def turn(a, b, spin, frame):
     """Write to `frame` a rotation that takes a to b, then turns by spin round b."""
     from_, to = np.empty((3, 3)), np.empty((3, 3))
@@ -156,7 +157,7 @@ def turn(a, b, spin, frame):
             )
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def asked_free(audited, motion, points):
     """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
     asked, arm, cloud, work, shapes = audited
@@ -182,7 +183,7 @@ def asked_free(audited, motion, points):
     return item_hit(ptr, block, mask, n_nodes + motion, words) < 0
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def swallowed(solids, frames, library, k, frame):
     """Return a solid that lies inside hollow obstacle k, or -1.
 
@@ -207,7 +208,7 @@ def swallowed(solids, frames, library, k, frame):
     return -1
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def exact_distance(solids, frames, library, k, frame, cap, found):
     """Return (distance, gap) of the moving solids from obstacle k; see nearest_pair."""
     best, gap = cap, 0.0
@@ -260,7 +261,7 @@ def shifted(local, frame, out):
             ) + frame[9 + c]
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def approach(solids, frames, library, pairs, k, frame):
     """Return the obstacle of pair k as it comes in; its pose is kept in `frame`.
 
@@ -317,9 +318,11 @@ def audit_pairs(audited, solids, library, pairs, cap, found):
     for k in range(pairs.motion.shape[0]):
         motion, which = pairs.motion[k], pairs.obstacle[k]
         if motion < 0:
-            q[:] = asked.nodes[-1 - motion]
+            copy_row(asked.nodes[-1 - motion], q)
         else:
-            q[:] = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
+            node = asked.nodes[asked.edges[motion, 0]]
+            for j in range(q.shape[0]):
+                q[j] = node[j] + pairs.t[k] * asked.dq[motion, j]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, frames)
         frame = found.frame[k]
         coming = approach(solids, frames, library, pairs, k, frame)

@@ -22,7 +22,7 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._occupancy import clear, mark_points
 from odm.obstacles._solids import CAPSULE
 from odm.obstacles._solids import Solids as Shapes
-from roadmap.jit_options import FULL, INNER
+from roadmap.jit_options import FULL, FULL_INNER, INNER
 
 STEP = 1e-3  # [m] of the scan where a test answers yes or no
 TIGHT = 1e-5  # [m] where the walk of a distance ends
@@ -53,7 +53,7 @@ class StillCells(NamedTuple):
     samples: int  # still configurations that stand for an edge
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def distance_at(s, kind, placed, library, coming):
     """Return the distance of robot and obstacle at s [m], by one of three views."""
     solids, frames = placed
@@ -128,7 +128,7 @@ def place_capsules(library, coming, solids):
     solids.count[0] = n
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def scan_shapes(close, motion, cloud, library, coming):
     """Return where the close test of shapes first gives a motion up; NaN: never."""
     asked = close.asked
@@ -194,7 +194,7 @@ def node_overheads(audited, solids, spheres, library, pairs, close, out):
     clear(cloud)
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def distance_along(s, audited, motion, solids, samples, library, coming):
     """Return the smallest exact distance over a whole edge with the obstacle at s."""
     asked, arm = audited.asked, audited.arm

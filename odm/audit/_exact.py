@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap._rows import copy_row
-from roadmap.jit_options import FULL, INNER, LEAN
+from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 POINTS, ROUND = 0, 1  # kinds of core
 MAX_STEPS = 200
@@ -158,7 +158,7 @@ def reduce_simplex(w, n, v_best):
     best = np.inf
     for i in range(n):
         rows[0] = i
-        v[:] = w[i]
+        copy_row(w[i], v)
         best = keep_if_nearer(w, rows, 1, v, best, kept, v_best)
         for j in range(i):
             rows[1] = j
@@ -172,9 +172,10 @@ def reduce_simplex(w, n, v_best):
     m = 0
     for r in range(3):
         if kept[r] >= 0:
-            new[m] = w[kept[r]]
+            copy_row(w[kept[r]], new[m])
             m += 1
-    w[:m] = new[:m]
+    for r in range(m):
+        copy_row(new[r], w[r])
     return m
 
 
@@ -211,7 +212,7 @@ def core_distance(a, i, frame_a, b, j, frame_b, enough):
     return core_between(a, i, frame_a, b, j, frame_b, enough, np.empty(3))
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def core_between(a, i, frame_a, b, j, frame_b, enough, v):
     """Return what `core_distance` does; v (3,) out: a way from core j to core i."""
     w = np.empty((4, 3))

@@ -23,7 +23,7 @@ import math
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import FULL, INNER
+from roadmap.jit_options import FULL, FULL_INNER, INNER
 
 # the patterns aim a little below the spacing, so that rounding stays inside it
 SHRINK = 1.0 - 1e-9
@@ -137,7 +137,7 @@ def walk_cap(flat, k_rim, chord, out, start):
     return n
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def plan_tube(flat, radius, length, rho):
     """Return points per ring, number of rings, and points of one cap: fewest in all."""
     k = 1

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from roadmap._rows import copy_row
-from roadmap.jit_options import FULL, INNER, LEAN
+from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 
 @njit(**LEAN)
@@ -109,7 +109,7 @@ def improve(rows, everything, chosen, n, centers, rounds, seed):
     return n
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def _keep_far(chosen, n, pivot, out, centers, trial):
     """Copy chosen without the `out` ones nearest to the pivot."""
     p = centers[chosen[pivot]]

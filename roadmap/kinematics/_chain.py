@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, WITHIN, WITHIN_INNER
 from roadmap.kinematics._six import outer, root_of_determinant, solution
 
 LEVELS = 65535  # steps of a joint's lattice between its limits
@@ -136,7 +136,7 @@ def jacobian(chain, frames, jac):
             jac[2, j] += z
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def limit_weight(chain, q, j):
     """Return 1 / (1 + |dh/dq|) of joint j, h as in [Chan1995]; 0 at a limit."""
     if chain.endless[j] > 0.5:
@@ -187,7 +187,7 @@ def dexterity(chain, q, jac, weighted, gram):
     return volume
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def pose_error(tool, target, scale, error):
     """Write the way from `tool` to `target`, rows divided by scale; return its square.
 
@@ -222,7 +222,7 @@ def pose_error(tool, target, scale, error):
     return total
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def damped_step(scaled, error, damping, gram, dq):
     """Write dq = W A^T (A W A^T + damping I)^-1 error.
 
@@ -237,7 +237,7 @@ def damped_step(scaled, error, damping, gram, dq):
         dq[j] = scaled[j, 6] * total
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def limited_step(chain, q, scale, damping, work):
     """Move q by a damped step; joints that stand at a limit and would leave it rest.
 
@@ -307,7 +307,7 @@ def draw_code(seed, index, code):
             code[j] = np.uint16(LEVELS) if end == np.uint64(1) else np.uint16(0)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _mix(z):
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN
+from roadmap.jit_options import BARE, WITHIN_INNER
 from roadmap.kinematics._chain import forward, jacobian, limited_step, pose_error
 
 
@@ -63,7 +63,7 @@ def descend(chain, target, scale, goal, work, trial):
     return cost < square
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def _copy(one, other):
     for j in range(one.shape[0]):
         other[j] = one[j]

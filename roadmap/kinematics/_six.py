@@ -9,10 +9,10 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import WITHIN
+from roadmap.jit_options import WITHIN_INNER
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def outer(columns, diagonal, g):
     """Write the sum of weight c c^T over columns c, + diagonal I, to g (6, 6).
 
@@ -35,7 +35,7 @@ def outer(columns, diagonal, g):
         g[i, i] += diagonal
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def eliminated(g):
     """Return g = L D L^T: the pivots (6), and below L's diagonal row by row (15)."""
     d0, c10, c20, c30, c40, c50 = g[0, 0], g[1, 0], g[2, 0], g[3, 0], g[4, 0], g[5, 0]
@@ -67,7 +67,7 @@ def eliminated(g):
     return (d0, d1, d2, d3, d4, d5), rows
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def solution(g, b):
     """Return x with g x = b, g (6, 6) positive definite."""
     pivots, rows = eliminated(g)
@@ -88,7 +88,7 @@ def solution(g, b):
     return x0, x1, x2, x3, x4, x5
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def root_of_determinant(g, least):
     """Return sqrt(det g), 0 where a pivot is not above `least`."""
     pivots, _ = eliminated(g)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.runtime import _nrt_python, rtsys
 
 from roadmap import linking
 from roadmap.jit_options import INNER, LEAN
@@ -87,10 +88,47 @@ def test_an_error_is_raised_out_of_a_callee(small):
         small[-1](np.array([1.0, -1.0]), 2)
 
 
-def test_a_loop_that_counts_references_is_left_to_numba():
-    @njit(**(_FROM_PYTHON | {"_nrt": True}))
+@pytest.fixture
+def arrays_are_counted():
+    on = _nrt_python.memsys_stats_enabled()
+    _nrt_python.memsys_enable_stats()
+    yield
+    if not on:
+        _nrt_python.memsys_disable_stats()
+
+
+@pytest.mark.usefixtures("arrays_are_counted")
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_loop_that_counts_references_gives_back_every_array(raises, monkeypatch):
+    """What is not pruned is counted; by a caller of ours as by numba's own."""
+    monkeypatch.setattr(linking, "MOST_INSTRUCTIONS", 12)
+    counted = _FROM_PYTHON | {"_nrt": True}
+
+    @njit(**(counted | {"no_cpython_wrapper": True}))
     def makes(n):
+        if n > 40:
+            raise ValueError("too long")
         return np.ones(n)
 
-    assert makes(2).sum() == 2.0
-    assert not isinstance(_library(makes), linking.LoopLibrary)
+    @njit(**counted)
+    def total(n):
+        kept = makes(1)
+        for k in range(n):
+            one = makes(k)
+            if one.sum() > kept.sum():
+                kept = one
+        return kept
+
+    n = 50 if raises else 30
+    total(3)
+    before = rtsys.get_allocation_stats()
+    for _ in range(5):
+        if raises:
+            with pytest.raises(ValueError, match="too long"):
+                total(n)
+        else:
+            assert total(n).sum() == n - 1
+    after = rtsys.get_allocation_stats()
+    assert isinstance(_library(total), linking.LoopLibrary)
+    if not raises:  # numba itself gives nothing back where an error passes
+        assert after.alloc - before.alloc == after.free - before.free > 0
