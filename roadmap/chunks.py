@@ -128,7 +128,6 @@ class ChunkStore:
             with self._lock:
                 if self._over:
                     return
-                self.folder.mkdir(parents=True, exist_ok=True)
                 put_file(self.folder / name, hashlib.sha256(data).digest() + data)
         except OSError as error:
             raise _unwritten(self.folder, error) from error

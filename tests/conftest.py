@@ -1,5 +1,6 @@
 """Small maps that many tests share; built once a session."""
 
+import gc
 import importlib.util
 from collections.abc import Generator
 
@@ -8,7 +9,9 @@ import pytest
 from small import small_recipe
 
 import odm
+from sim.__main__ import COLLECT
 
+gc.set_threshold(*COLLECT)  # as the command does: to rewrite asserts makes many objects
 ABSENT = "comes with pybullet"  # told wherever a robot of pybullet_data is asked for
 
 if importlib.util.find_spec("pybullet_data") is None:  # such as with Python 3.12

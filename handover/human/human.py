@@ -9,7 +9,7 @@ units of arm length, stay valid.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -76,10 +76,9 @@ class Human:
     thickness: str = "conservative"
     bend: np.ndarray | None = None
     T_world_chest: np.ndarray = field(init=False)
-    places: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check everything and place the joints."""
+        """Check everything."""
         body.check_height(self.height, "nothing is known of the shape of such a person")
         posture = posture_named(self.posture)
         body.check_thickness(self.thickness)
@@ -100,7 +99,11 @@ class Human:
             T = floor_pose(self.skeleton, posture, (sizes.shank, sizes.torso))
         put(self, "T_world_pelvis", frozen(check_pose(T, "T_world_pelvis"), np.float64))
         put(self, "T_world_chest", frozen(self._chest(), np.float64))
-        put(self, "places", frozen(self._places(), np.float64))
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """(11, 3) places of the joints [m]; most people of a frame are asked none."""
+        return frozen(self._places(), np.float64)
 
     @property
     def sizes(self) -> BodySizes:

@@ -169,6 +169,62 @@ def obstacles_of(shapes: list[solid.Shape]) -> Obstacles:
     return Obstacles(convexes, flat_frames(poses), tuple(hollow), tuple(hollow_shape))
 
 
+def capsule_obstacles(rows: np.ndarray) -> Obstacles:
+    """Return capsules (n, 7), ends a, b and radius [m], as `obstacles_of` does.
+
+    The same bytes as of `Capsule.between` one by one, in a twentieth of its time: so
+    many rows are audited in every frame of a run.
+    """
+    rows = np.asarray(rows, float)
+    axis = rows[:, 3:6] - rows[:, :3]
+    length = np.sqrt([one.dot(one) for one in axis])
+    radius = rows[:, 6]
+    plain = (length <= solid.LARGEST) & (0.0 < radius) & (radius <= solid.LARGEST)
+    if not len(rows) or not (plain & np.isfinite(rows).all(axis=1)).all():
+        shapes = [solid.Capsule.between(row[:3], row[3:6], row[6]) for row in rows]
+        return obstacles_of(shapes)
+    n, half = len(rows), 0.5 * length
+    points = np.zeros((2 * n, 3))
+    points[0::2, 2], points[1::2, 2] = -half, half
+    ball = np.zeros((n, 4))
+    ball[:, 3] = half + radius + 1e-12
+    frames = np.empty((n, 12))
+    frames[:, :9] = [_turned(*pair) for pair in zip(axis, length, strict=True)]
+    frames[:, 9:] = 0.5 * (rows[:, :3] + rows[:, 3:6])
+    convexes = kernels.Convexes(
+        kind=np.full(n, kernels.POINTS),
+        ptr=np.arange(0, 2 * n + 1, 2),
+        points=points,
+        size=np.zeros((n, 2)),
+        margin=radius.copy(),
+        ball=ball,
+        owner=np.arange(n),
+    )
+    return Obstacles(convexes, frames, (), ())
+
+
+def _turned(axis: np.ndarray, length: float) -> list[float]:
+    """Return the rotation (9,) that turns z to an axis, as `Capsule.between` has it."""
+    if length < 1e-12:
+        return [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    z = axis / length
+    side = [0.0, 0.0, 0.0]
+    side[np.argmin(np.abs(z))] = 1.0
+    z = z.tolist()
+    x = np.array(_cross(side, z))
+    x = (x / np.sqrt(x.dot(x))).tolist()
+    y = _cross(z, x)
+    return [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]
+
+
+def _cross(a: list[float], b: list[float]) -> list[float]:
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+
+
 def shape_parts(shape: solid.Shape) -> tuple[list[tuple], np.ndarray]:
     """Return a shape's convex parts, and its triangles if it is not convex.
 

@@ -94,6 +94,18 @@ class BlendedPath:
             return self.home, none, none
         return self.pieces[self.index(s)].at(s)
 
+    def at_all(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what `at` does at (n,) arc lengths, (n, dof) each."""
+        found = np.zeros((3, len(s), len(self.home)))
+        if not self.pieces:
+            found[0] = self.home
+            return found[0], found[1], found[2]
+        index = np.maximum(0, np.searchsorted(self._begins, s, side="right") - 1)
+        for k in np.unique(index):
+            here = np.flatnonzero(index == k)
+            found[:, here] = self.pieces[k].at_all(s[here])
+        return found[0], found[1], found[2]
+
     def behind_blend(self, s: float, end: float) -> float:
         """Return the first arc length from `s` on at which another path may well begin.
 

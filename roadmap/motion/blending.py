@@ -64,6 +64,21 @@ class Piece:
             6.0 * x * (1.0 - x) / (2.0 * self.d) * turn,
         )
 
+    def at_all(self, s: np.ndarray) -> np.ndarray:
+        """Return what `at` does at (n,) arc lengths, (3, n, dof), to the last bit."""
+        along, found = (s - self.anchor)[:, None], np.empty((3, len(s), len(self.u)))
+        found[0], found[1], found[2] = self.origin + along * self.u, self.u, 0.0
+        if self.d == 0.0:
+            return found
+        x = along / (2.0 * self.d)
+        turn = self.w - self.u
+        # the power of an array may be rounded otherwise than that of a number
+        cube = np.array([[y**3] for y in x.ravel().tolist()])
+        found[0] += 2.0 * self.d * cube * (1.0 - 0.5 * x) * turn
+        found[1] += x * x * (3.0 - 2.0 * x) * turn
+        found[2] = 6.0 * x * (1.0 - x) / (2.0 * self.d) * turn
+        return found
+
     def corner(self) -> np.ndarray:
         """Return the (dof,) corner that a blend rounds."""
         return self.origin + self.d * self.u

@@ -79,9 +79,15 @@ class Motion:
         return SetPoint(q.copy(), v * first, (v * v) * second + a * first)
 
     def sample(self, times: np.ndarray) -> SetPoint:
-        """Return the set-points at (n,) times as three (n, dof) arrays."""
-        points = [self.at(t) for t in np.asarray(times, float)]
-        return SetPoint(*(np.array(rows) for rows in zip(*points, strict=True)))
+        """Return the set-points at (n,) times as three (n, dof) arrays, those of `at`.
+
+        Raises:
+            BadInput: A time is negative or not a number.
+        """
+        s, v, a = self.profile.states(np.asarray(times, float))
+        q, first, second = self.path.at_all(s)
+        v, a = v[:, None], a[:, None]
+        return SetPoint(q, v * first, (v * v) * second + a * first)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -72,6 +72,25 @@ class SpeedProfile:
         s, v, a = after(phase, t - phase.t)
         return State(min(s, self.end), max(v, 0.0), a)
 
+    def states(self, times: np.ndarray) -> np.ndarray:
+        """Return what `state` does at (n,) times, to the last bit: (3, n) s, v, a."""
+        for t in times[~(times >= 0.0)]:
+            self.state(t)  # says why there is none
+        found = np.zeros((3, len(times)))
+        found[0] = self.end
+        inside = np.flatnonzero(times < self.duration)
+        if not self.phases or not len(inside):
+            return found
+        phases = np.array(self.phases)
+        t = times[inside]
+        at = np.maximum(0, np.searchsorted(phases[:, 0], t, side="right") - 1)
+        begin, s, v, a, j = phases[at].T
+        state = after(Phase(begin, s, v, a, j), t - begin)
+        found[0, inside] = np.where(self.end < state.s, self.end, state.s)
+        found[1, inside] = np.where(0.0 > state.v, 0.0, state.v)
+        found[2, inside] = state.a
+        return found
+
     def index(self, t: float) -> int:
         """Return the phase that holds time `t` [s]."""
         return max(0, bisect_right(self.phases, t, key=_begin) - 1)

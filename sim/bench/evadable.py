@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.obstacles.shapes import Capsule
+from odm.audit.exact import ExactRobot, capsule_obstacles
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
 from sim.loop.loop import Frame
@@ -177,6 +176,5 @@ class Oracle:
         key = round(time_s / _STEP)
         if key not in self._known:
             rows = self.human.capsules(time_s)
-            shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in rows]
-            self._known[key] = obstacles_of(shapes)
+            self._known[key] = capsule_obstacles(rows)
         return self._known[key]

@@ -19,8 +19,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.obstacles.shapes import Capsule
+from odm.audit.exact import ExactRobot, capsule_obstacles
 from roadmap.kinematics.forward import difference
 
 _JOINED = 24  # nodes that a configuration is joined to
@@ -231,8 +230,7 @@ class TripOracle:
         key = round(t / (0.5 * _STEP))
         if key not in self._known:
             rows = person(key * 0.5 * _STEP)
-            shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in rows]
-            self._known[key] = obstacles_of(shapes)
+            self._known[key] = capsule_obstacles(rows)
         return self._known[key]
 
     def _time(self, a: np.ndarray, b: np.ndarray) -> float:

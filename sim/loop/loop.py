@@ -358,14 +358,12 @@ def run_frames(
 
 def exact_audit(robot: Robot) -> Audit:
     """Return the exact distance of the robot's moving solids to capsules."""
-    from odm.audit.exact import ExactRobot
-    from odm.obstacles.shapes import Capsule
+    from odm.audit.exact import ExactRobot, capsule_obstacles
 
     exact = ExactRobot(robot)
 
     def distance(q: np.ndarray, capsules: np.ndarray) -> float:
-        shapes = [Capsule.between(row[:3], row[3:6], row[6]) for row in capsules]
-        return exact.distance(q, shapes).distance
+        return exact.distance(q, capsule_obstacles(capsules)).distance
 
     return distance
 

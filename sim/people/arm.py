@@ -16,6 +16,8 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of, rotation_rpy
 
+_DOWN = np.array([0.0, 0.0, -1.0])
+
 
 @dataclass(frozen=True, eq=False)
 class HumanArm:
@@ -88,13 +90,15 @@ class HumanArm:
         flexion, abduction, rotation, elbow = np.asarray(angles, float)
         R = rotation_rpy(abduction, -flexion, 0.0) @ rotation_rpy(0.0, 0.0, rotation)
         T = np.asarray(T_base_shoulder, float)
-        down = np.array([0.0, 0.0, -1.0])
-        upper = self.lengths[0] * (R @ down)
+        upper = self.lengths[0] * (R @ _DOWN)
         bent = R @ rotation_rpy(0.0, -elbow, 0.0)
-        fore = (self.lengths[1] - self.radii[1]) * (bent @ down)
-        joints = np.array([np.zeros(3), upper, upper + fore])
+        fore = (self.lengths[1] - self.radii[1]) * (bent @ _DOWN)
+        joints = np.zeros((3, 3))
+        joints[1], joints[2] = upper, upper + fore
         joints = joints @ T[:3, :3].T + T[:3, 3]
-        return np.column_stack([joints[:-1], joints[1:], self.radii])
+        found = np.empty((2, 7))
+        found[:, :3], found[:, 3:6], found[:, 6] = joints[:-1], joints[1:], self.radii
+        return found
 
 
 def facing_robot(p_base_shoulder: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """A round of hand movements, timed so that no point of the arm is too fast."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Person:
     def capsules(self, p_shoulder_hand: np.ndarray) -> np.ndarray:
         """Return the (2, 7) capsules of the arm with its hand at a (3,) place [m]."""
         angles = _angles_to(self.arm, p_shoulder_hand)
-        return self.arm.capsules(facing_robot(self.p_base_shoulder), angles)
+        return self.arm.capsules(_facing_robot(tuple(self.p_base_shoulder)), angles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,9 +170,23 @@ class Round:
 
     def _fastest(self, leg: Leg) -> float:
         """Return the largest speed of elbow and hand if the leg takes one second."""
-        times = np.linspace(0.0, 1.0, 161)
-        ends = np.array([self.person.capsules(leg.at(t))[:, 3:6] for t in times])
-        return float(np.linalg.norm(np.diff(ends, axis=0), axis=2).max() * 160)
+        arm = tuple(map(tuple, (self.person.arm.lengths, self.person.arm.radii)))
+        path = tuple(map(tuple, (leg.start, leg.stop, leg.bow)))
+        return _fastest(arm, tuple(self.person.p_base_shoulder), path)
+
+
+@lru_cache(maxsize=4096)  # the same person is made again for each run
+def _fastest(arm: tuple, p_base_shoulder: tuple, path: tuple) -> float:
+    person = Person(HumanArm(*map(np.array, arm)), p_base_shoulder)
+    leg = Leg(*map(np.array, path), 1.0, 0.0)
+    times = np.linspace(0.0, 1.0, 161)
+    ends = np.array([person.capsules(leg.at(t))[:, 3:6] for t in times])
+    return float(np.linalg.norm(np.diff(ends, axis=0), axis=2).max() * 160)
+
+
+@lru_cache(maxsize=64)
+def _facing_robot(p_base_shoulder: tuple[float, float, float]) -> np.ndarray:
+    return frozen(facing_robot(np.array(p_base_shoulder)), np.float64)
 
 
 def minimum_jerk(u: float) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from roadmap.chunks import Workers
+    from roadmap.chunks import ChunkStore, Workers
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -103,6 +103,7 @@ def crew(
         with kept_unless_ended(store.folder):
             try:
                 yield Threads(threads, store)
+                _done_with(store)
             except KeyboardInterrupt:  # who ends it by hand wants nothing left
                 store.discard()
                 raise
@@ -122,6 +123,14 @@ def crew(
                 lambda page: print(f"progress is on {page}", file=sys.stderr)
             )
             yield cluster
-    if store.found:
-        print(f"went on from {store.found} stored chunks", file=sys.stderr)
-    store.clear()
+        _done_with(store)
+
+
+def _done_with(store: "ChunkStore") -> None:
+    """Remove the chunks of what is there now, whole, even where Ctrl-C comes here."""
+    from roadmap.unfinished import kept_unless_ended
+
+    with kept_unless_ended(store.folder):
+        if store.found:
+            print(f"went on from {store.found} stored chunks", file=sys.stderr)
+        store.clear()

@@ -35,6 +35,7 @@ from sim.people.whole_person import (
     WholePerson,
     scripted_person,
 )
+from sim.run import places
 from sim.run.folders import REACH_MAPS, check_reach_folder
 from sim.run.meet_audit import TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
@@ -211,9 +212,9 @@ class MeetTask:
             person = scripted_person("reach", 0, self.request.distances)
         setup = self.setup
         planner = setup.planner()
-        places = np.array([setup.rest, self.cell_map.roadmap.nodes[0]])
-        warm_up(planner, places, person, settings)
-        brief = replace(settings, duration_s=3.0)
+        ends = np.array([setup.rest, self.cell_map.roadmap.nodes[0]])
+        warm_up(planner, ends, person, settings)
+        brief = replace(settings, duration_s=places.REHEARSAL_S)
         loop, audit = setup.loop(person, self.side, brief)
         run_frames(loop, lambda frame: judge_sometimes(loop, audit, frame, 1.0))
         target = next(iter(loop.live.meet.best(1)), None)

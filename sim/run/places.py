@@ -26,6 +26,7 @@ from sim.run.request import RunRequest
 from sim.terminal.progress import Bars
 
 DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
+REHEARSAL_S = 3.0  # [s] simulated before time is measured
 
 Progress = Callable[[str, int, int], None]
 
@@ -161,7 +162,7 @@ def warm_up(
 ) -> None:
     """Run a few frames so that everything is compiled before time is measured."""
     exercise(planner.cell_map)
-    brief = replace(settings, duration_s=3.0, keep_paths=0)
+    brief = replace(settings, duration_s=REHEARSAL_S, keep_paths=0)
     human = make_motion(motion) if isinstance(motion, str) else motion
     run_loop(planner, planner.robot, places, human, brief)
     tool = tool_pose(planner.robot, places[0])[:3, 3]

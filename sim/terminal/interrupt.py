@@ -113,9 +113,7 @@ class _Listener:
         with suppress(Exception):
             if threading.current_thread() is threading.main_thread():
                 sys.stdout.flush()
-        with suppress(Exception):
-            if files := sys.modules.get("roadmap.unfinished"):
-                files.remove_all()
+        _remove_unfinished()
         shown = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # rich hides the cursor
         with suppress(OSError):
             os.write(2, f"{shown}{SENTENCE}\n".encode())
@@ -123,6 +121,7 @@ class _Listener:
             if not any(map(_is_whole, _current_frames().values())):
                 break
             time.sleep(0.005)
+        _remove_unfinished()  # what another thread has made meanwhile
         _exit(EXIT_CODE)
 
 
@@ -178,6 +177,12 @@ def patience(seconds: float) -> Iterator[None]:
         yield
     finally:
         here.grace = before
+
+
+def _remove_unfinished() -> None:
+    with suppress(Exception):
+        if files := sys.modules.get("roadmap.unfinished"):
+            files.remove_all()
 
 
 def _is_whole(frame: FrameType | None) -> bool:

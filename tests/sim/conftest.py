@@ -86,6 +86,14 @@ class Statue:
         return np.array([[0.6, -0.1, 0.45, 0.6, 0.1, 0.45, 0.05]])
 
 
+@pytest.fixture(scope="module", autouse=True)
+def brief_rehearsals():
+    """Rehearse for a moment: one process compiles once; commands do it in full."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sim.run.places.REHEARSAL_S", 0.2)
+        yield
+
+
 @pytest.fixture(scope="session")
 def crane_urdf(tmp_path_factory):
     path = tmp_path_factory.mktemp("robot") / "crane.urdf"

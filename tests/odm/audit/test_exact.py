@@ -12,9 +12,16 @@ from scipy.spatial.transform import Rotation
 
 import roadmap
 from odm.audit import _exact as kernels
-from odm.audit.exact import ExactRobot, flat_frames, gather, obstacles_of
+from odm.audit.exact import (
+    ExactRobot,
+    capsule_obstacles,
+    flat_frames,
+    gather,
+    obstacles_of,
+)
 from odm.audit.fcl_robot import FclRobot, geometry_of
 from odm.obstacles import shapes
+from roadmap.errors import BadInput
 
 seeds = st.integers(0, 2**32 - 1)
 laws = settings(deadline=None, max_examples=150)
@@ -235,6 +242,30 @@ def test_a_mesh_that_is_not_convex_is_a_solid_with_its_hole(panda):
     bent[np.linalg.norm(block.vertices - [4.5, 0, 0], axis=1).argmin()] -= [0.5, 0, 0]
     near = exact.distance(q, [shapes.Mesh(bent, block.faces)])
     assert near.distance == 0.0 and near.other == 0
+
+
+def test_rows_of_capsules_are_the_same_bytes_as_capsules_one_by_one(rng):
+    for n in [0, 1, *rng.integers(2, 20, 60)]:
+        rows = rng.normal(0.0, 0.5, (n, 7))
+        rows[:, 6] = rng.uniform(0.01, 0.3, n)
+        for columns in (slice(3, 6), slice(4, 6), slice(3, 5)):  # points, along an axis
+            some = rng.random(n) < 0.1
+            rows[some, columns] = rows[some, columns.start - 3 : columns.stop - 3]
+        one_by_one = [shapes.Capsule.between(r[:3], r[3:6], r[6]) for r in rows]
+        known, found = obstacles_of(one_by_one), capsule_obstacles(rows)
+        pairs = [(known.frames, found.frames)]
+        pairs += zip(known.convexes, found.convexes, strict=True)
+        for a, b in pairs:
+            assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+        assert not found.hollow and not found.hollow_shape
+
+
+@pytest.mark.parametrize(("at", "value"), [(2, np.nan), (4, np.inf), (6, 0.0), (6, -1)])
+def test_a_row_that_is_no_capsule_is_refused_as_the_capsule_is(at, value):
+    rows = np.array([[0.0, 0, 0, 0, 0, 1, 0.1], [0.0, 0, 0, 0, 1, 0, 0.1]])
+    rows[1, at] = value
+    with pytest.raises(BadInput):
+        capsule_obstacles(rows)
 
 
 def test_poses_become_rows():

@@ -20,6 +20,21 @@ def sampled(motion):
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.002, 0.02])
+def test_samples_are_the_bytes_of_one_time_after_the_other(panda, rng, blend):
+    for corners in (1, 2, 5, 5):
+        motion = roadmap.time_path(panda, draw_path(panda, rng, corners), blend=blend)
+        for each in (motion, motion.stop(0.4 * motion.duration)):
+            times = np.r_[0.0, rng.uniform(0.0, 1.1 * each.duration + 0.1, 200)]
+            for k, rows in enumerate(each.sample(times)):
+                one_by_one = np.array([each.at(t)[k] for t in times])
+                assert rows.shape == (201, panda.dof)
+                assert rows.tobytes() == one_by_one.tobytes()
+            for wrong in (-1.0, np.nan):
+                with pytest.raises(BadInput, match="no set-point at"):
+                    each.sample([0.1, wrong])
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.002, 0.02])
 @pytest.mark.parametrize("corners", [2, 3, 6])
 def test_a_timed_path_keeps_all_limits_and_ends_at_rest(panda, rng, corners, blend):
     for _ in range(4):

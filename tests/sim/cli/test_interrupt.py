@@ -14,11 +14,19 @@ from sim.bench.core import interrupts
 from sim.bench.core.interrupts import Command, commands, interrupted, moments
 
 HEAD = """
-import os, pathlib, signal, sys, time
+import itertools, os, pathlib, signal, sys, time
 from sim.terminal import interrupt
 interrupt.listen()
 def ready():
     print("ready", flush=True)
+def stay():  # as machine code does, or a pool that waits for its threads
+    with interrupt.patience(0.2):
+        for tell in itertools.chain([ready], itertools.repeat(bool)):
+            try:
+                tell()
+                time.sleep(60)
+            except KeyboardInterrupt:
+                pass
 """
 SWALLOWED = """
 with interrupt.interruptible():
@@ -79,6 +87,36 @@ with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     unfinished.put(made, pathlib.Path("map"))
     time.sleep(60)
 """
+AT_WORK_TO_THE_END = """
+import threading
+from roadmap.chunks import ChunkStore
+from sim.run.crew import HERE, chunk_folder, crew
+target, begin, leave = pathlib.Path("map"), threading.Event(), interrupt._exit
+def work(store):
+    begin.wait()
+    store.put("last", ())
+def end(code):  # all is removed by now, and a thread is done with its chunk
+    assert not chunk_folder(target).exists()
+    begin.set()
+    thread.join(0.5)
+    leave(code)
+interrupt._exit = end
+with interrupt.interruptible(), crew(target, 1, HERE) as workers:
+    thread = threading.Thread(target=work, args=(workers.store,))
+    thread.start()
+    workers.store.put("first", ())
+    stay()
+"""
+BEGUN_AT_THE_END = """
+from roadmap import unfinished
+def look():  # after all was removed, before the last line
+    pathlib.Path(made).mkdir()
+    (made / "half").touch()
+    return {}
+interrupt._current_frames = look
+with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
+    stay()
+"""
 PATIENT = """
 with interrupt.interruptible(), interrupt.patience(20.0):
     try:
@@ -113,6 +151,14 @@ def test_a_folder_that_is_still_being_written_goes_with_the_process(tmp_path):
     with started(["-c", HEAD + WRITING], tmp_path) as process:
         wait_for(process.stdout, "ready")
         assert len(list(tmp_path.iterdir())) == 1
+        assert end(process)[0] == 130
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("script", [AT_WORK_TO_THE_END, BEGUN_AT_THE_END])
+def test_a_thread_that_goes_on_till_the_end_leaves_nothing(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
+        wait_for(process.stdout, "ready")
         assert end(process)[0] == 130
     assert not list(tmp_path.iterdir())
 

@@ -10,6 +10,7 @@ import pytest
 from chunk_jobs import chunks, job
 
 import sim.run.crew
+from roadmap.chunks import ChunkStore
 from roadmap.errors import BadInput, BuildRefused
 from sim.run.crew import Place, begin_ahead, chunk_folder, crew
 
@@ -41,6 +42,22 @@ def test_ctrl_c_leaves_no_chunks_even_of_threads_still_at_work(tmp_path):
             next(stream)
             raise KeyboardInterrupt
     stream.close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_while_chunks_are_removed_leaves_none(tmp_path, monkeypatch):
+    clear, calls = ChunkStore.clear, []
+
+    def cut_in_two(store):
+        calls.append(store)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        clear(store)
+
+    monkeypatch.setattr(ChunkStore, "clear", cut_in_two)
+    with pytest.raises(KeyboardInterrupt):
+        with crew(tmp_path / "map", 1, Place()) as workers:
+            assert len(list(workers.map(job("squares"), chunks()))) == 10
     assert not list(tmp_path.iterdir())
 
 
