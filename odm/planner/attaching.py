@@ -20,6 +20,7 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 # motions that a goal, or a start, has at once; the others follow by `attach_more`
 GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
+_START_ROUNDS = 2  # times as many a start tries in one frame, while all are refused
 POSE_AT_ONCE = 4  # of a goal by pose, whose inverse kinematics take time, too
 _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
@@ -72,6 +73,7 @@ class Attacher:
         self._resize()
         self.kept = CachedGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
+        self._through = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
         self._chosen = np.zeros(_MOVING_NODES, np.int64)
@@ -223,12 +225,13 @@ class Attacher:
         n = k + len(ids)
         goals.number[g] = n
         goals.node[g, k:n], goals.ref[g, k:n] = ids, refs
-        self.distances(q)
-        goals.length[g, k:n] = self.near[ids]
+        self._lengths(ids, q, goals.length[g, k:n])
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        # hardly ever does a motion more shorten a path
-        if not k or (goals.length[g, k:n] < goals.h[g, ids]).any():
+        if k:
+            new, by = goals.node[g, k:n], goals.length[g, k:n]
+            cost_to_go.shorten_cost(m.graph, new, by, m.search, goals.h[g])
+        else:
             cost_to_go.exact_cost(
                 m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
             )
@@ -283,8 +286,7 @@ class Attacher:
         n = k + len(ids)
         starts.count[0] = n
         starts.node[k:n], starts.ref[k:n] = ids, refs
-        self.distances(q)
-        starts.length[k:n] = self.near[ids]
+        self._lengths(ids, q, starts.length[k:n])
         starts.static[k:n] = 1
         starts.memo[k:n], starts.blocked_at[k:n] = 0, -1.0
 
@@ -465,13 +467,23 @@ class Attacher:
         return asks and self.frame.heeded == 0  # else cells alone decide
 
     def join_start(self) -> bool:
-        """Join the start by its first motions, if it has none; True: now it has."""
+        """Join the start by its first motions, if it has none; True: now it has.
+
+        Where all the nodes that are tried are refused, others wait for the next call.
+        """
         starts = self.frame.memory.start_connections
-        if starts.count[0] or not self.start_waits:
+        if not self.lacks_start:
             return False
-        while not starts.count[0] and self._more_of_start(_START_AT_ONCE):
-            pass
+        for _ in range(_START_ROUNDS):
+            self.start_waits = self._more_of_start(_START_AT_ONCE) > 0
+            if not self.lacks_start:
+                break
         return starts.count[0] > 0
+
+    @property
+    def lacks_start(self) -> bool:
+        """Whether the start has no motion yet, though nodes wait; see `join_start`."""
+        return self.start_waits and not self.frame.memory.start_connections.count[0]
 
     def _goes_straight(self) -> bool:
         """Return whether the path to the best goal is the straight motion, surely."""
@@ -540,6 +552,11 @@ class Attacher:
         )
         return self.near
 
+    def _lengths(self, ids: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
+        """Write how far q is from the nodes `ids` (k,), weighted, to `out` (k,)."""
+        roadmap, continuous = self.roadmap, self.frame.robot.continuous
+        kernels.lengths_to(roadmap.nodes, ids, q, roadmap.weights, continuous, out)
+
     def _candidates(self, wanted: int, first: int = 0) -> np.ndarray:
         """Return nodes to connect q with, the nearest first, ties by number.
 
@@ -551,14 +568,16 @@ class Attacher:
         near = self._least(self.near, k)
         if self.beyond is None:
             return near
-        ahead = self._least(_NEARER * self.near + np.minimum(self.beyond, _FAR), k)
+        kernels.cost_through(self.near, self.beyond, _NEARER, _FAR, self._through)
+        ahead = self._least(self._through, k)
         turns = np.stack([near, ahead], 1).ravel()
         both = np.concatenate([near[:1], ahead[:first], turns])
         return np.array(list(dict.fromkeys(both.tolist())))
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
-        few = np.argpartition(cost, k - 1)[:k]
-        return few[np.lexsort((few, cost[few]))]
+        few = np.empty(k, np.int64)
+        kernels.least(cost, few)
+        return few
 
     def _set_beyond(self, towards_goals: bool) -> None:
         """Set the cost beyond each node: to the goals, or to the robot's place."""

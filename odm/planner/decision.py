@@ -146,7 +146,10 @@ class Decision:
 
     def _needs_nodes(self) -> bool:
         """Return whether more nodes are to be joined now: no path waits to be tried."""
-        return not self.found_beyond and self.attacher.lacks_nodes
+        attacher = self.attacher  # the first motions of a start come before more
+        if self.found_beyond or attacher.lacks_start:
+            return False
+        return attacher.lacks_nodes
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""
