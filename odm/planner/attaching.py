@@ -85,6 +85,7 @@ class Attacher:
         self._later: dict[int, np.ndarray] = {}
         self.start_waits = self.is_bare = False
         self._path_first = 0  # tests that the path has yet before the motions
+        self._refused = _NONE  # nodes that the start cannot go to: what stands still
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -361,6 +362,7 @@ class Attacher:
         """Drop the attached start."""
         self.q_attached[:] = np.nan
         self._attached_key, self.start_waits, self.is_bare = b"", False, False
+        self._refused = _NONE
         self._path_first = 0
         self._later.pop(int(self.frame.memory.goals.count[1]), None)
         self.frame.memory.start_connections.count[0] = 0
@@ -442,6 +444,8 @@ class Attacher:
         self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
         self._path_first = _PATH_FIRST
+        if not self.is_at(q):
+            self._refused = _NONE
         self.q_attached[:] = q
         self._attached_key = self.q_attached.tobytes()
         self._later.pop(int(m.goals.count[1]), None)
@@ -455,8 +459,10 @@ class Attacher:
         if without_cells:
             self._add_starts(q, *self._motions_without_cells(q))
             return
-        vertex = int(m.goals.count[1])
-        self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
+        nodes = self._candidates(self._for_starts, self._for_starts)
+        if len(self._refused):
+            nodes = nodes[~np.isin(nodes, self._refused)]
+        self._later[int(m.goals.count[1])] = nodes
         if not self._goes_straight():
             self.join_start()
 
@@ -635,14 +641,13 @@ class Attacher:
         ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
         table, points = frame.memory.table, frame.points
         n = judge.clear_nodes(table, points, q, ids, _MOVING_NODES, self._chosen)
-        good = []
+        good, refused = [], []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])
-            if frame.static.motion_free(q, dq):
-                good.append(node)
+            (good if frame.static.motion_free(q, dq) else refused).append(node)
             if len(good) == _MOVING_CONNECTIONS:
                 break
-        nodes = np.array(good, np.int64)
+        nodes, self._refused = np.array(good, np.int64), np.array(refused, np.int64)
         return nodes, np.full(len(nodes), kinds.NO_ITEM)
 
     def _between(
@@ -736,6 +741,7 @@ class Attacher:
             "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
             "state": np.array(state, np.int64),
             "direct_from": self._direct_from.copy(),
+            "refused": self._refused.copy(),
         } | {f"kept_{k}": array for k, array in self.kept.save().items()}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
@@ -748,6 +754,7 @@ class Attacher:
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None
         self._direct_from[:] = saved["direct_from"]
+        self._refused = saved["refused"].copy()
         rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]
         self._later = {int(row[0]): row[1:].copy() for row in rows}
         known = not np.isnan(self.q_attached).any()

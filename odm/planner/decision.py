@@ -127,7 +127,8 @@ class Decision:
         if joined:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
-            if self._join(NO_PATH, q) or self.attacher.join_start():
+            again = not joined and self.attacher.lacks_start  # once a frame
+            if self._join(NO_PATH, q) or (again and self.attacher.join_start()):
                 said, code = self._again(points, q, now)
             elif self._needs_nodes() and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
