@@ -20,7 +20,7 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 # motions that a goal, or a start, has at once; the others follow by `attach_more`
 GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
-_START_ROUNDS = 2  # times as many a start tries in one frame, while all are refused
+_START_ROUNDS = 2  # times as many a new start tries, while all are refused; then once
 POSE_AT_ONCE = 4  # of a goal by pose, whose inverse kinematics take time, too
 _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
@@ -86,6 +86,7 @@ class Attacher:
         self.start_waits = self.is_bare = False
         self._path_first = 0  # tests that the path has yet before the motions
         self._refused = _NONE  # nodes that the start cannot go to: what stands still
+        self._rounds = 1  # times that the next `join_start` tries a few nodes
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -463,6 +464,7 @@ class Attacher:
         if len(self._refused):
             nodes = nodes[~np.isin(nodes, self._refused)]
         self._later[int(m.goals.count[1])] = nodes
+        self._rounds = _START_ROUNDS
         if not self._goes_straight():
             self.join_start()
 
@@ -480,7 +482,8 @@ class Attacher:
         starts = self.frame.memory.start_connections
         if not self.lacks_start:
             return False
-        for _ in range(_START_ROUNDS):
+        rounds, self._rounds = self._rounds, 1
+        for _ in range(rounds):
             self.start_waits = self._more_of_start(_START_AT_ONCE) > 0
             if not self.lacks_start:
                 break
@@ -732,6 +735,7 @@ class Attacher:
             self.start_waits,
             self.is_bare,
             self._path_first,
+            self._rounds,
         ]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
@@ -747,8 +751,8 @@ class Attacher:
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
         state = saved["state"].tolist()
-        without_cells, stale, self.next_vertex, has_costs, waits, bare, first = state
-        self._path_first = first
+        without_cells, stale, self.next_vertex, has_costs, waits, bare = state[:6]
+        self._path_first, self._rounds = state[6:]
         self.start_waits, self.is_bare = bool(waits), bool(bare)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()
