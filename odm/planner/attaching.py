@@ -20,6 +20,7 @@ from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
 # motions that a goal, or a start, has at once; the others follow by `attach_more`
 GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
+_START_ROUNDS = 2  # times as many a new start tries, while all are refused; then once
 POSE_AT_ONCE = 4  # of a goal by pose, whose inverse kinematics take time, too
 _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
@@ -72,6 +73,7 @@ class Attacher:
         self._resize()
         self.kept = CachedGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
+        self._through = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
         self._chosen = np.zeros(_MOVING_NODES, np.int64)
@@ -83,6 +85,8 @@ class Attacher:
         self._later: dict[int, np.ndarray] = {}
         self.start_waits = self.is_bare = False
         self._path_first = 0  # tests that the path has yet before the motions
+        self._refused = _NONE  # nodes that the start cannot go to: what stands still
+        self._rounds = 1  # times that the next `join_start` tries a few nodes
         self.goals = np.zeros((0, frame.robot.dof))
         self.costs: np.ndarray | None = None
 
@@ -223,12 +227,13 @@ class Attacher:
         n = k + len(ids)
         goals.number[g] = n
         goals.node[g, k:n], goals.ref[g, k:n] = ids, refs
-        self.distances(q)
-        goals.length[g, k:n] = self.near[ids]
+        self._lengths(ids, q, goals.length[g, k:n])
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        # hardly ever does a motion more shorten a path
-        if not k or (goals.length[g, k:n] < goals.h[g, ids]).any():
+        if k:
+            new, by = goals.node[g, k:n], goals.length[g, k:n]
+            cost_to_go.shorten_cost(m.graph, new, by, m.search, goals.h[g])
+        else:
             cost_to_go.exact_cost(
                 m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
             )
@@ -283,8 +288,7 @@ class Attacher:
         n = k + len(ids)
         starts.count[0] = n
         starts.node[k:n], starts.ref[k:n] = ids, refs
-        self.distances(q)
-        starts.length[k:n] = self.near[ids]
+        self._lengths(ids, q, starts.length[k:n])
         starts.static[k:n] = 1
         starts.memo[k:n], starts.blocked_at[k:n] = 0, -1.0
 
@@ -359,6 +363,7 @@ class Attacher:
         """Drop the attached start."""
         self.q_attached[:] = np.nan
         self._attached_key, self.start_waits, self.is_bare = b"", False, False
+        self._refused = _NONE
         self._path_first = 0
         self._later.pop(int(self.frame.memory.goals.count[1]), None)
         self.frame.memory.start_connections.count[0] = 0
@@ -440,6 +445,8 @@ class Attacher:
         self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
         self._path_first = _PATH_FIRST
+        if not self.is_at(q):
+            self._refused = _NONE
         self.q_attached[:] = q
         self._attached_key = self.q_attached.tobytes()
         self._later.pop(int(m.goals.count[1]), None)
@@ -453,8 +460,11 @@ class Attacher:
         if without_cells:
             self._add_starts(q, *self._motions_without_cells(q))
             return
-        vertex = int(m.goals.count[1])
-        self._later[vertex] = self._candidates(self._for_starts, self._for_starts)
+        nodes = self._candidates(self._for_starts, self._for_starts)
+        if len(self._refused):
+            nodes = nodes[~np.isin(nodes, self._refused)]
+        self._later[int(m.goals.count[1])] = nodes
+        self._rounds = _START_ROUNDS
         if not self._goes_straight():
             self.join_start()
 
@@ -465,13 +475,24 @@ class Attacher:
         return asks and self.frame.heeded == 0  # else cells alone decide
 
     def join_start(self) -> bool:
-        """Join the start by its first motions, if it has none; True: now it has."""
+        """Join the start by its first motions, if it has none; True: now it has.
+
+        Where all the nodes that are tried are refused, others wait for the next call.
+        """
         starts = self.frame.memory.start_connections
-        if starts.count[0] or not self.start_waits:
+        if not self.lacks_start:
             return False
-        while not starts.count[0] and self._more_of_start(_START_AT_ONCE):
-            pass
+        rounds, self._rounds = self._rounds, 1
+        for _ in range(rounds):
+            self.start_waits = self._more_of_start(_START_AT_ONCE) > 0
+            if not self.lacks_start:
+                break
         return starts.count[0] > 0
+
+    @property
+    def lacks_start(self) -> bool:
+        """Whether the start has no motion yet, though nodes wait; see `join_start`."""
+        return self.start_waits and not self.frame.memory.start_connections.count[0]
 
     def _goes_straight(self) -> bool:
         """Return whether the path to the best goal is the straight motion, surely."""
@@ -540,6 +561,11 @@ class Attacher:
         )
         return self.near
 
+    def _lengths(self, ids: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
+        """Write how far q is from the nodes `ids` (k,), weighted, to `out` (k,)."""
+        roadmap, continuous = self.roadmap, self.frame.robot.continuous
+        kernels.lengths_to(roadmap.nodes, ids, q, roadmap.weights, continuous, out)
+
     def _candidates(self, wanted: int, first: int = 0) -> np.ndarray:
         """Return nodes to connect q with, the nearest first, ties by number.
 
@@ -551,14 +577,16 @@ class Attacher:
         near = self._least(self.near, k)
         if self.beyond is None:
             return near
-        ahead = self._least(_NEARER * self.near + np.minimum(self.beyond, _FAR), k)
+        kernels.cost_through(self.near, self.beyond, _NEARER, _FAR, self._through)
+        ahead = self._least(self._through, k)
         turns = np.stack([near, ahead], 1).ravel()
         both = np.concatenate([near[:1], ahead[:first], turns])
         return np.array(list(dict.fromkeys(both.tolist())))
 
     def _least(self, cost: np.ndarray, k: int) -> np.ndarray:
-        few = np.argpartition(cost, k - 1)[:k]
-        return few[np.lexsort((few, cost[few]))]
+        few = np.empty(k, np.int64)
+        kernels.least(cost, few)
+        return few
 
     def _set_beyond(self, towards_goals: bool) -> None:
         """Set the cost beyond each node: to the goals, or to the robot's place."""
@@ -616,14 +644,13 @@ class Attacher:
         ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
         table, points = frame.memory.table, frame.points
         n = judge.clear_nodes(table, points, q, ids, _MOVING_NODES, self._chosen)
-        good = []
+        good, refused = [], []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])
-            if frame.static.motion_free(q, dq):
-                good.append(node)
+            (good if frame.static.motion_free(q, dq) else refused).append(node)
             if len(good) == _MOVING_CONNECTIONS:
                 break
-        nodes = np.array(good, np.int64)
+        nodes, self._refused = np.array(good, np.int64), np.array(refused, np.int64)
         return nodes, np.full(len(nodes), kinds.NO_ITEM)
 
     def _between(
@@ -708,6 +735,7 @@ class Attacher:
             self.start_waits,
             self.is_bare,
             self._path_first,
+            self._rounds,
         ]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
@@ -717,18 +745,20 @@ class Attacher:
             "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
             "state": np.array(state, np.int64),
             "direct_from": self._direct_from.copy(),
+            "refused": self._refused.copy(),
         } | {f"kept_{k}": array for k, array in self.kept.save().items()}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
         state = saved["state"].tolist()
-        without_cells, stale, self.next_vertex, has_costs, waits, bare, first = state
-        self._path_first = first
+        without_cells, stale, self.next_vertex, has_costs, waits, bare = state[:6]
+        self._path_first, self._rounds = state[6:]
         self.start_waits, self.is_bare = bool(waits), bool(bare)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()
         self.costs = saved["costs"].copy() if has_costs else None
         self._direct_from[:] = saved["direct_from"]
+        self._refused = saved["refused"].copy()
         rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]
         self._later = {int(row[0]): row[1:].copy() for row in rows}
         known = not np.isnan(self.q_attached).any()

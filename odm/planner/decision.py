@@ -127,7 +127,8 @@ class Decision:
         if joined:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
-            if self._join(NO_PATH, q) or self.attacher.join_start():
+            again = not joined and self.attacher.lacks_start  # once a frame
+            if self._join(NO_PATH, q) or (again and self.attacher.join_start()):
                 said, code = self._again(points, q, now)
             elif self._needs_nodes() and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
@@ -146,7 +147,10 @@ class Decision:
 
     def _needs_nodes(self) -> bool:
         """Return whether more nodes are to be joined now: no path waits to be tried."""
-        return not self.found_beyond and self.attacher.lacks_nodes
+        attacher = self.attacher  # the first motions of a start come before more
+        if self.found_beyond or attacher.lacks_start:
+            return False
+        return attacher.lacks_nodes
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""

@@ -7,21 +7,65 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER, LEAN, WITHIN
+
+
+@njit(**WITHIN)
+def distance(nodes, i, q, weights, continuous):
+    """Return the weighted distance of node i from q."""
+    total = 0.0
+    for j in range(q.shape[0]):
+        d = nodes[i, j] - q[j]
+        if continuous[j]:
+            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+        d *= weights[j]
+        total += d * d
+    return math.sqrt(total)
 
 
 @njit(**LEAN)
 def distances(nodes, q, weights, continuous, out):
     """Write the weighted distance of every node from q to `out`."""
     for i in range(nodes.shape[0]):
-        total = 0.0
-        for j in range(q.shape[0]):
-            d = nodes[i, j] - q[j]
-            if continuous[j]:
-                d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
-            d *= weights[j]
-            total += d * d
-        out[i] = math.sqrt(total)
+        out[i] = distance(nodes, i, q, weights, continuous)
+
+
+@njit(**LEAN)
+def lengths_to(nodes, ids, q, weights, continuous, out):
+    """Write the weighted distance of the nodes `ids` (k,) from q to `out` (k,)."""
+    for k in range(ids.shape[0]):
+        out[k] = distance(nodes, ids[k], q, weights, continuous)
+
+
+@njit(**LEAN)
+def least(cost, out):
+    """Write to `out` (k,) where `cost` (n,) is least, ascending, ties by number.
+
+    k is at most n, and small: each that is found is put in its place.
+    """
+    n, most = 0, out.shape[0]
+    for i in range(cost.shape[0]):
+        if n == most:
+            if n == 0 or not cost[i] < cost[out[n - 1]]:
+                continue
+            n -= 1
+        at = n
+        while at > 0 and cost[i] < cost[out[at - 1]]:
+            out[at] = out[at - 1]
+            at -= 1
+        out[at] = i
+        n += 1
+
+
+@njit(**LEAN)
+def cost_through(near, beyond, dearer, far, out):
+    """Write to `out` (n,) what a path costs that leaves to each node, and on from it.
+
+    The motion to the node counts `dearer` times its length `near` (n,), what lies
+    `beyond` it (n,) at most `far`.
+    """
+    for i in range(near.shape[0]):
+        out[i] = dearer * near[i] + min(beyond[i], far)
 
 
 @njit(**LEAN)

@@ -44,6 +44,39 @@ def exact_cost(graph, node, length, number, search, h):
 
 
 @njit(**LEAN)
+def shorten_cost(graph, node, length, search, h):
+    """Lower `h` (n,) where `node` (k,), joined by `length` (k,), is a shorter way.
+
+    `h` is the cost to go by the motions that the goal had before. Only nodes whose
+    cost falls, and their neighbours, are looked at.
+    """
+    entries = 0
+    size = 0
+    for a in range(node.shape[0]):
+        if length[a] * ROUNDING < h[node[a]]:
+            h[node[a]] = length[a] * ROUNDING
+            search.e_node[entries] = node[a]
+            push(search, size, length[a], entries)
+            entries += 1
+            size += 1
+    while size > 0:
+        f = search.heap_f[0]
+        v = search.e_node[pop(search, size)]
+        size -= 1
+        if f * ROUNDING > h[v]:
+            continue
+        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+            w = graph.adj_node[k]
+            through = f + graph.adj_length[k]
+            if through * ROUNDING < h[w] and entries < search.e_node.shape[0]:
+                h[w] = through * ROUNDING
+                search.e_node[entries] = w
+                push(search, size, through, entries)
+                entries += 1
+                size += 1
+
+
+@njit(**LEAN)
 def by_buckets(graph, node, length, search, h, width, span):
     """Fill `h` by buckets of `width`: no edge is shorter, none over `span`."""
     head, after = search.heap_e, search.e_from

@@ -211,6 +211,7 @@ def exercise(cell_map: CellMap) -> None:
                 answer = planner.step(points, q=q, stamp=0.0, now=0.01)
                 _ = answer.reason, answer.blockers, answer.retreat
             planner.improve(8)
+            planner.attacher.attach_more(64)
             planner.decision.sees_better_goal()
             if not always_replan:
                 planner.smoother.was_hit(0)

@@ -4,7 +4,13 @@ import numpy as np
 from small import AWAY, HOME, NOBODY, draw_arm
 
 import odm
-from odm.planner.attaching import _PATH_FIRST, _START_AT_ONCE, GOAL_AT_ONCE
+from odm.answer import HOLDING
+from odm.planner.attaching import (
+    _PATH_FIRST,
+    _START_AT_ONCE,
+    _START_ROUNDS,
+    GOAL_AT_ONCE,
+)
 from odm.planner.settings import PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
 from odm.search._state import NO_ITEM
@@ -137,3 +143,53 @@ def test_what_more_motions_can_answer_is_answered_after_some_frames(small_map, r
         solved += wanted != "holding"
         late += said[0] == "holding" and said[-1] != "holding"
     assert solved > 10
+
+
+def refuse(monkeypatch, planner, refused):
+    """Let the static test refuse motions from HOME while `refused`; return a count."""
+    static, tested = planner.static, []
+    test = static.motions_free
+
+    def motions_free(q, dq, more=0.0):
+        free, leaves = test(q, dq, more), (q == HOME).all(axis=1)
+        tested.extend(np.round((q + dq)[leaves], 9).tolist())
+        return free & ~leaves if refused else free
+
+    monkeypatch.setattr(static, "motions_free", motions_free)
+    return tested
+
+
+def test_a_start_that_is_refused_tries_a_few_nodes_a_frame(small_map, monkeypatch):
+    planner, refused = odm.ReactivePlanner(small_map, settings=PLAIN), [True]
+    planner.set_goals([AWAY])
+    tested = refuse(monkeypatch, planner, refused)
+    counts, seen = [], []
+    for _ in range(3):
+        tested.clear()
+        assert planner.step(NOBODY, q=HOME).status == HOLDING
+        nodes = [q for q in map(tuple, tested) if q != tuple(np.round(AWAY, 9))]
+        counts.append(len(nodes))
+        seen += nodes
+    assert counts == [_START_ROUNDS * _START_AT_ONCE, _START_AT_ONCE, _START_AT_ONCE]
+    assert len(seen) == len(set(seen))  # none is tested again in the same place
+    refused.clear()
+    assert planner.step(NOBODY, q=HOME).status != HOLDING
+    assert planner.memory.start_connections.count[0] > 0
+
+
+def test_nodes_that_a_moving_robot_was_refused_are_not_tried_again(
+    small_map, monkeypatch
+):
+    planner = odm.ReactivePlanner(small_map, settings=PLAIN)
+    planner.set_goals([AWAY])
+    assert planner.step(NOBODY, q=HOME + 0.05).status != HOLDING
+    tested = refuse(monkeypatch, planner, [True])
+    nodes = set(map(tuple, np.round(small_map.roadmap.nodes, 9).tolist()))
+    counts, seen = [], []
+    for _ in range(3):
+        tested.clear()
+        assert planner.step(NOBODY, q=HOME).status == HOLDING
+        seen += (now := [q for q in map(tuple, tested) if q in nodes])
+        counts.append(len(now))
+    assert 0 < counts[0] < counts[1]  # a few without cells, then more of them
+    assert len(seen) == len(set(seen))

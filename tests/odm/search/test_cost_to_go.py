@@ -56,3 +56,21 @@ def test_a_tiny_edge_takes_the_heap_and_no_goal_is_nowhere(small_map, parts, rng
     np.testing.assert_allclose(h, want, rtol=1e-9)
     cost_to_go.exact_cost(graph, node, length, 0, search, h)
     assert np.isinf(h).all()
+
+
+def test_more_motions_lower_the_cost_to_what_it_is_with_all(small_map, parts, rng):
+    graph, search = parts
+    n, nearer = small_map.roadmap.n_nodes, 0
+    for k, known in ((2, 1), (6, 4), (18, 6)):
+        node, length = joined(rng, n, k)
+        h, want = np.zeros(n), np.zeros(n)
+        cost_to_go.exact_cost(graph, node, length, known, search, h)
+        before = h.copy()
+        cost_to_go.shorten_cost(graph, node[known:], length[known:], search, h)
+        cost_to_go.exact_cost(graph, node, length, k, search, want)
+        assert np.array_equal(h, want)
+        nearer += (h < before).sum()
+    assert nearer > n // 4
+    far = np.full(1, 1e3)  # a motion that shortens nothing changes nothing
+    cost_to_go.shorten_cost(graph, node[:1], far, search, h)
+    assert np.array_equal(h, want)
