@@ -946,6 +946,7 @@ def _only(threat: Threat, these: np.ndarray) -> Threat:
         error=threat.error[these],
         drift=drift,
         rows=threat.rows_of_past[these],
+        window=None if threat.window is None else threat.window[these],
     )
 
 

@@ -304,8 +304,8 @@ def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
             assert growth(threat, 0.0, 0.2)[0] >= 0.2 * speed
 
 
-def test_who_lately_sped_up_by_more_than_is_assumed_may_do_so_again():
-    for a, most in ((2.0, 4.0), (12.0, 12.0)):
+def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
+    for a, most in ((2.0, 4.0), (12.0, 18.0), (45.0, 60.0)):
         watcher = Watcher()
         rows = np.array(
             [[1.0, 0, 0, 1.0, 0, 0.2, 0.05], [2.0, 0, 0, 2.0, 0, 0.2, 0.05]]
@@ -318,8 +318,35 @@ def test_who_lately_sped_up_by_more_than_is_assumed_may_do_so_again():
         lately = threat.as_lately()
         assert np.allclose(lately.most, [most, 4.0], atol=1e-6)
         more = growth(lately, 0.1, 0.1) - growth(threat, 0.1, 0.1)
-        assert np.allclose(more, [0.5 * (most - 4.0) * 0.01, 0.0], atol=1e-9)
+        beyond = 0.5 * (most - 4.0) * (0.1**2 + 0.01 * 0.1)  # the velocity's error, too
+        assert np.allclose(more, [beyond, 0.0], atol=1e-9)
     assert watcher.look(now[:1], 0.2).as_lately().most is None  # seen anew
+
+
+def sway(k):
+    """Return where a trunk is that slows down at 9 m/s2, and soon comes at 14 [m]."""
+    times = np.arange(0.0, k + 0.5) * 0.01
+    spurts = np.interp(
+        times, [0.0, 0.06, 0.08, 0.20, 0.23, 0.40], [-9.0, -9.0, 0.0, 0.0, 14.0, 14.0]
+    )
+    speeds = 1.0 + np.concatenate([[0.0], np.cumsum(0.01 * spurts[:-1])])
+    return np.concatenate([[0.0], np.cumsum(0.01 * speeds[:-1])])[-1]
+
+
+@pytest.mark.parametrize(("rise", "held"), [(1.5, True), (1.0, False)])
+def test_who_comes_harder_than_they_braked_is_held_while_a_robot_stops(rise, held):
+    watcher = Watcher(ThreatSettings(rise=rise))
+    off = -np.inf
+    for k in range(28):
+        at = sway(k)
+        body = np.array([[at, 0, 0, at, 0, 0.4, 0.1]])
+        threat = watcher.look(body, 0.01 * k).as_lately()
+        if k < 3:
+            continue
+        for j in range(1, 9):  # the 80 ms of a stop
+            row = threat.between(0.01 * j, 0.01 * j)[0].capsules[0]
+            off = max(off, abs(sway(k + j) - row[0]) - (row[6] - 0.1))
+    assert (off <= 0.005) == held  # what an evasion keeps from the links
 
 
 def test_noise_is_no_speeding_up(rng):
