@@ -16,7 +16,7 @@ from numba import njit
 
 from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
-from roadmap.jit_options import FULL, INNER, LEAN, WITHIN
+from roadmap.jit_options import FULL, INNER, LEAN, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 
@@ -67,7 +67,7 @@ class ItemCells(NamedTuple):
     mask: np.ndarray
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def gap(low, high, at):
     """Return how far coordinate `at` is from the interval [low, high]."""
     return max(0.0, max(low - at, at - high))

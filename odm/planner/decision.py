@@ -67,6 +67,7 @@ class Decision:
         new_goals: Goals were set since the last frame.
         found_beyond: Since then a path beyond the roadmap was found, which is tried
             before more nodes are.
+        only_seen: The last frame asked for no answer.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = self.found_beyond = False
+        self.new_goals = self.found_beyond = self.only_seen = False
         self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
@@ -105,9 +106,14 @@ class Decision:
         """Frames that such a path must be there after one was blocked."""
         return 0 if self._always else self._patience
 
+    def see(self, q: np.ndarray, now: float | None) -> None:
+        """Remember a frame that can be used and asks for no answer."""
+        self.only_seen = True
+        step.notice(self._memory.table, q, _NO_TIME if now is None else now)
+
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
-        attacher = self.attacher
+        attacher, self.only_seen = self.attacher, False
         if self.new_goals or (attacher.without_cells and not self.path.followed):
             self._join_ahead(q)
         now = _NO_TIME if now is None else now
@@ -234,9 +240,11 @@ class Decision:
             "new_goals": np.array(self.new_goals),
             "found_beyond": np.array(self.found_beyond),
             "looked": np.array(self._looked),
+            "only_seen": np.array(self.only_seen),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned."""
         self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])
         self.found_beyond = bool(saved["found_beyond"])
+        self.only_seen = bool(saved["only_seen"])

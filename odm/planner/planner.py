@@ -472,6 +472,42 @@ class ReactivePlanner:
         path.followed, stage = True, stage_of(code, corners)
         return self._answer(status, corners, goal, times, closed, stage)
 
+    def see(
+        self,
+        points: np.ndarray | Obstacles | PointCloud,
+        q: np.ndarray,
+        stamp: float | None = None,
+        now: float | None = None,
+    ) -> str | None:
+        """Take a frame without an answer, where the caller goes by a motion of its own.
+
+        Everything that is asked afterwards (`blocked_leg`, `separation`, `approach`,
+        `evasion` ...) is answered for this frame, as after `step`; nothing is searched
+        and q is joined to nothing, which costs milliseconds at a new place. The path in
+        use counts as not followed, and `improve` has nothing to do.
+
+        Args:
+            points: As in `step`.
+            q: (dof,) present configuration [rad or m].
+            stamp: Time of the points [s]; see `step`.
+            now: Present time [s], by the same clock.
+
+        Returns:
+            Why the frame cannot be used, None where it can.
+
+        Raises:
+            BadInput: As `step` does.
+        """
+        frame, radius = self.frame, None
+        if type(points) is PointCloud:
+            radius, points = points.covering_radius, points.points
+        points, q = frame.checked(points, q, None, None, radius, None)
+        frame.take(points, radius, None, stamp, now)
+        self.path.followed = False
+        if frame.trouble is None:
+            self.decision.see(q, now)
+        return frame.trouble
+
     def _unpack(self, said: int) -> None:
         """Take apart what `respond` said: the corners ahead, and the goal."""
         begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
@@ -558,7 +594,7 @@ class ReactivePlanner:
         if self.scene.waiting:
             self.scene.settle(PER_TEST * budget)
         self.decision.found_beyond = False
-        if self.frame.trouble is not None:
+        if self.frame.trouble is not None or self.decision.only_seen:
             return 0
         attacher, connector = self.attacher, self.connector
         waits = budget > 1 and (attacher.waits or connector.lacks_cells)

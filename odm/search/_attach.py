@@ -7,10 +7,10 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement
-from roadmap.jit_options import INNER, LEAN, WITHIN
+from roadmap.jit_options import INNER, LEAN, WITHIN_INNER
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def distance(nodes, i, q, weights, continuous):
     """Return the weighted distance of node i from q."""
     total = 0.0

@@ -519,6 +519,17 @@ def packed(state, code):
 
 
 @njit(**LEAN)
+def notice(state, q, now):
+    """Remember what a frame showed, once, and how the robot moved [s, NaN: no time]."""
+    numbers = view(state, "numbers")
+    if numbers.seen[0] != numbers.step[0]:
+        numbers.seen[0] = numbers.step[0]
+        note_move(state, q)
+        if keeps_history(state):
+            remember(state, now)
+
+
+@njit(**LEAN)
 def respond(state, points, q, now):
     """Answer one frame whose points were taken; a code, packed with the path's numbers.
 
@@ -527,11 +538,7 @@ def respond(state, points, q, now):
     `now` [s] is NaN where no time is given.
     """
     numbers, path = view(state, "numbers"), view(state, "path")
-    if numbers.seen[0] != numbers.step[0]:
-        numbers.seen[0] = numbers.step[0]
-        note_move(state, q)
-        if keeps_history(state):
-            remember(state, now)
+    notice(state, q, now)
     code = judge(state, points, q)
     if code == REPLAN:
         code = replan(state, points)

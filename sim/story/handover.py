@@ -790,6 +790,11 @@ class Handover:
         now = seen.frame.now
         return self.planner.step(self._to_avoid(seen), q=q, stamp=now, now=now)
 
+    def _see(self, seen: _Seen, q: np.ndarray) -> None:
+        """Let the planner see the frame: where it goes by no path of the planner's."""
+        now = seen.frame.now
+        self.planner.see(self._to_avoid(seen), q=q, stamp=now, now=now)
+
     def _to_avoid(self, seen: _Seen) -> Obstacles:
         """Return the shapes that may not be touched by anything in this phase."""
         if self.view.phase is None or not (seen.classes != AVOID).any():
@@ -818,7 +823,7 @@ class Handover:
 
     def _follow(self, seen: _Seen, q: np.ndarray, q_end: np.ndarray) -> object:
         """Go straight to q_end, if that is certified now by the rules of the phase."""
-        self._step_planner(seen, q)
+        self._see(seen, q)
         here = self.executor.set_point.q
         off = np.abs(difference(self.planner.robot, here, q_end)).max()
         if self.executor.at_rest and off < _ARRIVED:
@@ -835,7 +840,7 @@ class Handover:
 
     def _stand(self, seen: _Seen, q: np.ndarray) -> object:
         """Stand still; it may still get out of the way of the rest of the person."""
-        self._step_planner(seen, q)
+        self._see(seen, q)
         return _holding("")
 
     # --- to what is held out ------------------------------------------------------

@@ -45,7 +45,7 @@ def test_a_build_that_met_a_full_disk_goes_on(small_map, tmp_path, monkeypatch):
     store, put = ChunkStore(tmp_path / "chunks"), roadmap.chunks.put_file
 
     def filling(path, data):
-        if len(list(store.folder.iterdir())) == 3:
+        if len(list(store.folder.glob("*"))) == 3:
             raise OSError(errno.ENOSPC, "No space left on device")
         put(path, data)
 

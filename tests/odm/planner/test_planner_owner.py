@@ -120,6 +120,7 @@ def test_a_copy_of_a_map_is_the_map(small_map):
 
 DOORS = {
     "step": lambda p: p.step(NOBODY, q=HOME),
+    "see": lambda p: p.see(NOBODY, q=HOME),
     "set_goals": lambda p: p.set_goals([HOME]),
     "prepare_goal": lambda p: p.prepare_goal(HOME),
     "is_prepared": lambda p: p.is_prepared(HOME),

@@ -10,6 +10,7 @@ from roadmap.errors import BadConfiguration, BadInput
 BALL = ball_at([0.3, 0.0, 0.9])
 QUESTIONS = {
     "step": lambda p, q: p.step(BALL, q=q),
+    "see": lambda p, q: p.see(BALL, q=q),
     "is_free": lambda p, q: p.is_free(q, AWAY),
     "stands_clear": lambda p, q: p.stands_clear(q),
     "separation": lambda p, q: p.separation(q),
