@@ -1,5 +1,7 @@
 """A frame that is only seen: questions are answered as after a step, none is asked."""
 
+import itertools
+
 import numpy as np
 import pytest
 from small import AWAY, HOME, NOBODY, draw_arm, draw_valid
@@ -13,7 +15,7 @@ def asked(planner, rng):
     qs = [draw_valid(planner, rng) for _ in range(4)]
     coming = [(0.2, draw_obstacles(rng))]
     return [
-        planner.is_free(qs[0], qs[1]).status,
+        [planner.is_free(a, b).reason for a, b in itertools.pairwise(qs)],
         planner.blocked_leg(np.array(qs)),
         planner.separation(qs[2]),
         planner.stands_clear(qs[3]),
@@ -54,12 +56,12 @@ def test_nothing_is_searched_joined_or_bettered(small_map):
         assert planner.see(draw_obstacles(rng), q=q) is None
         assert planner.improve(50, q) == 0
     assert planner.frame_number == before + 5
-    assert planner.attacher.lacks_start and len(planner.path) == 0
+    assert planner.memory.start_connections.count[0] == 0 and len(planner.path) == 0
     assert planner.last is None
 
 
 def test_the_frame_after_plans_from_where_the_robot_is_then(small_map):
-    """The path in use was left: it counts as another one, and keeps clear again."""
+    """It follows its path where it still is on it, and keeps clear in any case."""
     rng = np.random.default_rng(5)
     planner, fresh = (odm.ReactivePlanner(small_map) for _ in range(2))
     for one in (planner, fresh):
@@ -67,7 +69,7 @@ def test_the_frame_after_plans_from_where_the_robot_is_then(small_map):
     assert planner.step(NOBODY, q=HOME).status == "replanned"
     assert planner.step(NOBODY, q=HOME).status == "following"
     assert planner.see(NOBODY, q=HOME) is None
-    assert planner.step(NOBODY, q=HOME).status == "replanned"
+    assert planner.step(NOBODY, q=HOME).status == "following"
     found = 0
     for _ in range(20):
         there, q = draw_obstacles(rng), draw_valid(planner, rng)
