@@ -22,6 +22,7 @@ from sim.tables.table import value_row
 LIMIT_S = 15.0  # within which it must have changed hands
 SUCCESS = 98.0  # [%] asked of those in reach
 P50_MS, P99_MS = 1.5, 4.0  # asked of a frame
+_PERIOD_S = 1.0 / RATE  # that a frame has
 # what goes wrong on purpose: traits, and the direction
 FAILURES = {
     "dropped": ("give", {"drops_s": 6.0}),
@@ -139,9 +140,15 @@ def _played(job: tuple) -> dict:
     whole = 60.0 if name else seconds
     result = play(run, whole)
     told = figures_of(result) | {"name": name}
-    told["cpu_ms"] = [round(1e3 * c, 3) for c in result.cpu_s]
+    cpu = np.array(result.cpu_s)
     del run, result
     gc.collect()  # a run is some 100 MB, and a later run's frame would free it
+    again = cpu
+    if (cpu > _PERIOD_S).any():  # the same frames again: what is the machine's is not
+        again = np.array(play(StoryPlay(_KEPT["setup"], case), whole).cpu_s)
+        gc.collect()
+    told["cpu_ms"] = [round(1e3 * c, 3) for c in cpu.tolist()]
+    told["late_again"] = int((np.minimum(cpu, again) > _PERIOD_S).sum())
     return told
 
 
@@ -194,10 +201,17 @@ def _frames(runs: list[dict]) -> list[dict]:
         value_row("frame, CPU: max", float(cpu.max()), "ms"),
         value_row(
             f"deadlines missed, of {len(cpu) / RATE / 60.0:.1f} minutes at 100 Hz",
-            float((cpu > 1e3 / RATE).sum()),
+            float((cpu > 1e3 * _PERIOD_S).sum()),
             "frames",
             "a frame that computes for more than 10 ms",
             most=0.0,
+        ),
+        value_row(
+            "... late again, the same run repeated",
+            float(sum(r["late_again"] for r in runs)),
+            "frames",
+            "the frames are the same; where a virtual machine has its core taken away "
+            "for 20 to 200 ms, it counts that as computing",
         ),
     ]
 
