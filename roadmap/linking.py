@@ -8,7 +8,8 @@ known by name until that is done, and their bodies, optimised already, are linke
 then. And a loop that Python never calls gets no machine code of its own: whatever
 calls it holds its body. Nothing is left to be found at run time.
 
-What is kept on disk has numba's own form and is loaded by numba alone.
+What is kept on disk has numba's own form and is loaded by numba alone; processes take
+turns to write it (`cache_lock.py`).
 """
 
 from itertools import islice
@@ -22,6 +23,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.untyped_passes import ReconstructSSA
 
+from roadmap.cache_lock import save_in_turn
 from roadmap.plain_constants import PlainConstants
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
@@ -29,6 +31,9 @@ from roadmap.plain_constants import PlainConstants
 MOST_INSTRUCTIONS = 300
 # Numba before drives LLVM in another way; of those after, nobody has looked.
 KNOWN = (0, 62) <= version_info.short <= (0, 68)
+
+
+save_in_turn()
 
 
 class LoopCompiler(CompilerBase):
