@@ -21,10 +21,9 @@ from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
-from numba.core.untyped_passes import ReconstructSSA
 
 from roadmap.cache_lock import save_in_turn
-from roadmap.plain_constants import PlainConstants
+from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
 # 55 that cost it something, and few of the others cost nothing.
@@ -38,6 +37,12 @@ save_in_turn()
 
 class LoopCompiler(CompilerBase):
     """Numba's own pipeline, with a library of ours to link and optimise in."""
+
+    def __init__(self, *given: object) -> None:
+        """Compile as numba's own does; see there."""
+        super().__init__(*given)
+        if KNOWN:
+            self.state.typingctx = LookupContext(self.state.typingctx)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
@@ -54,8 +59,7 @@ class LoopCompiler(CompilerBase):
             state.library = library
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         if KNOWN:
-            passes.add_pass_after(PlainConstants, ReconstructSSA)
-            passes.finalize()
+            passes = SharedFlagsPasses(passes)
         return [passes]
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.arrays import writable
 from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.forward import difference
@@ -104,7 +105,7 @@ class ToolKinematics:
 
     def tools(self, qs: np.ndarray) -> np.ndarray:
         """Return the tool's poses at qs (k, dof), rows (k, 12)."""
-        robot, rows = self.robot, np.empty((len(qs), 12))
+        robot, rows, qs = self.robot, np.empty((len(qs), 12)), writable(qs)
         for k in range(len(qs)):
             kernels.body_frames(robot.tree_i, robot.tree_f, qs[k], self._frames)
             rows[k] = self._frames[robot.tip_body]

@@ -259,7 +259,7 @@ class StaticTest:
 
     def _cloud(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
         cloud = self.grid.new_cloud(max(1, len(points)))
-        points = np.ascontiguousarray(points, float).reshape(-1, 3)
+        points = writable(np.asarray(points, float).reshape(-1, 3))
         occupancy.mark_points(points, cloud)
         if extra > 0.0:
             layers.dilate_points(points, extra, cloud)

@@ -21,7 +21,7 @@ from odm.frame.frame import Cover, Frame
 from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.obstacles import some_of
-from roadmap.arrays import frozen
+from roadmap.arrays import writable
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import PAYLOAD, hanging_on
 from roadmap.robot.robot import Robot
@@ -135,10 +135,10 @@ class LastPhase:
         bare = np.where(gripper, balls, cover.bare)[kept]
         ends = np.arange(len(arm.tree_i) + 1)
         few = arm._replace(
-            spheres=frozen(arm.spheres[kept], float),
-            body=frozen(arm.body[kept], np.int32),
-            reach=frozen(arm.reach[kept], float),
-            body_ptr=frozen(np.searchsorted(arm.body[kept], ends), np.int64),
+            spheres=writable(arm.spheres[kept]),  # as those of `arm_of`
+            body=writable(arm.body[kept]),
+            reach=writable(arm.reach[kept]),
+            body_ptr=np.searchsorted(arm.body[kept], ends).astype(np.int64),
         )
         found = np.flatnonzero(kept), few, radii, bare
         copies = (arm, np.copy(cover.radii), np.copy(cover.bare), of[3])

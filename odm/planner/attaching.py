@@ -232,7 +232,9 @@ class Attacher:
         goals.at[g, ids] = np.arange(k, n)
         if k:
             new, by = goals.node[g, k:n], goals.length[g, k:n]
-            cost_to_go.shorten_cost(m.graph, new, by, m.search, goals.h[g])
+            cost_to_go.lower_costs(
+                m.graph, new, by, m.search, goals.h[g], cost_to_go.ROUNDING
+            )
         else:
             cost_to_go.exact_cost(
                 m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]

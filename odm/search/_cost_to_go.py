@@ -38,23 +38,24 @@ def exact_cost(graph, node, length, number, search, h):
     if width * MOST_BUCKETS > span:
         by_buckets(graph, node, length, search, h, width, span)
     else:
-        by_heap(graph, node, length, search, h)
+        lower_costs(graph, node, length, search, h, 1.0)
     for i in range(h.shape[0]):
         h[i] *= ROUNDING
 
 
 @njit(**LEAN)
-def shorten_cost(graph, node, length, search, h):
+def lower_costs(graph, node, length, search, h, rounding):
     """Lower `h` (n,) where `node` (k,), joined by `length` (k,), is a shorter way.
 
-    `h` is the cost to go by the motions that the goal had before. Only nodes whose
-    cost falls, and their neighbours, are looked at.
+    `h` is the cost to go by the motions that the goal had before, times `rounding`, or
+    infinity. Only nodes whose cost falls, and their neighbours, are looked at
+    (Dijkstra's algorithm).
     """
     entries = 0
     size = 0
     for a in range(node.shape[0]):
-        if length[a] * ROUNDING < h[node[a]]:
-            h[node[a]] = length[a] * ROUNDING
+        if length[a] * rounding < h[node[a]]:
+            h[node[a]] = length[a] * rounding
             search.e_node[entries] = node[a]
             push(search, size, length[a], entries)
             entries += 1
@@ -63,13 +64,13 @@ def shorten_cost(graph, node, length, search, h):
         f = search.heap_f[0]
         v = search.e_node[pop(search, size)]
         size -= 1
-        if f * ROUNDING > h[v]:
+        if f * rounding > h[v]:
             continue
         for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
             w = graph.adj_node[k]
             through = f + graph.adj_length[k]
-            if through * ROUNDING < h[w] and entries < search.e_node.shape[0]:
-                h[w] = through * ROUNDING
+            if through * rounding < h[w] and entries < search.e_node.shape[0]:
+                h[w] = through * rounding
                 search.e_node[entries] = w
                 push(search, size, through, entries)
                 entries += 1
@@ -117,32 +118,3 @@ def by_buckets(graph, node, length, search, h, width, span):
                     entries += 1
                     waiting += 1
         at += 1
-
-
-@njit(**LEAN)
-def by_heap(graph, node, length, search, h):
-    """Fill `h` by Dijkstra's algorithm."""
-    entries = 0
-    size = 0
-    for a in range(node.shape[0]):
-        if length[a] < h[node[a]]:
-            h[node[a]] = length[a]
-            search.e_node[entries] = node[a]
-            push(search, size, length[a], entries)
-            entries += 1
-            size += 1
-    while size > 0:
-        f = search.heap_f[0]
-        v = search.e_node[pop(search, size)]
-        size -= 1
-        if f > h[v]:
-            continue
-        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
-            w = graph.adj_node[k]
-            through = f + graph.adj_length[k]
-            if through < h[w] and entries < search.e_node.shape[0]:
-                h[w] = through
-                search.e_node[entries] = w
-                push(search, size, through, entries)
-                entries += 1
-                size += 1

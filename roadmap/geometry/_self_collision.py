@@ -58,8 +58,8 @@ def pair_clearance(model, p, frames, need, v, s):
     lower = math.sqrt(square) - a[3] - b[3]
     if lower >= need:
         return lower, 1e300
-    shell_a = Shell(pair_i[p, 4], pair_i[p, 5], fa)
-    shell_b = Shell(pair_i[p, 6], pair_i[p, 7], fb)
+    shell_a = Shell(np.int64(pair_i[p, 4]), np.int64(pair_i[p, 5]), fa)
+    shell_b = Shell(np.int64(pair_i[p, 6]), np.int64(pair_i[p, 7]), fb)
     return separation(model.points, shell_a, shell_b, v, need, s)
 
 
@@ -113,7 +113,7 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
             body_frames(model.tree_i, model.tree_f, at, frames)
             left = 0
             for k in range(int(stack[depth, 2])):
-                p = lists[depth, k]
+                p = np.int64(lists[depth, k])
                 move = moves[p] * half
                 need = margin + move
                 lower, upper = pair_clearance(model, p, frames, need, axes[p], s)

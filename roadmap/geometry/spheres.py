@@ -181,7 +181,8 @@ def _able(pool, samples, solids: list[Solid], excess: float):
 def _rows(pool: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Return which sphere covers which sample, as bits (n_pool, words) uint64."""
     rows = np.empty((len(pool), (len(samples) + 63) // 64), np.uint64)
-    kernels.coverage(pool[:, :3], pool[:, 3], samples, rows)
+    centers, radii = np.array(pool[:, :3], order="C"), np.array(pool[:, 3])
+    kernels.coverage(centers, radii, samples, rows)
     return rows
 
 
@@ -251,7 +252,8 @@ def _region(solid: Solid) -> tuple[np.ndarray, ...]:
     low, high = -support(solid, -np.eye(3)) - 1e-6, support(solid, np.eye(3)) + 1e-6
     box = np.concatenate([(low + high) / 2, (high - low) / 2])
     if solid.kind != SPHERE:
-        return outer.normals, outer.offsets, np.array([0.0, 0.0, 0.0, 1e6]), box
+        normals = np.ascontiguousarray(outer.normals)
+        return normals, outer.offsets, np.array([0.0, 0.0, 0.0, 1e6]), box
     ball = np.array([*solid.T_body_solid[:3, 3], solid.size[0]])
     return np.empty((0, 3)), np.empty(0), ball, box
 

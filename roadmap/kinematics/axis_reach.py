@@ -51,7 +51,9 @@ def group_reach(tree_i, tree_f, span, body, groups) -> np.ndarray:
     angles = np.linspace(0.0, np.pi, _DIRECTIONS)
     cosines, sines = np.cos(angles), np.maximum(np.sin(angles), 0.0)
     sines[[0, -1]] = 0.0
-    directions, joints = Directions(cosines, sines), Joints(tree_i, tree_f, span)
+    directions = Directions(cosines, sines)
+    # one type, whether of a robot or of one that is being loaded
+    joints = Joints(np.array(tree_i, np.int32), np.array(tree_f, float), span)
     result = np.zeros((len(groups), len(tree_i)))
     slides = int((tree_i[:, 2] == 2).sum())
     for i, points in enumerate(groups):

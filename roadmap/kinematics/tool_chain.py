@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics._chain import ChainArrays
 from roadmap.kinematics._inverse import Descent, descend
@@ -61,12 +62,12 @@ def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
     limits = np.stack([robot.lower, robot.upper], axis=1)
     limits[robot.continuous] = -np.inf, np.inf
     chain = ChainArrays(
-        fixed=np.array(fixed),
-        kind=np.array(kind, np.int32),
-        scale=np.array(scale),
-        limits=np.ascontiguousarray(limits[rows]),
-        endless=np.zeros(len(rows)),
-        length=np.array([_LENGTH]),
+        fixed=frozen(np.array(fixed), float),  # as those of `handover.Chain`
+        kind=frozen(np.array(kind), np.int32),
+        scale=frozen(np.array(scale), float),
+        limits=frozen(limits[rows], float),
+        endless=frozen(np.zeros(len(rows)), float),
+        length=frozen(np.array([_LENGTH]), float),
     )
     return chain, rows
 

@@ -38,7 +38,7 @@ def test_buckets_and_heap_give_the_same_bytes(small_map, parts, rng):
     for k in (1, 5):
         node, length = joined(rng, n, k)
         one, two = np.full(n, np.inf), np.full(n, np.inf)
-        cost_to_go.by_heap(graph, node, length, search, one)
+        cost_to_go.lower_costs(graph, node, length, search, one, 1.0)
         span = max(graph.adj_length.max(), np.ptp(length))
         cost_to_go.by_buckets(graph, node, length, search, two, width, span)
         assert one.tobytes() == two.tobytes()
@@ -52,7 +52,7 @@ def test_a_tiny_edge_takes_the_heap_and_no_goal_is_nowhere(small_map, parts, rng
     node, length = joined(rng, n, 2)
     h, want = np.zeros(n), np.full(n, np.inf)
     cost_to_go.exact_cost(short, node, length, 2, search, h)
-    cost_to_go.by_heap(short, node, length, search, want)
+    cost_to_go.lower_costs(short, node, length, search, want, 1.0)
     np.testing.assert_allclose(h, want, rtol=1e-9)
     cost_to_go.exact_cost(graph, node, length, 0, search, h)
     assert np.isinf(h).all()
@@ -66,11 +66,12 @@ def test_more_motions_lower_the_cost_to_what_it_is_with_all(small_map, parts, rn
         h, want = np.zeros(n), np.zeros(n)
         cost_to_go.exact_cost(graph, node, length, known, search, h)
         before = h.copy()
-        cost_to_go.shorten_cost(graph, node[known:], length[known:], search, h)
+        new, by = node[known:], length[known:]
+        cost_to_go.lower_costs(graph, new, by, search, h, cost_to_go.ROUNDING)
         cost_to_go.exact_cost(graph, node, length, k, search, want)
         assert np.array_equal(h, want)
         nearer += (h < before).sum()
     assert nearer > n // 4
     far = np.full(1, 1e3)  # a motion that shortens nothing changes nothing
-    cost_to_go.shorten_cost(graph, node[:1], far, search, h)
+    cost_to_go.lower_costs(graph, node[:1], far, search, h, cost_to_go.ROUNDING)
     assert np.array_equal(h, want)

@@ -63,3 +63,17 @@ def one_of_two(x, flag):
 
 def test_a_variable_of_two_values_is_no_constant():
     assert one_of_two(2, True) == 6 and one_of_two(2, False) == 10
+
+
+@njit(**LEAN | FRESH)
+def sums_up(a):
+    at, total = 0, 0.0  # constants until the round below: numba looks at both
+    while at < a.shape[0]:
+        total += entry(a, at, False)
+        at += 1
+    return total
+
+
+def test_a_variable_that_begins_as_a_constant_is_a_number_from_the_start():
+    assert sums_up(np.array([1.0, 2.0])) == 3.0
+    assert len(entry.signatures) == 1
