@@ -134,6 +134,8 @@ class Gate:
             await self._meet(reader, writer)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, ValueError):
             pass  # whoever leaves leaves
+        except asyncio.CancelledError:
+            pass  # the gate closes; asyncio would log it as an error of ours
         except asyncio.LimitOverrunError:
             await _say(writer, 431, "too long a head")
         finally:

@@ -126,6 +126,17 @@ def test_who_floods_waits_and_the_others_do_not(gate):
         assert ask(gate).endswith("inside")
 
 
+def test_it_closes_without_a_word_while_clients_are_there(inner, caplog):
+    gate = Gate(listening("127.0.0.1", 0), inner.port, "127.0.0.1", "")
+    head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{gate.port}\r\n\r\n".encode()
+    with socket.create_connection(("127.0.0.1", gate.port), 5) as line:
+        line.sendall(head)
+        assert line.recv(65536).startswith(b"HTTP/1.1 200")
+        gate.close()
+        assert line.recv(65536) in (b"", b"inside")  # the rest, if it came apart
+    assert [r.getMessage() for r in caplog.records] == []
+
+
 def test_a_port_that_is_taken_is_refused_in_one_sentence():
     with listening("127.0.0.1", 0) as first:
         port = first.getsockname()[1]
