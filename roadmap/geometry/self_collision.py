@@ -262,7 +262,8 @@ def _rod(points: np.ndarray) -> tuple[float, ...]:
     """
     off = points - points.mean(axis=0)
     turned = np.linalg.eigh(off.T @ off)[1].T
-    best, least = None, np.inf
+    best: tuple[float, ...] = ()
+    least = np.inf
     for k in range(3):
         frame = np.roll(turned, -k, axis=0)  # the axis, then what is across it
         seen = points @ frame.T
