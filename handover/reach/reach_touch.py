@@ -31,7 +31,8 @@ def _tables(chain: Chain) -> Touch:
         return _touch(chain)
     rows = list(chain.rows)
     model = self_collision(robot).model
-    tree_i, tree_f, pair_i, reach, balls, points = model
+    tree_i, tree_f, pair_i = model.tree_i, model.tree_f, model.pairs
+    reach, balls, points = model.reach, model.balls, model.points
     whole = chain.full(chain.limits.mean(axis=1))
     kept = _moving_or_near(model, rows, whole)
     row, carried = _carriers(chain, robot.link_body[robot.shell_link])

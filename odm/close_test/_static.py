@@ -20,7 +20,7 @@ from odm.close_test._close import (
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids as Shapes
 from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
-from roadmap.geometry._self_collision import motion_clear as keeps_apart
+from roadmap.geometry._self_collision import motion_apart
 from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
@@ -201,8 +201,8 @@ def motion_free(still, q, dq, scratch):
     arm, work = still.scenery.arm, still.scenery.work
     if not motion_clear_of_solids(arm, q, dq, still.solids, work):
         return False
-    pair, _ = keeps_apart(still.itself, q, dq, still.margin, still.tolerance, scratch)
-    if pair >= 0:
+    kept = still.margin, still.tolerance
+    if not motion_apart(still.itself, q, dq, *kept, scratch):
         return False
     if not motion_clear(still.scenery, q, dq, still.cloud, still.shapes, False):
         return False

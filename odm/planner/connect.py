@@ -117,7 +117,7 @@ class Connector:
     def _is_mine(self) -> bool:
         """Return whether the path in use is one that was found here."""
         corners = self.path.vertex[: max(0, len(self.path) - 1)]
-        return bool(np.isin(corners, self.found.vertex).any())
+        return bool((corners[:, None] == self.found.vertex.ravel()).any())
 
     def improve(self, budget: int) -> int:
         """Go on searching for the frame that was held; return whether it found a path.

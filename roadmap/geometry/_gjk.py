@@ -84,6 +84,24 @@ def _support(points, shell, dx, dy, dz, out):
 
 
 @njit(**INNER)
+def along(points, shell, dx, dy, dz):
+    """Return how far a shell reaches along the world direction (dx, dy, dz)."""
+    f = shell.frame
+    x = f[0] * dx + f[3] * dy + f[6] * dz
+    y = f[1] * dx + f[4] * dy + f[7] * dz
+    z = f[2] * dx + f[5] * dy + f[8] * dz
+    best = other = -1e300
+    n = (shell.end - shell.begin) // 2 * 2
+    for i in range(shell.begin, shell.begin + n, 2):
+        d = points[i, 0] * x + points[i, 1] * y + points[i, 2] * z
+        e = points[i + 1, 0] * x + points[i + 1, 1] * y + points[i + 1, 2] * z
+        best, other = max(best, d), max(other, e)
+    for i in range(shell.begin + n, shell.end):
+        best = max(best, points[i, 0] * x + points[i, 1] * y + points[i, 2] * z)
+    return max(best, other) + f[9] * dx + f[10] * dy + f[11] * dz
+
+
+@njit(**INNER)
 def _nearest(s, n):
     """Reduce the simplex s[:n] to the part nearest to the origin; return its size.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.geometry import _self_collision as kernels
+from roadmap.geometry._self_chords import MAX_DEPTH, Chords
 from roadmap.kinematics.forward import checked, difference
 from roadmap.robot.robot import Robot
 
@@ -40,13 +41,27 @@ class SelfCollision:
     def scratch(self) -> kernels.SelfWork:
         """Return working memory for the kernels; one per thread."""
         n, dof = self.model.reach.shape
+        n_bodies, n_shells = len(self.model.tree_i), len(self.model.rods)
+        chords = Chords(
+            frames=np.zeros((MAX_DEPTH + 2, n_bodies, 12)),
+            rods=np.zeros((MAX_DEPTH + 2, n_shells, 6)),
+            axes=np.zeros((n, 3)),
+            sags=np.zeros(n),
+            lists=np.zeros((MAX_DEPTH + 1, n), np.int32),
+            levels=np.zeros((MAX_DEPTH + 1, 4), np.int64),
+            way=np.zeros(3),
+            after=np.zeros(3),
+            at=np.zeros(dof),
+            simplex=np.zeros((16, 3)),
+        )
         return kernels.SelfWork(
-            frames=np.zeros((len(self.model.tree_i), 12)),
+            frames=np.zeros((n_bodies, 12)),
             axes=np.zeros((n, 3)),
             moves=np.zeros(n),
             lists=np.zeros((_MAX_DEPTH, n), np.int32),
             stack=np.zeros((_MAX_DEPTH + 1, max(4, dof))),
             simplex=np.zeros((16, 3)),
+            chords=chords,
         )
 
 
@@ -67,17 +82,18 @@ def self_collision(robot: Robot) -> SelfCollision:
             reach.append(relative_reach(robot, a, b))
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
-    balls = [
-        _ball(robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]])
-        for i in range(n)
-    ]
+    shells = np.split(robot.shell_points, robot.shell_ptr[1:-1])
     model = kernels.SelfModel(
         robot.tree_i,
         robot.tree_f,
         pair_i,
         frozen(np.array(reach).reshape(-1, robot.dof), np.float64),
-        frozen(np.array(balls).reshape(-1, 4), np.float64),
+        frozen(np.array([_ball(s) for s in shells]).reshape(-1, 4), np.float64),
         robot.shell_points,
+        frozen(body, np.int32),
+        frozen(np.array([_rod(s) for s in shells]).reshape(-1, 7), np.float64),
+        frozen(np.array([carrier(robot, *row[2:4]) for row in rows]), np.int32),
+        frozen(robot.shell_reach, np.float64),
     )
     return SelfCollision(frozen(links, np.int32), model)
 
@@ -132,11 +148,10 @@ def motion_free(
     q_a, q_b = checked(robot, q_a), checked(robot, q_b)
     tested = self_collision(robot)
     dq = difference(robot, q_a, q_b)
-    pair, _ = kernels.motion_clear(
-        tested.model, q_a, dq, margin, TOLERANCE, tested.scratch()
-    )
-    if pair < 0:
+    asked = tested.model, q_a, dq, margin, TOLERANCE, tested.scratch()
+    if kernels.motion_apart(*asked):
         return True, None
+    pair, _ = kernels.motion_clear(*asked)
     a, b = (robot.link_names[i] for i in tested.links[pair])
     return False, (a, b)
 
@@ -227,12 +242,44 @@ def relative_reach(robot: Robot, a: int, b: int) -> np.ndarray:
     return weights
 
 
+def carrier(robot: Robot, a: int, b: int) -> int:
+    """Return the last body that carries both bodies."""
+    return max(set(_ancestors(robot, a)) & set(_ancestors(robot, b)))
+
+
 def _ancestors(robot: Robot, body: int) -> list[int]:
     chain = []
     while body >= 0:
         chain.append(int(body))
         body = robot.tree_i[body, 0]
     return chain
+
+
+def _rod(points: np.ndarray) -> tuple[float, ...]:
+    """Return a rod around the points, ends of its axis and radius: the least of three.
+
+    Its axis goes along one of the points' principal axes.
+    """
+    off = points - points.mean(axis=0)
+    turned = np.linalg.eigh(off.T @ off)[1].T
+    best: tuple[float, ...] = ()
+    least = np.inf
+    for k in range(3):
+        frame = np.roll(turned, -k, axis=0)  # the axis, then what is across it
+        seen = points @ frame.T
+        middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+        beside2 = ((seen[:, 1:] - middle[1:]) ** 2).sum(axis=1)
+        more = np.sqrt(beside2.max() - beside2)  # that a round end reaches farther here
+        low, high = (seen[:, 0] + more).min(), (seen[:, 0] - more).max()
+        if low > high:
+            low = high = middle[0]
+        ends = [(at, *middle[1:]) @ frame for at in (low, high)]
+        over = seen[:, 0] - np.clip(seen[:, 0], low, high)
+        radius = np.sqrt((over**2 + beside2).max()) + 1e-9
+        size = radius**2 * (high - low + 4.0 / 3.0 * radius)
+        if size < least:
+            best, least = (*ends[0], *ends[1], radius), size
+    return best
 
 
 def _ball(points: np.ndarray) -> tuple[float, ...]:

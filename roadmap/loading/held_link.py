@@ -8,7 +8,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.geometry.self_collision import SelfCollision, relative_reach
+from roadmap.geometry.self_collision import SelfCollision, carrier, relative_reach
 from roadmap.geometry.solids import Solid
 from roadmap.kinematics.axis_reach import group_reach, joint_span
 from roadmap.kinematics.joint_tree import PARENT
@@ -109,12 +109,17 @@ def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
     rows = np.array(rows, np.int64).reshape(-1, 8)
     pairs = np.concatenate([known.pairs, rows])
     reach = np.array(reach, float).reshape(-1, loaded.dof)
+    carriers = [carrier(loaded, *row[2:4]) for row in rows.tolist()]
     ball = _loose_ball(loaded.shell_points[ptr[new] : ptr[new + 1]])
     model = known._replace(
         pairs=frozen(pairs, np.int32),
         reach=frozen(np.concatenate([known.reach, reach]), np.float64),
         balls=frozen(np.concatenate([known.balls, [ball]]), np.float64),
         points=loaded.shell_points,
+        shell_body=frozen(body, np.int32),
+        rods=frozen(np.concatenate([known.rods, [(*ball[:3], *ball)]]), np.float64),
+        carrier=frozen(np.concatenate([known.carrier, carriers]), np.int32),
+        shell_reach=frozen(loaded.shell_reach, np.float64),
     )
     return SelfCollision(frozen(loaded.shell_link[pairs[:, :2]], np.int32), model)
 
