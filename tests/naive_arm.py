@@ -54,43 +54,43 @@ def swivels_that_work(lengths, ranges, T, n, slack=0.0):
     up = np.array([0.0, 0.0, 1.0])
     below = -(up - (up @ w) * w)
     below /= np.linalg.norm(below)
-    for i, angle in enumerate(phi):
-        out = np.cos(angle) * below + np.sin(angle) * np.cross(w, below)
-        elbow = along * w + radius * out
-        z = -elbow / a
-        x = (wrist - elbow) / b - ((wrist - elbow) / b @ z) * z
-        x /= np.linalg.norm(x)
-        upper = np.column_stack([x, np.cross(z, x), z])
-        works[i] = _fits(upper, e, T, ranges, slack)
-    return phi, works
+    out = np.outer(np.cos(phi), below) + np.outer(np.sin(phi), np.cross(w, below))
+    elbow = along * w + radius * out
+    z = -elbow / a
+    x = (wrist - elbow) / b
+    x = x - (x * z).sum(axis=1)[:, None] * z
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    upper = np.stack([x, np.cross(z, x), z], axis=2)
+    return phi, _fits(upper, e, T, ranges, slack)
 
 
 def _fits(upper, e, T, ranges, slack):
-    hand = rot_y(e) @ upper.T @ T[:3, :3] @ HAND.T
+    """Return which upper arms (n, 3, 3) have joints in the ranges, (n,)."""
+    hand = rot_y(e) @ upper.transpose(0, 2, 1) @ T[:3, :3] @ HAND.T
+    u, h = upper.transpose(1, 2, 0), hand.transpose(1, 2, 0)
+    found = np.zeros(len(upper), bool)
     for s in (1, -1):
-        ca = s * np.hypot(upper[1, 0], upper[1, 1])
         q = [
-            np.arctan2(-s * upper[0, 2], s * upper[2, 2]),
-            np.arctan2(upper[1, 2], ca),
-            np.arctan2(s * upper[1, 0], s * upper[1, 1]),
-            e,
+            np.arctan2(-s * u[0, 2], s * u[2, 2]),
+            np.arctan2(u[1, 2], s * np.hypot(u[1, 0], u[1, 1])),
+            np.arctan2(s * u[1, 0], s * u[1, 1]),
+            np.full(len(upper), e),
         ]
         for t in (1, -1):
-            cd = t * np.hypot(hand[0, 0], hand[1, 0])
             wrist = [
-                np.arctan2(t * hand[1, 0], t * hand[0, 0]),
-                np.arctan2(hand[2, 0], cd),
-                np.arctan2(t * hand[2, 1], t * hand[2, 2]),
+                np.arctan2(t * h[1, 0], t * h[0, 0]),
+                np.arctan2(h[2, 0], t * np.hypot(h[0, 0], h[1, 0])),
+                np.arctan2(t * h[2, 1], t * h[2, 2]),
             ]
-            if _inside(np.array([*q, *wrist]), ranges, slack):
-                return True
-    return False
+            found |= _inside(np.array([*q, *wrist]), ranges, slack)
+    return found
 
 
 def _inside(q, ranges, slack):
-    turns = q[:, None] + 2 * np.pi * np.array([-1, 0, 1])
-    low, high = ranges[:, :1] - slack, ranges[:, 1:] + slack
-    return ((turns >= low) & (turns <= high)).any(axis=1).all()
+    """Return which columns of q (7, n) are in the ranges, whole turns aside."""
+    turns = q[:, :, None] + 2 * np.pi * np.array([-1, 0, 1])
+    low, high = ranges[:, :1, None] - slack, ranges[:, 1:, None] + slack
+    return ((turns >= low) & (turns <= high)).any(axis=2).all(axis=0)
 
 
 def pinocchio_arm(lengths, masses=None):

@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from roadmap.kinematics.forward import body_frames
 
@@ -81,6 +82,6 @@ def smallest_gap(cell_map, q_a, dq, points, n=400) -> float:
     arm, best = cell_map.arm, np.inf
     for t in np.linspace(0, 1, n):
         c = centers(arm, cell_map.robot, q_a + t * dq)
-        d = np.linalg.norm(c[:, None] - points[None], axis=-1) - arm.spheres[:, None, 3]
+        d = cdist(c, points) - arm.spheres[:, None, 3]
         best = min(best, d.min(initial=np.inf))
     return best

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from nearest import out_of_spheres
 
 from odm.audit.exact import BOX_CORNERS, ExactRobot, obstacles_of
 from odm.cell_map.cell_map import CellMap
@@ -113,8 +114,7 @@ def _check_cover(robot, n, rng):
         body = robot.link_body[robot.solid_link[i]]
         own = robot.spheres[robot.sphere_body == body]
         points = volume_points(robot, i, each, rng)
-        far = np.linalg.norm(points[:, None] - own[None, :, :3], axis=2) - own[:, 3]
-        far = far.min(axis=1)
+        far = out_of_spheres(points, own)
         outside += int((far > ROUNDING).sum())
         worst = max(worst, float(far.max()))
     return worst, outside, each * len(moving)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import odm
-from odm.audit._exact import core_distance
+from odm.audit._exact import POINTS, Convexes, core_distance, nearest_pair
 from odm.audit.exact import flat_frames, gather, obstacles_of
 from odm.obstacles.obstacles import SolidRoom
 
@@ -61,26 +61,45 @@ def solids_of(shapes, T=None):
 def exact_distance(shape, points):
     """Return the distance of points (n, 3) from a solid, 0 inside, by another way."""
     around = obstacles_of([shape])
-    margin, found = around.convexes.margin[0], np.empty(len(points))
-    for k, point in enumerate(points):
-        T = np.eye(4)
-        T[:3, 3] = point
-        frame = flat_frames(T[None])[0]
-        low, _ = core_distance(
-            _POINT, 0, frame, around.convexes, 0, around.frames[0], np.inf
-        )
-        found[k] = max(0.0, low - margin)
+    convexes, there, found = around.convexes, around.frames[0], np.empty(len(points))
+    for k, frame in enumerate(_upright(points)):
+        low, _ = core_distance(_POINT, 0, frame, convexes, 0, there, np.inf)
+        found[k] = max(0.0, low - convexes.margin[0])
     return found
+
+
+def _upright(points):
+    """Return the frames (n, 12) of points, as the audit's loops take them."""
+    poses = np.tile(np.eye(4), (len(points), 1, 1))
+    poses[:, :3, 3] = points
+    return flat_frames(poses)
 
 
 def smallest_solid_gap(cell_map, q, dq, shapes, n=200):
     """Return the least of distance - radius over dense samples of a motion [m]."""
     from naive_cells import centers
 
-    best = np.inf
-    for t in np.linspace(0.0, 1.0, n):
-        c = centers(cell_map.arm, cell_map.robot, q + t * dq)
-        for shape in shapes:
-            gaps = exact_distance(shape, c) - cell_map.arm.spheres[:, 3]
-            best = min(best, float(gaps.min()))
+    arm, around = cell_map.arm, obstacles_of(shapes)
+    at = [centers(arm, cell_map.robot, q + t * dq) for t in np.linspace(0.0, 1.0, n)]
+    balls, frames = _balls(np.tile(arm.spheres[:, 3], n)), _upright(np.concatenate(at))
+    use, found = np.ones(len(frames), bool), np.empty(2, np.int64)
+    best, _ = nearest_pair(
+        balls, use, frames, around.convexes, around.frames, np.inf, found
+    )
     return best
+
+
+def _balls(radii):
+    """Return balls as the audit's convex solids: points grown by their radii."""
+    n = len(radii)
+    ball = np.zeros((n, 4))
+    ball[:, 3] = radii + 1e-12
+    return Convexes(
+        kind=np.full(n, POINTS),
+        ptr=np.arange(n + 1),
+        points=np.zeros((n, 3)),
+        size=np.zeros((n, 2)),
+        margin=radii,
+        ball=ball,
+        owner=np.zeros(n, np.int64),
+    )

@@ -240,7 +240,7 @@ def dexterity_at(person, hands, one, grip):
     return person.dexterity[at, hands.cell[one.rotation, one.grasp]] / 255.0
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def hand_value(person, hands, one, floor, scratch):
     """Return q_total, to the GRAIN, of a candidate.
 

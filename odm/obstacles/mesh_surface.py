@@ -6,11 +6,13 @@ import numpy as np
 
 from odm.obstacles._surfaces import greedy_cover
 from roadmap.errors import BadInput
+from roadmap.geometry._cover_lists import cover_lists
 
 _FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
 MOST_FACES = 200  # of a convex mesh that is held exactly, by its planes
 _MAX_PAIRS = 1e6  # of neighbouring triangles: bounds memory and time
 _MOST_PAIRS = 1e7  # of a mesh that is finer itself, before triangles are put together
+_SOME = 8  # of so many triangles the pairs of one are counted first
 
 
 def sample_closed_mesh(
@@ -186,8 +188,12 @@ def _patches(centers, radii, area, spacing, fine):
     from scipy.spatial import cKDTree
 
     every = np.arange(len(centers))
-    tree = cKDTree(centers)
-    if tree.count_neighbors(tree, spacing) <= _MOST_PAIRS:
+    tree, some = cKDTree(centers), cKDTree(centers[::_SOME])
+    # to count them all takes as long as to choose: only where it may be too many
+    if (
+        _SOME * some.count_neighbors(tree, spacing) <= 0.5 * _MOST_PAIRS
+        or tree.count_neighbors(tree, spacing) <= _MOST_PAIRS
+    ):
         return every, radii, area
     cells = np.floor((centers - centers.min(axis=0)) / (fine / np.sqrt(3.0)))
     _, one, owner = np.unique(cells, axis=0, return_index=True, return_inverse=True)
@@ -200,26 +206,15 @@ def _patches(centers, radii, area, spacing, fine):
 
 
 def _choose(centers, radii, area, spacing):
-    from scipy.sparse import csr_array
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(centers)
-    pairs = tree.sparse_distance_matrix(tree, spacing, output_type="coo_matrix")
-    fits = pairs.data + radii[pairs.col] <= spacing
     n = len(centers)
-    own = np.arange(n)
-    i = np.concatenate([pairs.row[fits], own])
-    j = np.concatenate([pairs.col[fits], own])
-    covers = csr_array((np.ones(len(i), np.int8), (i, j)), (n, n))
-    covered_by = covers.T.tocsr()
+    pairs = cKDTree(centers).query_pairs(spacing, output_type="ndarray")
     # a triangle of no area still has to be covered
     weight = np.maximum(area, 1e-9 * area.sum() / n + 1e-30)
     chosen = np.empty(n, np.int64)
-    n_chosen = greedy_cover(
-        covers.indptr, covers.indices, covered_by.indptr, covered_by.indices,
-        weight, chosen,
-    )  # fmt: skip
-    return chosen[:n_chosen]
+    lists = cover_lists(pairs, centers, radii, spacing)
+    return chosen[: greedy_cover(*lists, weight, chosen)]
 
 
 def _proved_radius(centers, radii, keep):

@@ -3,6 +3,7 @@
 import naive_camera as naive
 import numpy as np
 import pytest
+from nearest import to_nearest
 from seen_scenes import (
     camera_at,
     draw_camera,
@@ -79,9 +80,8 @@ def test_what_comes_near_to_an_obstacle_in_view_comes_near_to_a_point(small_map,
     balls = surface + reach[:, None] * normal
     near = blocked & in_reach(small_map, balls)
     assert near.sum() > 200
-    for p, r in zip(balls[near], radius[near], strict=True):
-        gap = np.linalg.norm(seen.points - p, axis=1).min()
-        assert gap <= r + m + seen.covering_radius
+    gaps = to_nearest(balls[near], seen.points)
+    assert (gaps <= radius[near] + m + seen.covering_radius).all()
 
 
 def test_only_cells_whose_neighbours_are_full_are_given_by_their_centres(small_map):

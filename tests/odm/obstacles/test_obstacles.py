@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nearest import to_nearest
 from shapes_drawn import KINDS, draw_shape, draw_shapes, exact_distance
 
 import odm
@@ -56,7 +57,7 @@ def test_samples_of_a_frame_cover_the_surface(kind, planner, rng):
         points = samples_of(planner, [shape])
         assert exact_distance(shape, points).max() < 1e-7
         surface = dense_surface(shape, rng)
-        gap = np.linalg.norm(surface[:, None] - points, axis=2).min(axis=1)
+        gap = to_nearest(surface, points)
         if kind not in ("sphere", "capsule"):
             assert gap.max() <= rho + 1e-9
             continue
@@ -71,7 +72,7 @@ def test_samples_of_a_frame_cover_the_surface(kind, planner, rng):
         normal = (surface - axis) / a
         for radius in (ball, 2.0 * ball):
             center = surface + radius * rng.uniform(0.0, 1.0) * normal
-            near = np.linalg.norm(center[:, None] - points, axis=2).min(axis=1)
+            near = to_nearest(center, points)
             assert (near <= radius + rho + 1e-9).all()
 
 
@@ -91,7 +92,7 @@ def test_the_part_of_a_large_shape_inside_the_grid_is_sampled(planner, rng):
             surface = dense_surface(mid, rng)
             surface = surface[np.abs(surface[:, 0]) < 0.99]
         surface = surface[(grid.locate(surface) >= 0).all(axis=1)]
-        gap = np.linalg.norm(surface[:, None] - points, axis=2).min(axis=1)
+        gap = to_nearest(surface, points)
         assert len(surface) > 50 and gap.max() <= 1.5 * planner.rho
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from naive_cells import centers
+from scipy.spatial.distance import cdist
 from shapes_drawn import draw_shapes, solids_of
 from small import draw_arm, draw_valid
 
@@ -15,20 +16,24 @@ TIMES = (0.12, 0.24, 0.36, 0.48)
 SETS_OFF, WORTH, AMPLE, DIRECTIONS = 0.06, 0.03, 0.12, 24  # as `Retreat` has them
 
 
-def slow_gap(planner, q, there):
-    """Return the least distance of the cover at q from shapes and points [m]."""
+def slow_gap(planner, q, there, enough):
+    """Return the least distance of the cover at q from shapes and points [m].
+
+    One that is at most `enough` is told as soon as it is found, not the least.
+    """
     shapes, points = there
     arm = planner.memory.arm
     at, radii = centers(arm, planner.robot, q), arm.spheres[:, 3]
     solids = solids_of(shapes)
-    gaps = [np.inf]
-    for place, radius in zip(at, radii, strict=True):
-        told = range(len(shapes))
-        gaps += [solid_distance(solids, k, *place, np.inf) - radius for k in told]
+    best = np.inf
     if len(points):
-        far = np.linalg.norm(at[:, None] - points, axis=2) - radii[:, None]
-        gaps.append(far.min())
-    return min(gaps)
+        best = (cdist(at, points) - radii[:, None]).min()
+    for place, radius in zip(at, radii, strict=True):
+        for k in range(len(shapes)):
+            if best <= enough:
+                return best
+            best = min(best, solid_distance(solids, k, *place, np.inf) - radius)
+    return best
 
 
 def slow_evasion(planner, q, coming, scale):
@@ -40,12 +45,14 @@ def slow_evasion(planner, q, coming, scale):
     def duration(dq):
         return max(np.abs(dq / (scale * robot.max_velocity)).max(), 1e-9)
 
-    def least(dq):
-        gaps = [ample]
+    def least(dq, enough=-np.inf):
+        gap = ample
         for t, (_, there) in zip(times, coming, strict=True):
             at = q + min(1.0, t / duration(dq)) * dq
-            gaps.append(slow_gap(planner, at, there))
-        return min(gaps)
+            gap = min(gap, slow_gap(planner, at, there, enough))
+            if gap <= enough:
+                break
+        return gap
 
     stays = least(np.zeros_like(q))
     best, found = stays + WORTH, None
@@ -56,7 +63,7 @@ def slow_evasion(planner, q, coming, scale):
     for node in planner.attacher.nearest(q, DIRECTIONS):
         dq = difference(robot, q, nodes[node])
         dq = min(1.0, max(times) / duration(dq)) * dq
-        gap = least(dq)
+        gap = least(dq, best)
         if gap <= best:
             continue
         frame.close_test.anchor(q)

@@ -1,6 +1,7 @@
 """The close test of a motion with only the points that lie in the motion's cells."""
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from small import draw_arm, draw_valid
 
 import odm
@@ -18,7 +19,7 @@ def clear_of(planner, q, dq, points):
     order = spheres[np.argsort(planner.robot.sphere_body[spheres], kind="stable")]
     for t in np.linspace(0.0, 1.0, 200):
         centers = sphere_centers(planner.robot, q + t * dq)[order]
-        gaps = np.linalg.norm(points[:, None] - centers[None], axis=2) - radii
+        gaps = cdist(points, centers) - radii
         if gaps.min() < 0.0:
             return False
     return True

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nearest import out_of_spheres
 
 from roadmap import load_robot
 from roadmap.errors import BadRobot
@@ -70,8 +71,7 @@ def inner_points(solid, n, rng):
 
 def uncovered(points, spheres):
     """Return how far points lie outside of the union of spheres, at most [m]."""
-    away = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2)
-    return (away - spheres[:, 3]).min(axis=1).max()
+    return out_of_spheres(points, spheres).max()
 
 
 @pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])

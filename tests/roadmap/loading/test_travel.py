@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nearest import out_of_spheres
 
 import odm
 from odm.audit.exact import ExactRobot, obstacles_of
@@ -99,16 +100,14 @@ def test_hulls_and_cover_hold_the_fingers_wherever_they_are(urdf, robot, rng):
         )
         assert inside.max() <= 1e-9
         spheres = robot.spheres[robot.sphere_body > 0]
-        off = np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3]
-        assert off.min(axis=1).max() <= 1e-9
+        assert out_of_spheres(points, spheres).max() <= 1e-9
 
 
 def test_one_position_would_not_do(urdf, robot, rng):
     fixed = at(urdf, 0.0, 0.0)
     points = solid_points(at(urdf, 0.05, -0.9), rng)
     spheres = fixed.spheres[fixed.sphere_body > 0]
-    off = np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3]
-    assert off.min(axis=1).max() > 0.02
+    assert out_of_spheres(points, spheres).max() > 0.02
 
 
 def test_a_free_edge_keeps_every_opening_off_an_obstacle(urdf, rng):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nearest import out_of_spheres
 from scipy.spatial import ConvexHull
 from urdf_parts import COARSE
 
@@ -144,16 +145,11 @@ def assert_held(path, robot, still, rng, tries=25) -> float:
         points = fingers_at(path, still, names, low + u * (high - low), rng)
         for name, rows in points.items():
             own = robot.spheres[robot.sphere_link == robot.link_names.index(name)]
-            assert outside(rows, own).max() <= 1e-9, name
+            assert out_of_spheres(rows, own).max() <= 1e-9, name
             assert out_of_hulls(robot, name, rows) <= 1e-9, name
             own = still.spheres[still.sphere_link == still.link_names.index(name)]
-            moved = max(moved, outside(rows, own).max())
+            moved = max(moved, out_of_spheres(rows, own).max())
     return moved
-
-
-def outside(points, spheres):
-    off = np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3]
-    return off.min(axis=1)
 
 
 def out_of_hulls(robot, name, points) -> float:
