@@ -204,6 +204,11 @@ class Executor:
         """Whether the motion in use is over."""
         return self.t >= self.motion.duration
 
+    @property
+    def looks_out(self) -> bool:
+        """Whether the next `update` looks if somebody comes, which takes a while."""
+        return self._lookout is not None and self._lookout.is_due
+
     def new_goal(self) -> None:
         """Take the next answer's path in any case."""
         self._on_path = False

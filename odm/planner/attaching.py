@@ -618,13 +618,27 @@ class Attacher:
         part, rest = waiting[:most], waiting[most:]
         begin, dq = self._between(q, part, outward)
         if len(part):
-            free = self.frame.static.motions_free(begin, dq)
-            free &= np.cumsum(free) <= wanted
+            free = self._first_free(begin, dq, wanted)
             nodes, begin, dq = part[free], begin[free], dq[free]
             if len(rest) and len(nodes) < wanted:
                 self._later[int(vertex)] = rest
             return len(part), nodes, begin, dq
         return 0, part, begin, dq
+
+    def _first_free(
+        self, begin: np.ndarray, dq: np.ndarray, wanted: int
+    ) -> np.ndarray:
+        """Return (n,) which motions are the first `wanted` free of what stands still.
+
+        No more are tested than that takes: each takes 0.1 to 0.2 ms.
+        """
+        free, at, missing = np.zeros(len(begin), np.bool_), 0, wanted
+        while at < len(begin) and missing > 0:
+            now = slice(at, at + missing)
+            free[now] = self.frame.static.motions_free(begin[now], dq[now])
+            at += missing
+            missing = wanted - int(np.count_nonzero(free))
+        return free
 
     def _with_cells(
         self, nodes: np.ndarray, begin: np.ndarray, dq: np.ndarray

@@ -16,6 +16,7 @@ from odm.planner.smooth import Smoother
 from odm.search import _step as step
 
 LOOK_EVERY = 8  # frames between two looks for a better path or goal
+_JOIN = 3  # tests that the robot's join to the roadmap takes as long as
 
 
 class Improver:
@@ -71,8 +72,10 @@ class Improver:
         candidate, smoother, made = self.candidate, self.smoother, 0
         if budget > 0 and self.frame.number >= self._next:
             self._next = self.frame.number + LOOK_EVERY
-            self._join()
-            budget -= 1
+            budget -= 1 + _JOIN * self._join()
+            if budget < 0:  # to look is left for the next call
+                self._next = 0
+                return 0
             made += self._look(ahead)
         candidate.begin()
         if budget > 0:
