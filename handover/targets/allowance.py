@@ -12,8 +12,10 @@ TELL = 250  # the planner is told where the person will be
 SET_GOALS = 600  # goals are set: the step looks for a path to them
 RANK = 300  # a ranking begins
 SOLVE = 500  # a start of the inverse kinematics
+REACH = 900  # ... of a place before an object and one at it
 PREPARE = 1500  # a goal is joined to the roadmap
-TEST = 200  # a test of `improve`
+TEST = 350  # a test of `improve`
+TIME_PATH = 900  # the executor times a new path
 
 _LEAST = 150  # a share of work that goes on over frames is not less
 _PATIENCE = 4  # times that work is put off

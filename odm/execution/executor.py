@@ -126,6 +126,7 @@ class Executor:
         state: "moving", "slowed", "braked", "retreating" or "standing".
         reason: One sentence while it is slowed or braked.
         brakes: Whether the planner can test the path of a stop.
+        timed_path: Whether the last `update` timed a new path, which takes a while.
     """
 
     def __init__(
@@ -160,6 +161,9 @@ class Executor:
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
         self._timed = TimedBefore()
+        self.timed_path = False
+        self._looked = False  # whether this frame looked if somebody comes
+        self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
         # see `limit_jerk`
@@ -279,7 +283,7 @@ class Executor:
             threat: Where the person can be; None where nobody is about.
         """
         self._frame += 1
-        self._updated = True
+        self._updated, self._looked, self.timed_path = True, self.looks_out, False
         if self.off:
             self._retreat_on_or_stop(threat)
             return
@@ -308,6 +312,7 @@ class Executor:
         scale = float(self.scales[self._level])
         told = (self.motion, self.t, commit, path, self._blend, scale)
         self._take(self._timed.join(*told))
+        self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
         self.state = MOVING
@@ -615,6 +620,10 @@ class Executor:
     def _try_faster(self, threat: Moving) -> None:
         if self._level <= self._least_level:
             return
+        # not in a frame that looked out: to time the rest anew takes as long
+        if self._looked and self._frame - self._tried <= 1:
+            return
+        self._tried = self._frame
         faster = self._rescaled(self._level - 1)
         if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)

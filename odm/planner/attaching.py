@@ -533,6 +533,8 @@ class Attacher:
         if known is not None:
             m.goals.attached_ref[:g] = np.maximum(known, kinds.NO_MOTION)
             new = np.flatnonzero(known < kinds.NO_MOTION)
+        if self.without_cells and len(new):  # used once: now, or not at all
+            new = new[[self._is_clear(q_goal) for q_goal in m.goals.q[new]]]
         if not len(new):
             return
         dq = frame.difference(self.q_attached, m.goals.q[new])

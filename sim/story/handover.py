@@ -21,10 +21,11 @@ from handover.targets.allowance import (
     LOOK_OUT,
     MOVES,
     PREPARE,
+    REACH,
     SET_GOALS,
-    SOLVE,
     TELL,
     TEST,
+    TIME_PATH,
     Allowance,
 )
 from handover.targets.live_targets import THERE, LiveTargets
@@ -293,6 +294,8 @@ class Handover:
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
         if not (self.view.looked or self.answer.status == "replanned"):
+            if executor.timed_path:
+                self._allowance.spend(TIME_PATH)
             tests = min(_TESTS, self._allowance.left // TEST)
             if tests > 0:
                 self.planner.improve(tests, executor.next_commit())
@@ -627,10 +630,10 @@ class Handover:
         look = None if self._at_place is None else self._at_place[0]
         grants = self._allowance.grants
         if look is not None and look.at is None:
-            if grants(SOLVE):
+            if grants(REACH):
                 look.begin(self._T_place, q)
         elif look is not None and not look.found and not look.over:
-            if grants(SOLVE):
+            if grants(REACH):
                 look.work()
         elif look is None or not look.found:  # it is kept
             self._placeless, self._at_place = True, None
@@ -686,7 +689,7 @@ class Handover:
             return
         look, k = self._at_place
         if k + 1 == len(look.found) and not look.over:
-            if self._allowance.grants(SOLVE):
+            if self._allowance.grants(REACH):
                 look.work()
             return
         if len(look.found) > 1:
@@ -876,7 +879,7 @@ class Handover:
         slow = seen.object_speed < 4.0 * s.still_speed
         moved = self._object_moved(T) and slow and self.state == table.APPROACH
         if moved:
-            self._allowance.spend(SOLVE)
+            self._allowance.spend(REACH)
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
@@ -906,7 +909,7 @@ class Handover:
         goal = next((g for g in waiting if not self._is_ready(g)), None)
         if goal is None and self._reaches.over:
             return True
-        if not self._allowance.grants(SOLVE if goal is None else PREPARE):
+        if not self._allowance.grants(REACH if goal is None else PREPARE):
             return False
         if goal is not None:
             self.planner.prepare_goal(goal)
