@@ -15,6 +15,7 @@ SOLVE = 500  # a start of the inverse kinematics
 REACH = 900  # ... of a place before an object and one at it
 PREPARE = 1500  # a goal is joined to the roadmap
 TEST = 350  # a test of `improve`
+JOIN = 1500  # the step joined the robot to the roadmap
 TIME_PATH = 900  # the executor times a new path
 
 _LEAST = 150  # a share of work that goes on over frames is not less

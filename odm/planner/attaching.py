@@ -533,22 +533,36 @@ class Attacher:
         if known is not None:
             m.goals.attached_ref[:g] = np.maximum(known, kinds.NO_MOTION)
             new = np.flatnonzero(known < kinds.NO_MOTION)
-        if self.without_cells and len(new):  # used once: now, or not at all
-            new = new[[self._is_clear(q_goal) for q_goal in m.goals.q[new]]]
         if not len(new):
+            return
+        if self.without_cells:
+            self._attach_some_direct(new)
             return
         dq = frame.difference(self.q_attached, m.goals.q[new])
         q = np.repeat(self.q_attached[None], len(new), axis=0)
         free = frame.static.motions_free(q, dq)
-        if self.without_cells:
-            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
-            return
         if self.is_bare:
             m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             free &= [self._is_clear(q_goal) for q_goal in m.goals.q[new]]
         first = self.sweep(q[free], dq[free])
         if first >= 0:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
+
+    def _attach_some_direct(self, new: np.ndarray) -> None:
+        """Join the start to goals straight, of a robot that uses this once: now.
+
+        So those alone that the frame leaves free, and where the order of the goals
+        ranks them none behind the first that is reached so.
+        """
+        m, frame, q = self.frame.memory, self.frame, self.q_attached
+        ranks = not m.numbers.joint_costs[0]
+        for g in new.tolist():
+            if not self._is_clear(m.goals.q[g]):
+                continue
+            if frame.static.motion_free(q, frame.difference(q, m.goals.q[g])):
+                m.goals.attached_ref[g] = kinds.NO_ITEM
+                if ranks:
+                    break
 
     def _is_direct_known(self) -> bool:
         return bool(np.array_equal(self._direct_from, self.q_attached))

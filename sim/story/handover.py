@@ -18,6 +18,7 @@ import numpy as np
 from handover.human.body import Part
 from handover.human.human import Human
 from handover.targets.allowance import (
+    JOIN,
     LOOK_OUT,
     MOVES,
     PREPARE,
@@ -70,7 +71,7 @@ _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 _GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
-_LATE_S = 0.045  # [s] and no later, though the executor looks out in that frame
+_LATE_S = 0.08  # [s] and no later than so, before the step
 _NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
@@ -134,6 +135,8 @@ class _Seen:
     hand_gap: float  # from the receiving hand to the object [m]
     object_speed: float  # [m/s]
     dt: float
+    # threat, which parts are the arm, capsules, labels, which parts are the hand
+    whole: tuple[Threat | None, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Handover:
@@ -293,9 +296,9 @@ class Handover:
                 executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
+        self._spend_on(self.answer)
+        self._tell(seen, _TELL_S)
         if not (self.view.looked or self.answer.status == "replanned"):
-            if executor.timed_path:
-                self._allowance.spend(TIME_PATH)
             tests = min(_TESTS, self._allowance.left // TEST)
             if tests > 0:
                 self.planner.improve(tests, executor.next_commit())
@@ -316,6 +319,14 @@ class Handover:
             allowance.spend(MOVES)
         if executor.looks_out:
             allowance.spend(LOOK_OUT)
+
+    def _spend_on(self, answer: object) -> None:
+        """Take what the answer took from what the frame may yet do."""
+        allowance, asked = self._allowance, answer is self.planner.last
+        if asked and self.planner.joined:
+            allowance.spend(JOIN)
+        if self.executor.timed_path:
+            allowance.spend(TIME_PATH)
 
     # --- what is seen -----------------------------------------------------------
 
@@ -343,10 +354,7 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        wait = _LATE_S if self.executor.looks_out else _TELL_S
-        if abs(frame.now - self._told_at) >= wait:
-            self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
-            self._told_at = frame.now
+        whole = threat, arm, rows, labels, hand
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
         self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
@@ -364,7 +372,9 @@ class Handover:
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
         who = threat, people, rows[hand]
-        return _Seen(frame, there, classes, *who, gap, speed, dt)
+        seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
+        self._tell(seen, _LATE_S)
+        return seen
 
     def _has_left(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
@@ -384,6 +394,16 @@ class Handover:
             known = self._arms = labels.tobytes(), hand, arm
         return known[1], known[2]
 
+    def _tell(self, seen: _Seen, every: float) -> None:
+        """Tell the planner where the person will be, if that is `every` [s] old."""
+        frame = seen.frame
+        late = abs(frame.now - self._told_at)
+        if late < every or not (late >= _LATE_S or self._allowance.grants(TELL)):
+            return
+        threat, arm, rows, labels, hand = seen.whole
+        self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
+        self._told_at = frame.now
+
     def _shunned(
         self, frame: StoryFrame, rows: np.ndarray, labels: np.ndarray, hand: np.ndarray
     ) -> np.ndarray:
@@ -401,7 +421,6 @@ class Handover:
         rows = [shunned] if likely is None else [likely.capsules, shunned]
         if sum(map(len, rows)):
             self.planner.expect(Obstacles(capsules=np.vstack(rows)))
-            self._allowance.spend(TELL)
 
     def _object_rows(self, frame: StoryFrame) -> np.ndarray | None:
         """Return the capsules of the object where it is, base frame; None: unseen."""
