@@ -170,6 +170,7 @@ class Executor:
         self._jerk_rule: Callable[[Motion, float], float] | None = None
         self._share, self._share_of = 1.0, -1  # what it allows, and in which frame
         self._kept: Motion | None = None  # that was within it, or could not be
+        self._kept_at = 0  # frame in which that was looked at
         self._hindered = -math.inf  # frame in which it last slowed down for somebody
         self._frame = 0
         self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
@@ -564,6 +565,10 @@ class Executor:
             return
         if motion is self._kept and self._frame % _KEEP_EVERY:
             return
+        # one frame later beside a look out and a new path, which take as long
+        if self._looked and self.timed_path and self._frame - self._kept_at <= 1:
+            return
+        self._kept_at = self._frame
         used, share = motion.jerk_scale, self._jerk_share()
         if _AGAIN * share < used or _AGAIN * used < share:
             kept = _gentler(motion, t, share)

@@ -82,7 +82,8 @@ class Improver:
             straight = smoother.go_straight(ahead)
             budget -= straight >= 0
             made += straight > 0
-        half = budget // 2
+        # cuts and changes take turns where one test is all there is
+        half = budget // 2 if budget > 1 else budget * (self.frame.number % 2)
         cuts, left = self.cutter.run(half)
         if cuts:
             self._next = 0
