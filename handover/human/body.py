@@ -3,8 +3,8 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import cached_property
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 

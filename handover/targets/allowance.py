@@ -6,7 +6,7 @@ so the same frames do the same work on every machine.
 """
 
 # what things take, in units of about a microsecond
-LOOK_OUT = 350  # the executor looks whether somebody comes
+LOOK_OUT = 600  # the executor looks whether somebody comes
 MOVES = 500  # stops of a robot that is on its way are tested
 TELL = 250  # the planner is told where the person will be
 SET_GOALS = 600  # goals are set: the step looks for a path to them
@@ -14,7 +14,7 @@ RANK = 300  # a ranking begins
 SOLVE = 500  # a start of the inverse kinematics
 REACH = 900  # ... of a place before an object and one at it
 PREPARE = 1500  # a goal is joined to the roadmap
-TEST = 450  # a test of `improve`
+TEST = 500  # a test of `improve`
 JOIN = 1500  # the step joined the robot to the roadmap
 TIME_PATH = 900  # the executor times a new path
 
@@ -32,7 +32,7 @@ class Allowance:
         left: Of this frame; less than 0 where it did more.
     """
 
-    def __init__(self, units: int = 1100) -> None:
+    def __init__(self, units: int = 1500) -> None:
         """Have all of it."""
         self.units = units
         self._put_off = 0

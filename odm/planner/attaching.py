@@ -77,7 +77,7 @@ class Attacher:
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
         self._chosen = np.zeros(_MOVING_NODES, np.int64)
-        self.without_cells = self.is_stale = False
+        self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
         self.next_vertex = self.roadmap.n_nodes + 1
@@ -430,11 +430,14 @@ class Attacher:
         self._later.clear()
         self.candidates.forget_cuts()
 
-    def attach_start(self, q: np.ndarray, without_cells: bool = False) -> None:
+    def attach_start(
+        self, q: np.ndarray, without_cells: bool = False, passes: bool = False
+    ) -> None:
         """Attach a configuration never seen before.
 
         `without_cells`: the cells of its motions are not swept; the close test decides
         about a few of them. Cheaper for a robot that moves, which uses them once.
+        `passes`: the robot will not be there any more in the next frame.
         Beside shapes alone the cells of the other motions, too, are left for later:
         there the close test costs little. Where the straight motion to the best goal is
         free now and no path has to avoid the history, no others are needed yet:
@@ -444,6 +447,7 @@ class Attacher:
         m = self.frame.memory
         self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
+        self._passes = passes
         self._path_first = _PATH_FIRST
         if not self.is_at(q):
             self._refused = _NONE
@@ -535,12 +539,15 @@ class Attacher:
             new = np.flatnonzero(known < kinds.NO_MOTION)
         if not len(new):
             return
-        if self.without_cells:
+        if self.without_cells and self._passes:
             self._attach_some_direct(new)
             return
         dq = frame.difference(self.q_attached, m.goals.q[new])
         q = np.repeat(self.q_attached[None], len(new), axis=0)
         free = frame.static.motions_free(q, dq)
+        if self.without_cells:
+            m.goals.attached_ref[new[free]] = kinds.NO_ITEM
+            return
         if self.is_bare:
             m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             free &= [self._is_clear(q_goal) for q_goal in m.goals.q[new]]
@@ -641,9 +648,7 @@ class Attacher:
             return len(part), nodes, begin, dq
         return 0, part, begin, dq
 
-    def _first_free(
-        self, begin: np.ndarray, dq: np.ndarray, wanted: int
-    ) -> np.ndarray:
+    def _first_free(self, begin: np.ndarray, dq: np.ndarray, wanted: int) -> np.ndarray:
         """Return (n,) which motions are the first `wanted` free of what stands still.
 
         No more are tested than that takes: each takes 0.1 to 0.2 ms.
@@ -766,6 +771,7 @@ class Attacher:
             self.is_bare,
             self._path_first,
             self._rounds,
+            self._passes,
         ]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
@@ -782,7 +788,8 @@ class Attacher:
         """Take up goals and a start whose arrays were loaded."""
         state = saved["state"].tolist()
         without_cells, stale, self.next_vertex, has_costs, waits, bare = state[:6]
-        self._path_first, self._rounds = state[6:]
+        self._path_first, self._rounds = state[6:8]
+        self._passes = bool(state[8])
         self.start_waits, self.is_bare = bool(waits), bool(bare)
         self.without_cells, self.is_stale = bool(without_cells), bool(stale)
         self.goals = saved["goals"].copy()

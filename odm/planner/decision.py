@@ -222,7 +222,7 @@ class Decision:
         what = None if joined == MANY else JOIN.get((case, robot, joined))
         if what is None or not np.isfinite(q).all():
             return False
-        attacher.attach_start(q, without_cells=what == FEW)
+        attacher.attach_start(q, what == FEW, passes=robot == MOVES)
         self.joined = True
         return True
 

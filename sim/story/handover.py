@@ -62,7 +62,8 @@ from sim.story.settings import StorySettings
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_TESTS = 3  # of `improve` in a frame at most
+_TESTS = 2  # of `improve` in a frame at most, and of a robot on its way
+_ON_ITS_WAY = 1
 _BRAKED_EVERY = 4  # frames of a braked robot, after which it looks for grasps
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
@@ -299,7 +300,8 @@ class Handover:
         self._spend_on(self.answer)
         self._tell(seen, _TELL_S)
         if not (self.view.looked or self.answer.status == "replanned"):
-            tests = min(_TESTS, self._allowance.left // TEST)
+            most = _TESTS if executor.at_rest else _ON_ITS_WAY
+            tests = min(most, self._allowance.left // TEST)
             if tests > 0:
                 self.planner.improve(tests, executor.next_commit())
         executor.advance()
