@@ -180,7 +180,7 @@ class UpperBody:
         for side in SIDES:
             shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
             names += [(hand, tip), (elbow, hand), (shoulder, elbow)]
-        names.append(self._shoulders)
+        names.append(("left_shoulder", "right_shoulder"))
         begin, end = zip(*names, strict=True)
         return np.array([COLUMN[n] for n in begin]), np.array([COLUMN[n] for n in end])
 
