@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -153,20 +154,35 @@ class UpperBody:
         object.__setattr__(self, "labels", frozen(labels, np.int64))
         object.__setattr__(self, "needs", frozen(needs, np.bool_))
 
-    @property
+    @cached_property
     def sides(self) -> tuple[str, ...]:
         """The sides whose arm is complete."""
         complete = (all(f"{s}_{j}" in self.present for j in ARM) for s in SIDES)
         return tuple(s for s, whole in zip(SIDES, complete, strict=True) if whole)
 
-    @property
+    @cached_property
     def has_trunk(self) -> bool:
         """Whether torso and head can be placed."""
         return "neck" in self.present or len(self._shoulders) == 2
 
-    @property
+    @cached_property
     def _shoulders(self) -> tuple[str, ...]:
         return tuple(n for n in (f"{s}_shoulder" for s in SIDES) if n in self.present)
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        return set(self.present) == set(JOINTS)
+
+    @cached_property
+    def _limbs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which joints begin and end the rods of arms, and across the shoulders."""
+        names = []
+        for side in SIDES:
+            shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
+            names += [(hand, tip), (elbow, hand), (shoulder, elbow)]
+        names.append(("left_shoulder", "right_shoulder"))
+        begin, end = zip(*names, strict=True)
+        return np.array([COLUMN[n] for n in begin]), np.array([COLUMN[n] for n in end])
 
     def capsules(self, places: np.ndarray) -> np.ndarray:
         """Return the body as closed capsules.
@@ -178,11 +194,35 @@ class UpperBody:
         Returns:
             (..., k, 7) ends a, b and radius, labelled by `labels` [m].
         """
+        if self._is_whole and places.ndim == 2:
+            return self._whole(places)
         at = {name: places[..., COLUMN[name], :] for name in self.present}
         rods = [rod for side in self.sides for rod in self._arm(at, side)]
         if self.has_trunk:
             rods += self._trunk(at)
         return _rows_of(rods, places.shape[:-2])
+
+    def _whole(self, places: np.ndarray) -> np.ndarray:
+        """Return the same for one body all of whose joints are known, in numbers.
+
+        A frame asks for it, and arrays of three numbers take longer than they do.
+        """
+        sizes, rows = self.sizes, np.empty((9, 7))
+        begin, end = self._limbs
+        limbs = [0, 1, 2, 3, 4, 5, 7]  # 6 is the spine, 8 the head
+        rows[limbs, :3], rows[limbs, 3:6] = places[begin], places[end]
+        neck, hip, head = places[[COLUMN[n] for n in ("neck", "hip", "head")]].tolist()
+        spine, length = _direction(neck, hip)
+        below = min(length, sizes.torso - sizes.shoulders)
+        crown = sizes.crown - sizes.head
+        up, length = _direction(head, neck)
+        reach = max(length, crown)
+        chest = [n - below * d for n, d in zip(neck, spine, strict=True)]
+        top = [n + reach * d for n, d in zip(neck, up, strict=True)]
+        rows[6, :6], rows[8, :6] = (*hip, *chest), (*neck, *top)
+        arm = (sizes.hand, sizes.forearm, sizes.upper_arm)
+        rows[:, 6] = (*arm, *arm, sizes.torso, sizes.shoulders, sizes.head)
+        return rows
 
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
         """Return part and joints of the rods of `_arm`, in its order."""
@@ -305,6 +345,15 @@ def _rows_of(rods: list[tuple], shape: tuple[int, ...]) -> np.ndarray:
 
 def _length(v: np.ndarray) -> np.ndarray:
     return np.sqrt(np.add.reduce(v * v, axis=-1, keepdims=True))
+
+
+def _direction(a: list[float], b: list[float]) -> tuple[list[float], float]:
+    """Return the direction (3,) from b to a as `_unit` does, and their distance."""
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if not length > 1e-9:
+        return [0.0, 0.0, 1.0], length
+    return [x / length, y / length, z / length], length
 
 
 def _unit(v: np.ndarray) -> np.ndarray:

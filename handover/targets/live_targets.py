@@ -11,6 +11,7 @@ import numpy as np
 
 from handover.human.human import Human
 from handover.meet.workspace import InteractionWorkspace, Target
+from handover.targets.allowance import RANK, SET_GOALS, Allowance
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from handover.targets.target_choice import TargetChoice
@@ -145,11 +146,19 @@ class LiveTargets:
         """Targets of the last frame, best first; empty before the first one."""
         return tuple(self._targets.values())
 
-    def look(self, human: Human, q: np.ndarray) -> None:
+    def look(
+        self, human: Human, q: np.ndarray, allowance: Allowance | None = None
+    ) -> None:
         """Rank the targets of a person and set the planner's goals, if they change.
 
         Goals are the same if their configurations are; their order ranks them, and
         they have no costs.
+
+        Args:
+            human: The person now, world frame.
+            q: (dof,) present configuration [rad or m].
+            allowance: What the frame may do of a ranking that goes on over several, and
+                of goals joined ahead; None: as much as the settings say.
         """
         if self.rest is None:
             robot = self.planner.robot
@@ -166,8 +175,10 @@ class LiveTargets:
             self._changed = True  # a costly job: no other in this frame
             self.counts["set_goals"] += 1
             self.goals = self._set(())
+            if allowance is not None:
+                allowance.spend(SET_GOALS)
             return
-        if not self._rank(human) or self.withdrawn:
+        if not self._rank(human, allowance) or self.withdrawn:
             return
         targets = list(self._targets.values())
         known = self._known()
@@ -181,11 +192,15 @@ class LiveTargets:
         ] or not self.counts["set_goals"]
         wanted = [g.q for g in goals] or [self.rest]
         if not self._changed or all(map(self.planner.is_prepared, wanted)):
-            self.offers.work(pursued)  # else this frame has to join one of them
+            # else this frame has to join one of them
+            if not self.offers.work(pursued, allowance):
+                self._chosen -= 1  # it is done in another one, before the next ranking
             self.counts["attached"] = self.offers.attached
         if self._changed:
             self.counts["set_goals"] += 1
             goals = self._set(goals)
+            if allowance is not None:
+                allowance.spend(SET_GOALS)
         self.goals = goals
 
     def withdraw(self) -> None:
@@ -199,7 +214,7 @@ class LiveTargets:
         """Pursue targets again from the next frame on; the one before, if it stands."""
         self.withdrawn = False
 
-    def _rank(self, human: Human) -> bool:
+    def _rank(self, human: Human, allowance: Allowance | None) -> bool:
         """Rank the targets, or go on with that; return whether there is time to choose.
 
         A frame of a ranking over several does nothing else that is costly.
@@ -210,7 +225,10 @@ class LiveTargets:
             self._take_ranked(meet.best(self._depth()))
             return True
         if meet.is_ranking:
-            if meet.go_on(s.rank_budget):
+            budget = s.rank_budget
+            if allowance is not None:
+                budget = allowance.share(budget)
+            if meet.go_on(budget):
                 self._take_ranked(meet.ranked())
                 self._chosen = 0
             return False
@@ -220,6 +238,8 @@ class LiveTargets:
             return True
         meet.update(self._as_judged(human))
         meet.begin(self._depth())
+        if allowance is not None:
+            allowance.spend(RANK)
         return False
 
     def _as_judged(self, human: Human) -> Human:

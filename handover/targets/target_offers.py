@@ -9,6 +9,7 @@ one frame each, before the frame that sets the goals.
 from enum import Enum
 
 from handover.meet.workspace import Target
+from handover.targets.allowance import PREPARE, SOLVE, Allowance
 from handover.targets.settings import LiveSettings
 from handover.targets.target_goals import EXACT, Goal, TargetGoals
 from odm.planner.planner import ReactivePlanner
@@ -96,8 +97,16 @@ class TargetOffers:
             else:
                 self._order(key)
 
-    def work(self, pursued: int | None) -> None:
-        """Do this frame's job, perhaps for the exact pose of the pursued target."""
+    def work(self, pursued: int | None, allowance: Allowance | None = None) -> bool:
+        """Do this frame's job, perhaps for the exact pose of the pursued target.
+
+        Args:
+            pursued: Cell of that target; None: none is.
+            allowance: What the frame may do; None: any job.
+
+        Returns:
+            False where there is a job that waits for another frame.
+        """
         before = self._goals.get(pursued, [])
         if pursued is not None and not any(goal.kind == EXACT for goal in before):
             goal = self._clear_of(pursued)
@@ -106,18 +115,22 @@ class TargetOffers:
             elif self._job is None:
                 self._order(pursued)
         if self._job is None:
-            return
+            return True
         what, key, goal = self._job
+        takes = SOLVE if what == _SOLVE else PREPARE
+        if allowance is not None and not allowance.grants(takes):
+            return False
         if what == _SOLVE:
             if self.finder.work(self._targets[key]) is not None:
                 self._clear.pop(key, None)
-            return
+            return True
         self._attached_at, self._joined = self._frame, goal
         self.attached += 1
         try:
             self.planner.prepare_goal(goal.q)
         except BadConfiguration:  # something else is in the hand, or stands about
             self.forget()
+        return True
 
     def goals(self, keys: tuple[int, ...]) -> tuple[Goal, ...]:
         """Return the goals of the targets on offer, no configuration twice.

@@ -126,6 +126,7 @@ class Executor:
         state: "moving", "slowed", "braked", "retreating" or "standing".
         reason: One sentence while it is slowed or braked.
         brakes: Whether the planner can test the path of a stop.
+        timed_path: Whether the last `update` timed a new path, which takes a while.
     """
 
     def __init__(
@@ -160,12 +161,16 @@ class Executor:
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
         self._timed = TimedBefore()
+        self.timed_path = False
+        self._looked = False  # whether this frame looked if somebody comes
+        self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
         # see `limit_jerk`
         self._jerk_rule: Callable[[Motion, float], float] | None = None
         self._share, self._share_of = 1.0, -1  # what it allows, and in which frame
         self._kept: Motion | None = None  # that was within it, or could not be
+        self._kept_at = 0  # frame in which that was looked at
         self._hindered = -math.inf  # frame in which it last slowed down for somebody
         self._frame = 0
         self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
@@ -203,6 +208,11 @@ class Executor:
     def at_rest(self) -> bool:
         """Whether the motion in use is over."""
         return self.t >= self.motion.duration
+
+    @property
+    def looks_out(self) -> bool:
+        """Whether the next `update` looks if somebody comes, which takes a while."""
+        return self._lookout is not None and self._lookout.is_due
 
     def new_goal(self) -> None:
         """Take the next answer's path in any case."""
@@ -274,7 +284,7 @@ class Executor:
             threat: Where the person can be; None where nobody is about.
         """
         self._frame += 1
-        self._updated = True
+        self._updated, self._looked, self.timed_path = True, self.looks_out, False
         if self.off:
             self._retreat_on_or_stop(threat)
             return
@@ -303,6 +313,7 @@ class Executor:
         scale = float(self.scales[self._level])
         told = (self.motion, self.t, commit, path, self._blend, scale)
         self._take(self._timed.join(*told))
+        self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
         self.state = MOVING
@@ -554,6 +565,10 @@ class Executor:
             return
         if motion is self._kept and self._frame % _KEEP_EVERY:
             return
+        # one frame later beside a look out and a new path, which take as long
+        if self._looked and self.timed_path and self._frame - self._kept_at <= 1:
+            return
+        self._kept_at = self._frame
         used, share = motion.jerk_scale, self._jerk_share()
         if _AGAIN * share < used or _AGAIN * used < share:
             kept = _gentler(motion, t, share)
@@ -610,6 +625,10 @@ class Executor:
     def _try_faster(self, threat: Moving) -> None:
         if self._level <= self._least_level:
             return
+        # not in a frame that looked out: to time the rest anew takes as long
+        if self._looked and self._frame - self._tried <= 1:
+            return
+        self._tried = self._frame
         faster = self._rescaled(self._level - 1)
         if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)

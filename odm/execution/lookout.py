@@ -73,6 +73,11 @@ class Lookout:
         self._closer = safety.blending + safety.tracking
         self._told = getattr(planner, "is_met", None)
 
+    @property
+    def is_due(self) -> bool:
+        """Whether it will look when it is asked next."""
+        return self._wait_s - self.period <= 1e-9
+
     def look_at_once(self) -> None:
         """Wait no longer than between two looks: the last evasion was broken off."""
         self._wait_s = min(self._wait_s, _BETWEEN_LOOKS)

@@ -68,6 +68,7 @@ class Decision:
         found_beyond: Since then a path beyond the roadmap was found, which is tried
             before more nodes are.
         only_seen: The last frame asked for no answer.
+        joined: The last frame joined q, or goals, to the roadmap.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = self.found_beyond = self.only_seen = False
+        self.new_goals = self.found_beyond = self.only_seen = self.joined = False
         self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
@@ -113,7 +114,7 @@ class Decision:
 
     def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
-        attacher, self.only_seen = self.attacher, False
+        attacher, self.only_seen, self.joined = self.attacher, False, False
         if self.new_goals or (attacher.without_cells and not self.path.followed):
             self._join_ahead(q)
         now = _NO_TIME if now is None else now
@@ -138,6 +139,7 @@ class Decision:
                 said, code = self._again(points, q, now)
             elif self._needs_nodes() and not joined:  # one such job a frame
                 self.attacher.attach_more(_MORE)
+                self.joined = True
                 said, code = self._again(points, q, now)
         self.found_beyond = False
         if code == step.BETTER:
@@ -220,7 +222,8 @@ class Decision:
         what = None if joined == MANY else JOIN.get((case, robot, joined))
         if what is None or not np.isfinite(q).all():
             return False
-        attacher.attach_start(q, without_cells=what == FEW)
+        attacher.attach_start(q, what == FEW, passes=robot == MOVES)
+        self.joined = True
         return True
 
     @property

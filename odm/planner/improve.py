@@ -16,6 +16,7 @@ from odm.planner.smooth import Smoother
 from odm.search import _step as step
 
 LOOK_EVERY = 8  # frames between two looks for a better path or goal
+_JOIN = 3  # tests that the robot's join to the roadmap takes as long as
 
 
 class Improver:
@@ -71,15 +72,18 @@ class Improver:
         candidate, smoother, made = self.candidate, self.smoother, 0
         if budget > 0 and self.frame.number >= self._next:
             self._next = self.frame.number + LOOK_EVERY
-            self._join()
-            budget -= 1
+            budget -= 1 + _JOIN * self._join()
+            if budget < 0:  # to look is left for the next call
+                self._next = 0
+                return 0
             made += self._look(ahead)
         candidate.begin()
         if budget > 0:
             straight = smoother.go_straight(ahead)
             budget -= straight >= 0
             made += straight > 0
-        half = budget // 2
+        # cuts and changes take turns where one test is all there is
+        half = budget // 2 if budget > 1 else budget * (self.frame.number % 2)
         cuts, left = self.cutter.run(half)
         if cuts:
             self._next = 0

@@ -206,6 +206,11 @@ class ReactivePlanner:
         return self.frame.number
 
     @property
+    def joined(self) -> bool:
+        """Whether the last `step` joined q to the roadmap, which takes milliseconds."""
+        return self.decision.joined
+
+    @property
     def goals(self) -> np.ndarray:
         """(g, dof) goals, best first [rad or m]."""
         return self.attacher.goals

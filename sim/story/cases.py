@@ -33,7 +33,7 @@ _APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
 LIVE = LiveSettings(
     choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
-    rank_budget=1000,
+    rank_budget=500,
     from_rest=True,
 )
 

@@ -7,6 +7,7 @@ follow a straight certified motion, close the fingers, take the object into the 
 """
 
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
@@ -16,6 +17,18 @@ import numpy as np
 
 from handover.human.body import Part
 from handover.human.human import Human
+from handover.targets.allowance import (
+    JOIN,
+    LOOK_OUT,
+    MOVES,
+    PREPARE,
+    REACH,
+    SET_GOALS,
+    TELL,
+    TEST,
+    TIME_PATH,
+    Allowance,
+)
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
@@ -26,7 +39,7 @@ from odm.frame.last_phase import gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadInput
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.transforms import check_pose
@@ -37,7 +50,6 @@ from sim.story.grasping import (
     Reach,
     Reaches,
     box_of,
-    is_valid,
     quarter_turns,
     straight_back,
 )
@@ -50,18 +62,17 @@ from sim.story.settings import StorySettings
 OPEN, CLOSED = "open", "closed"
 _ARRIVED = 1e-4  # [rad or m]
 _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_CALM, _BUSY = (
-    3,
-    1,
-)  # what may be bettered between frames: in others, and in costly ones
-_BRAKED_EVERY = 4  # frames of a braked robot, in one of which it looks for grasps
+_TESTS = 2  # of `improve` in a frame at most, and of a robot on its way
+_ON_ITS_WAY = 1
+_BRAKED_EVERY = 4  # frames of a braked robot, after which it looks for grasps
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 _GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
-_TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long
+_TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
+_LATE_S = 0.08  # [s] and no later than so, before the step
 _NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
@@ -125,6 +136,8 @@ class _Seen:
     hand_gap: float  # from the receiving hand to the object [m]
     object_speed: float  # [m/s]
     dt: float
+    # threat, which parts are the arm, capsules, labels, which parts are the hand
+    whole: tuple[Threat | None, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Handover:
@@ -212,7 +225,8 @@ class Handover:
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._told_at = -np.inf
         self._braked = 0  # frames for which it has been braked on its way
-        self._light = True  # whether nothing costly was done in this frame
+        self._due = True  # whether grasps are looked for again, once there is time
+        self._allowance = Allowance()
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         self._placeless = False  # there is no place to put the object down
@@ -269,6 +283,7 @@ class Handover:
         executor = self.executor
         if frame.q is not None:
             executor.locate(frame.q)
+        self._begin_frame()
         seen = self._look(frame)
         commit = executor.commit()
         self.answer = self._plan(seen, commit.q)
@@ -282,9 +297,13 @@ class Handover:
                 executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
+        self._spend_on(self.answer)
+        self._tell(seen, _TELL_S)
         if not (self.view.looked or self.answer.status == "replanned"):
-            budget = _CALM if self._light else _BUSY
-            self.planner.improve(budget, executor.next_commit())
+            most = _TESTS if executor.at_rest else _ON_ITS_WAY
+            tests = min(most, self._allowance.left // TEST)
+            if tests > 0:
+                self.planner.improve(tests, executor.next_commit())
         executor.advance()
         self._change_hands()
         row = self.machine.step(self._signals(seen), frame.now)
@@ -293,6 +312,23 @@ class Handover:
         self._last = seen
         point = executor.set_point
         return Command(point.q, point.dq, self.fingers)
+
+    def _begin_frame(self) -> None:
+        """Take what the executor will do from what the frame may do."""
+        executor, allowance = self.executor, self._allowance
+        allowance.begin()
+        if not executor.at_rest or executor.state == BRAKED:
+            allowance.spend(MOVES)
+        if executor.looks_out:
+            allowance.spend(LOOK_OUT)
+
+    def _spend_on(self, answer: object) -> None:
+        """Take what the answer took from what the frame may yet do."""
+        allowance, asked = self._allowance, answer is self.planner.last
+        if asked and self.planner.joined:
+            allowance.spend(JOIN)
+        if self.executor.timed_path:
+            allowance.spend(TIME_PATH)
 
     # --- what is seen -----------------------------------------------------------
 
@@ -320,9 +356,7 @@ class Handover:
         everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
         there = Obstacles(capsules=everything)
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        if abs(frame.now - self._told_at) >= _TELL_S:
-            self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
-            self._told_at = frame.now
+        whole = threat, arm, rows, labels, hand
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
         self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
@@ -340,7 +374,9 @@ class Handover:
         gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
         who = threat, people, rows[hand]
-        return _Seen(frame, there, classes, *who, gap, speed, dt)
+        seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
+        self._tell(seen, _LATE_S)
+        return seen
 
     def _has_left(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
@@ -359,6 +395,16 @@ class Handover:
             arm = np.flatnonzero(np.isin(labels, ARMS[self._side]))
             known = self._arms = labels.tobytes(), hand, arm
         return known[1], known[2]
+
+    def _tell(self, seen: _Seen, every: float) -> None:
+        """Tell the planner where the person will be, if that is `every` [s] old."""
+        frame = seen.frame
+        late = abs(frame.now - self._told_at)
+        if late < every or not (late >= _LATE_S or self._allowance.grants(TELL)):
+            return
+        threat, arm, rows, labels, hand = seen.whole
+        self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
+        self._told_at = frame.now
 
     def _shunned(
         self, frame: StoryFrame, rows: np.ndarray, labels: np.ndarray, hand: np.ndarray
@@ -603,16 +649,19 @@ class Handover:
     def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
         """Look for a way to the object's place, one costly thing a frame; stand."""
         look = None if self._at_place is None else self._at_place[0]
-        self._light = False
+        grants = self._allowance.grants
         if look is not None and look.at is None:
-            look.begin(self._T_place, q)
+            if grants(REACH):
+                look.begin(self._T_place, q)
         elif look is not None and not look.found and not look.over:
-            look.work()
+            if grants(REACH):
+                look.work()
         elif look is None or not look.found:  # it is kept
             self._placeless, self._at_place = True, None
             self._begin_steps([Step("goal", [self._rest])])
         elif not self._is_ready(look.found[0].q_before):
-            self.planner.prepare_goal(look.found[0].q_before)
+            if grants(PREPARE):
+                self.planner.prepare_goal(look.found[0].q_before)
         else:
             self._begin_steps(self._putting_down_by(look.found[0]))
         return self._stand(seen, q)
@@ -660,9 +709,9 @@ class Handover:
         if self._at_place is None:
             return
         look, k = self._at_place
-        self._light = False
         if k + 1 == len(look.found) and not look.over:
-            look.work()
+            if self._allowance.grants(REACH):
+                look.work()
             return
         if len(look.found) > 1:
             k = (k + 1) % len(look.found)
@@ -697,7 +746,6 @@ class Handover:
     def _plan(self, seen: _Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
         step = self._step
-        self._light = True
         if self._driven_off(seen.frame):
             self.fingers = OPEN  # to above the object, and down anew
             self._begin_steps(self._steps)
@@ -738,8 +786,7 @@ class Handover:
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
         """Go to the best target."""
         targets = self.targets
-        targets.look(seen.frame.human, q)
-        self._light = False
+        targets.look(seen.frame.human, q, self._allowance)
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
@@ -815,10 +862,9 @@ class Handover:
     def _set_goals(self, goals: list[np.ndarray]) -> None:
         """Set the planner's goals where they are others now."""
         if not _are_same(goals, self._goals):
-            self._light = False
-            valid = [g for g in goals if is_valid(self.planner, g)]
-            if valid:
-                self.planner.set_goals(valid)
+            self._allowance.spend(SET_GOALS)
+            with suppress(BadConfiguration):  # none of them is valid
+                self.planner.set_goals(goals)
             self._goals = list(goals)
 
     def _follow(self, seen: _Seen, q: np.ndarray, q_end: np.ndarray) -> object:
@@ -852,8 +898,9 @@ class Handover:
         if T is None:
             return self._go(seen, q, [self._rest])
         slow = seen.object_speed < 4.0 * s.still_speed
-        if self._object_moved(T) and slow and self.state == table.APPROACH:
-            self._light = False
+        moved = self._object_moved(T) and slow and self.state == table.APPROACH
+        if moved:
+            self._allowance.spend(REACH)
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
@@ -864,24 +911,32 @@ class Handover:
             goals = self._goals if looks else [self._rest]
         # else a path is looked for, or joined and braked anew
         self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
-        calm = self._light and self._braked % _BRAKED_EVERY == 0
-        if calm and _are_same(goals, self._goals):
-            self._prepare()
+        self._due = self._due or self._braked % _BRAKED_EVERY == 0
+        if self._due and not moved and _are_same(goals, self._goals):
+            self._due = not self._prepare()
         answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
         return answer
 
-    def _prepare(self) -> None:
-        """Do one costly thing: join a goal to the roadmap, else look for another."""
+    def _prepare(self) -> bool:
+        """Do one costly thing: join a goal to the roadmap, else look for another.
+
+        Returns:
+            False where that waits for another frame.
+        """
         waiting = (r.q_before for r in self._reaches.found)
         goal = next((g for g in waiting if not self._is_ready(g)), None)
-        self._light = False
+        if goal is None and self._reaches.over:
+            return True
+        if not self._allowance.grants(REACH if goal is None else PREPARE):
+            return False
         if goal is not None:
             self.planner.prepare_goal(goal)
         else:
             self._reaches.work()
+        return True
 
     def _is_ready(self, goal: np.ndarray) -> bool:
         """Whether to set a goal costs little, or cannot be made to."""

@@ -173,3 +173,13 @@ def test_thin_people_are_inside_thick_ones():
 def test_impossible_sizes_are_refused(call, words):
     with pytest.raises(BadInput, match=words):
         call()
+
+
+def test_one_body_has_the_bytes_that_it_has_among_several():
+    body = UpperBody(JOINTS, BodySizes.sized(1.75))
+    places = np.random.default_rng(5).normal(0.0, 0.5, (200, len(JOINTS), 3))
+    places[0, COLUMN["head"]] = places[0, COLUMN["neck"]]  # no direction
+    places[1, COLUMN["hip"]] = np.nan
+    both = body.capsules(places)
+    for one, rows in zip(places, both, strict=True):
+        assert body.capsules(one).tobytes() == rows.tobytes()

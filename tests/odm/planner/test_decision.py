@@ -60,9 +60,9 @@ def joined(planner, monkeypatch):
     monkeypatch.setattr(
         planner.attacher,
         "attach_start",
-        lambda q, without_cells: (
+        lambda q, without_cells, passes: (
             seen.append(FEW if without_cells else MANY),
-            attach(q, without_cells),
+            attach(q, without_cells, passes),
         )[1],
     )
     return seen
