@@ -107,7 +107,8 @@ class Obstacles:
         )
         at = 0
         for kind, part in rows.items():
-            self._views[kind] = self.data[at : at + part.size].reshape(part.shape)
+            n, width = part.shape
+            self._views[kind] = self.data[at : at + part.size].reshape(n, width)
             at += part.size
         self.poses = self._views["meshes"].reshape(-1, 3, 4)
         self._points = _NO_POINTS

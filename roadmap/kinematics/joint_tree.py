@@ -11,6 +11,9 @@ FIXED, REVOLUTE, PRISMATIC = 0, 1, 2  # tree_i[:, KIND]
 class JointTree(Protocol):
     """A tree of joints with a tool, read only; `roadmap.Robot` is one."""
 
+    def __hash__(self) -> int:
+        """What was worked out for it is kept by this."""
+
     @property
     def name(self) -> str:
         """The robot's name."""
