@@ -28,7 +28,7 @@ def save_in_turn() -> None:
         with _turn(Path(self._cache_path)):
             plain(self, key, data)
 
-    save.is_in_turn = True
+    vars(save)["is_in_turn"] = True
     IndexDataCacheFile.save = save
 
 

@@ -10,7 +10,7 @@ and a loop is compiled anew for each of these. Nothing in our loops asks for it:
 are handed the numbers.
 """
 
-from numba.core import types
+from numba import types
 from numba.core.compiler import Flags
 from numba.core.compiler_machinery import PassManager
 from numba.core.targetconfig import ConfigStack
@@ -41,7 +41,8 @@ class LookupContext:
             args = tuple(_number(a) for a in args)
             kws = {name: _number(a) for name, a in dict(kws).items()}
             return self._context.resolve_function_type(func, args, kws)
-        if kws or type(func) is not types.Function or {type(a) for a in args} - _PLAIN:
+        plain = not kws and not {type(a) for a in args} - _PLAIN
+        if not (isinstance(func, types.Function) and plain):
             return self._context.resolve_function_type(func, args, kws)
         key = func, args
         signature = _signatures.get(key)
