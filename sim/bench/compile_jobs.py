@@ -97,7 +97,11 @@ def main() -> None:
                 print(f"left out: {at} with {error}")
                 continue
             jobs.setdefault((*loops[at], given), set()).add(command)
-    rows = sorted((m, n, list(t), " ".join(sorted(b))) for (m, n, t), b in jobs.items())
+    # those that no command asks for any more are left out
+    needed = (
+        (*loop, list(t), " ".join(sorted(b))) for (*loop, t), b in jobs.items() if b
+    )
+    rows = sorted(needed)
     lines = [",\n".join(map(json.dumps, part)) for part in (types.rows, rows)]
     TABLE.write_text(f'{{"types": [\n{lines[0]}\n],\n"jobs": [\n{lines[1]}\n]}}\n')
 
