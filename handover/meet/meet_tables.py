@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import maximum_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 from handover.human._arm_ik import WORK_ROWS
 from handover.human.human import Human
@@ -90,7 +90,9 @@ class PersonTables:
         """Return the largest dexterity within so many cells, padded by as many."""
         if margin not in self._most:
             most = self._ceiling.reshape(self._grid.shape)
-            most = maximum_filter(np.pad(most, margin), 2 * margin + 1, mode="constant")
+            most = np.pad(most, 2 * margin)
+            for axis in range(most.ndim):
+                most = sliding_window_view(most, 2 * margin + 1, axis).max(axis=-1)
             self._most = {margin: frozen(most, np.uint8)}
         return self._most[margin]
 

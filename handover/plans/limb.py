@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from handover.chain import Chain
 from handover.grasps.agents import Agent
@@ -213,6 +212,8 @@ def prism(radius: float, length: float) -> np.ndarray:
 
 def hull_points(points: np.ndarray) -> np.ndarray:
     """Return the corners of a convex hull."""
+    from scipy.spatial import ConvexHull  # what runs without plans need not load it
+
     return points[ConvexHull(points).vertices]
 
 

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -39,6 +38,8 @@ class NodeIndex:
         self.nodes = frozen(nodes, np.float64)
         poses = np.array([tool_pose(robot, q) for q in self.nodes])
         self.T_base_tool = frozen(poses, np.float64)
+        from scipy.spatial import cKDTree  # what runs without targets need not load it
+
         self._tree = cKDTree(_points(self.T_base_tool))
 
     def __len__(self) -> int:
