@@ -19,7 +19,7 @@ from sim.people.human_motion import HumanMotion
 _EVERY = 10  # frames, of those in which it stands, between two that are asked
 _PACES = {"slowed": (SLOWED, BRAKED), "evading": (RETREATING,)}
 _STANDING = ("taken", "pinned", "no way", "waits")  # names that fit a terminal
-_COLUMNS = ("possible", "trips", "detour", *_PACES, *_STANDING)
+_COLUMNS = ("possible", "by sight", "trips", "detour", *_PACES, *_STANDING)
 
 
 class PaceWatch:
@@ -44,6 +44,8 @@ def lost_time(
     trip_s: float,
 ) -> dict[str, float]:
     """Return the shares of the time by name, and the trips that were "possible".
+
+    Those "by sight" are of one who sees the person as they are, and not what comes.
 
     "trips" is what those made take a robot with nobody about; "detour" the rest of the
     time at full speed: longer ways, more corners, ways begun in vain. It stands since
@@ -70,8 +72,10 @@ def lost_time(
     shares |= _standing(oracle, planner, places, result, np.flatnonzero(stands))
     shares["trips"] = result.trips * trip_s / result.duration_s
     shares["detour"] = 1.0 - sum(shares.values())
-    possible = oracle.trips(human.capsules, result.duration_s, trip_s)
-    return shares | {"possible": possible * trip_s / result.duration_s}
+    run = (human.capsules, result.duration_s, trip_s)
+    oracles = {"possible": oracle.trips(*run), "by sight": oracle.trips_by_sight(*run)}
+    whole = result.duration_s / trip_s
+    return shares | {name: trips / whole for name, trips in oracles.items()}
 
 
 def _standing(

@@ -7,6 +7,9 @@ from it, and it never brakes: it sets off later. It keeps m while it moves; whoe
 comes to it while it stands is let come. A robot that has to see, to prove and to brake
 cannot do what it does. It is no strict bound: another way may be shorter still, though
 all corners are turned at full speed.
+
+A second one sees where the person is, and knows nothing of what comes. It plans past a
+person who stays, twenty times a second, and stops at once where the person has come.
 """
 
 import heapq
@@ -27,6 +30,9 @@ _PARTS = 4  # of each leg of a way, between which it is straightened
 _STEP = 0.04  # [s] the distance is looked at so often
 _LATER = 0.05  # [s] a motion that is not free is tried again so much later
 _MOST_TESTS = 4000  # of motions, for one way
+_LOOK = 0.05  # [s] who knows nothing of what comes looks so often
+_MOST_AT_A_LOOK = 1000  # of motions, for a way past the person as they are
+_SOONER = 0.95  # another way takes so much less time, or is not taken
 
 PersonAt = Callable[[float], np.ndarray]
 Vertices = tuple[int, ...]
@@ -101,19 +107,95 @@ class TripOracle:
                 return trips + (seconds - begun) / max(now - begun, 1e-9)
             trips, at = trips + 1, to
 
+    def trips_by_sight(self, person: PersonAt, seconds: float, trip_s: float) -> float:
+        """Return the trips of one who sees the person as they are, and no more.
+
+        The arguments are those of `trips`. It goes along its way as long as that keeps
+        m from the person as they are now, and takes another that is sooner.
+        """
+        now, trips, to, q = 0.0, 0, 1, self._q[self._places[0]]
+        way: list[np.ndarray] = []
+        begin = max(trip_s - self.way_alone(to), 0.0)  # to get up speed, and to stop
+        while now < seconds:
+            here, now = now, min(now + _LOOK, seconds)
+            while True:
+                way = self._way_by_sight(way, q, to, person(here))
+                leaves = max(here, begin)
+                if not way or leaves >= now:
+                    break
+                way, needed = self._gone(way, now - leaves)
+                q = way[0]
+                if len(way) > 1:
+                    break
+                trips, way, to = trips + 1, [], (to + 1) % len(self._places)
+                begin = leaves + needed + max(trip_s - self.way_alone(to), 0.0)
+        left = self._time(q, self._q[self._places[to]]) / self.way_alone(to)
+        return trips + max(0.0, 1.0 - left)
+
     def leads_on(self, q: np.ndarray, place: int, capsules: np.ndarray) -> bool:
         """Whether a way leads from q (dof,) to a place past a person who stays."""
+        return bool(self._past(q, place, capsules, _MOST_TESTS)[1])
+
+    def _way_by_sight(
+        self, way: list[np.ndarray], q: np.ndarray, place: int, capsules: np.ndarray
+    ) -> list[np.ndarray]:
+        """Return the way from q to a place, past a person who stays; [] for none."""
+        self._known.clear()
+        legs = list(zip(way[:-1], way[1:], strict=True))
+        if not all(self._is_free(a, b, 0.0, lambda t: capsules) for a, b in legs):
+            legs, way = [], []
+        ends = q, self._q[self._places[place]]
+        if len(legs) == 1 or not all(
+            self._keeps_clear(end, 0.0, lambda t: capsules) for end in ends
+        ):
+            return way  # nothing is shorter, or nothing leads there
+        time, other = self._past(q, place, capsules, _MOST_AT_A_LOOK)
+        if not other:
+            return way
+        present = sum(self._time(a, b) for a, b in legs)
+        return way if way and time > _SOONER * present else other
+
+    def _past(
+        self, q: np.ndarray, place: int, capsules: np.ndarray, most: int
+    ) -> tuple[float, list[np.ndarray]]:
+        """Return the time [s] and corners from q to a place, past who stays."""
+
+        def person(t: float) -> np.ndarray:
+            return capsules
+
         self._known.clear()
         n, left = len(self._q), self._left[place]
         start = self._add(q)
         self._link_if_free(start, self._places[place])
         own = min((w + left[k] for k, w in self._ways[start]), default=math.inf)
         graph = self._graph(place, np.append(left, own))
-        found = self._soonest(graph, start, 0.0, lambda t: capsules, stays=True)[1]
+        how = {"stays": True, "most": most}
+        time, found = self._soonest(graph, start, 0.0, person, **how)
+        way = [self._q[k] for k in found]
         for k, _ in self._ways[start]:
             self._ways[k].pop()
         del self._q[n:], self._ways[n:]
-        return bool(found)
+        if len(way) > 2:
+            straight = self._straightened(way)
+            sooner, found = self._soonest(straight, 0, 0.0, person, **how)
+            if found and sooner <= time:
+                return sooner, [straight.q[k] for k in found]
+        return time, way
+
+    def _gone(
+        self, way: list[np.ndarray], most: float
+    ) -> tuple[list[np.ndarray], float]:
+        """Return what is left of a way at full speed, and the time [s] up to `most`."""
+        way, passed = list(way), 0.0
+        while len(way) > 1:
+            needs = self._time(way[0], way[1])
+            if passed + needs > most:
+                leg = difference(self.planner.robot, way[0], way[1])
+                way[0] = way[0] + leg * ((most - passed) / needs)
+                return way, most
+            del way[0]
+            passed += needs
+        return way, passed
 
     def _arrival(
         self, start: int, place: int, now: float, person: PersonAt, end: float
@@ -157,12 +239,13 @@ class TripOracle:
         end: float = math.inf,
         clear: float = 0.0,
         stays: bool = False,
+        most: int = _MOST_TESTS,
     ) -> tuple[float, Vertices]:
         """Return when it can be at the goal [s], and by which vertices.
 
         Who may wait anywhere loses nothing by being early, so ways are grown in the
-        order of the time that they would take if all ahead were free. After
-        `_MOST_TESTS` motions, or at `end`, that time is the answer, without vertices.
+        order of the time that they would take if all ahead were free. After `most`
+        motions, or at `end`, that time is the answer, without vertices.
 
         Args:
             graph: What it may go along.
@@ -172,13 +255,14 @@ class TripOracle:
             end: When nobody looks any more [s].
             clear: The goal is not free before [s].
             stays: The person does not move: what is not free will not be.
+            most: Motions that are looked at.
         """
         left, came = graph.left, {}
         heap = [(max(now + left[start], clear), left[start], now, start, start)]
         tests = 0
         while heap:
             soonest, _, begin, origin, vertex = heapq.heappop(heap)
-            if soonest >= end or tests > _MOST_TESTS:
+            if soonest >= end or tests > most:
                 return soonest, ()
             if vertex in came:
                 continue

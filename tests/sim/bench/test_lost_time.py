@@ -54,6 +54,9 @@ def test_with_nobody_about_every_trip_is_possible(planner, places, oracle):
     for trip_s in (way, way + 0.5):
         trips = oracle.trips(lambda t: NOBODY, 10.0, trip_s)
         assert trips == pytest.approx(10.0 / trip_s)
+        # the last one counts by how much of its way is done
+        by_sight = oracle.trips_by_sight(lambda t: NOBODY, 10.0, trip_s)
+        assert int(trips) <= by_sight <= trips + 1e-9
 
 
 def test_whoever_sits_at_a_place_for_half_of_the_time_costs_it(planner, places, oracle):
@@ -64,6 +67,27 @@ def test_whoever_sits_at_a_place_for_half_of_the_time_costs_it(planner, places, 
     assert 1 + (5.0 - 0.2) / way < trips <= 1 + 5.0 / way
     # the trip that nobody can make is told by the share that is over in time
     assert oracle.trips(lambda t: at, 10.0, way) < 1.0
+
+
+def test_who_sees_the_present_alone_sets_off_when_the_place_is_free(
+    planner, places, oracle
+):
+    at, way = ball(tool(planner, places[1])), straight(planner, places)
+    trips = oracle.trips_by_sight(lambda t: at if t < 5.0 else NOBODY, 10.0, way)
+    assert 5.0 / way - 0.2 < trips <= 5.0 / way + 0.1  # and no sooner
+    assert oracle.trips_by_sight(lambda t: at, 10.0, way) <= 0.0
+
+
+def test_who_sees_the_present_alone_is_stopped_by_who_steps_into_the_way(
+    planner, places, oracle
+):
+    way = straight(planner, places)
+    middle = ball(tool(planner, 0.5 * (places[0] + places[1])), 0.3)
+    steps_in = 0.2 * way  # and stays: nothing leads past them
+    trips = oracle.trips_by_sight(
+        lambda t: middle if t >= steps_in else NOBODY, 4.0, way
+    )
+    assert 0.0 < trips < 0.6
 
 
 def test_the_way_of_the_oracle_keeps_m_from_who_stands_in_it(planner, places, oracle):
@@ -110,8 +134,8 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
     human = SimpleNamespace(capsules=lambda t: capsules[min(int(100 * t), 399)])
     trip_s = straight(planner, places)
     shares = lost_time(planner, places, human, result, paces, SCALE, trip_s)
-    possible = shares.pop("possible")
-    assert 0.0 < possible <= 1.0
+    possible, by_sight = shares.pop("possible"), shares.pop("by sight")
+    assert 0.0 <= by_sight <= possible <= 1.0
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["slowed"] == pytest.approx(30 / 400)
     assert shares["evading"] == pytest.approx(20 / 400)
@@ -122,7 +146,7 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
 
 
 def test_the_table_has_a_row_for_each_motion_with_the_means_of_its_runs():
-    names = ("possible", "trips", "detour", "slowed", "evading")
+    names = ("possible", "by sight", "trips", "detour", "slowed", "evading")
     names += ("taken", "pinned", "no way", "waits")
     one = {name: 0.1 for name in names}
     runs = [{"motion": "sweep", "lost": one}, {"motion": "reach", "lost": one}]
