@@ -52,6 +52,7 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
+_TRUNK = [COLUMN[name] for name in ("neck", "hip", "head")]
 LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 
@@ -211,7 +212,7 @@ class UpperBody:
         begin, end = self._limbs
         limbs = [0, 1, 2, 3, 4, 5, 7]  # 6 is the spine, 8 the head
         rows[limbs, :3], rows[limbs, 3:6] = places[begin], places[end]
-        neck, hip, head = places[[COLUMN[n] for n in ("neck", "hip", "head")]].tolist()
+        neck, hip, head = places[_TRUNK].tolist()
         spine, length = _direction(neck, hip)
         below = min(length, sizes.torso - sizes.shoulders)
         crown = sizes.crown - sizes.head
@@ -290,15 +291,16 @@ def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
         (6, 7) ends a, b and radius [m]; the foot's round ends touch heel and toes from
         inside.
     """
-    rods = []
-    for hip, knee, ankle, heel, toes in places:
-        foot = toes - heel
-        length = max(math.sqrt(foot @ foot), 1e-9)
-        inset = min(sizes.foot / length, 0.5) * foot
-        rods.append((hip, knee, sizes.thigh))
-        rods.append((knee, ankle, sizes.shank))
-        rods.append((heel + inset, toes - inset, sizes.foot))
-    return _rows_of(rods, ())
+    rows = np.empty((6, 7))
+    legs = rows.reshape(2, 3, 7)
+    legs[:, :2, :3], legs[:, :2, 3:6] = places[:, :2], places[:, 1:3]
+    heels, toes = places[:, 3], places[:, 4]
+    feet = toes - heels
+    lengths = [max(math.sqrt(foot @ foot), 1e-9) for foot in feet]
+    inset = [[min(sizes.foot / length, 0.5)] for length in lengths] * feet
+    legs[:, 2, :3], legs[:, 2, 3:6] = heels + inset, toes - inset
+    legs[:, :, 6] = sizes.thigh, sizes.shank, sizes.foot
+    return rows
 
 
 def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:

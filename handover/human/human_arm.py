@@ -154,8 +154,9 @@ class Arm:
     def places(self, q: np.ndarray) -> np.ndarray:
         """Return (3, 3) elbow, wrist and grip in the shoulder frame [m]."""
         u, _, v, _, _, h, _ = arm_axes(check_joints(q))
-        directions = np.array((u, v, h))
-        places = np.cumsum(self.lengths[:, None] * directions, axis=0)
+        places = self.lengths[:, None] * np.array((u, v, h))
+        places[1] += places[0]
+        places[2] += places[1]
         return places @ MIRROR if self.side == "left" else places
 
     def ik(self, T_shoulder_hand: np.ndarray, step: float = STEP) -> ArmSolutions:
@@ -271,7 +272,7 @@ def check_joints(q: np.ndarray) -> np.ndarray:
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "
             f"seven finite angles in rad: {', '.join(ARM_JOINTS)}"
         )
-    if np.abs(q).max() > 4 * np.pi:
+    if max(map(abs, q.tolist())) > 4 * math.pi:
         raise BadInput(
             f"joints of an arm are {q.tolist()}, beyond two whole turns; this looks "
             "like degrees, give rad"
