@@ -202,7 +202,8 @@ class Executor:
             point = self.motion.at(self.t)
             point = point._replace(q=wrapped(self.robot, point.q))
             known = self._point = self.motion, self.t, point
-        return SetPoint(*(numbers.copy() for numbers in known[2]))
+        q, dq, ddq = known[2]
+        return SetPoint(q.copy(), dq.copy(), ddq.copy())
 
     @property
     def at_rest(self) -> bool:
@@ -227,9 +228,9 @@ class Executor:
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
-        shares = self.scales / self.scales[0]
-        within = np.flatnonzero(shares <= share + 1e-9)
-        self._least_level = int(within[0]) if len(within) else _LEVELS - 1
+        shares = (self.scales / self.scales[0]).tolist()
+        within = [k for k, least in enumerate(shares) if least <= share + 1e-9]
+        self._least_level = within[0] if within else _LEVELS - 1
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.

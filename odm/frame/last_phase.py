@@ -178,8 +178,8 @@ def _same(known: tuple, of: tuple) -> bool:
     return (
         known[0] is of[0]
         and known[3] == of[3]
-        and np.array_equal(known[1], of[1])
-        and np.array_equal(known[2], of[2])
+        and known[1].tobytes() == of[1].tobytes()
+        and known[2].tobytes() == of[2].tobytes()
     )
 
 
