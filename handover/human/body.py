@@ -175,15 +175,21 @@ class UpperBody:
         return set(self.present) == set(JOINTS)
 
     @cached_property
-    def _limbs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which joints begin and end the rods of arms, and across the shoulders."""
+    def _limbs(self) -> np.ndarray:
+        """(7, 2) joints at the ends of the rods of arms, and across the shoulders."""
         names = []
         for side in SIDES:
             shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
             names += [(hand, tip), (elbow, hand), (shoulder, elbow)]
         names.append(("left_shoulder", "right_shoulder"))
-        begin, end = zip(*names, strict=True)
-        return np.array([COLUMN[n] for n in begin]), np.array([COLUMN[n] for n in end])
+        return np.array([[COLUMN[name] for name in ends] for ends in names])
+
+    @cached_property
+    def _radii(self) -> np.ndarray:
+        """(9,) radii of the rods of a whole body [m]."""
+        sizes = self.sizes
+        arm = (sizes.hand, sizes.forearm, sizes.upper_arm)
+        return np.array([*arm, *arm, sizes.torso, sizes.shoulders, sizes.head])
 
     def capsules(self, places: np.ndarray) -> np.ndarray:
         """Return the body as closed capsules.
@@ -209,9 +215,8 @@ class UpperBody:
         A frame asks for it, and arrays of three numbers take longer than they do.
         """
         sizes, rows = self.sizes, np.empty((9, 7))
-        begin, end = self._limbs
-        limbs = [0, 1, 2, 3, 4, 5, 7]  # 6 is the spine, 8 the head
-        rows[limbs, :3], rows[limbs, 3:6] = places[begin], places[end]
+        limbs = places[self._limbs].reshape(7, 6)
+        rows[:6, :6], rows[7, :6] = limbs[:6], limbs[6]  # 6 is the spine, 8 the head
         neck, hip, head = places[_TRUNK].tolist()
         spine, length = _direction(neck, hip)
         below = min(length, sizes.torso - sizes.shoulders)
@@ -221,8 +226,7 @@ class UpperBody:
         chest = [n - below * d for n, d in zip(neck, spine, strict=True)]
         top = [n + reach * d for n, d in zip(neck, up, strict=True)]
         rows[6, :6], rows[8, :6] = (*hip, *chest), (*neck, *top)
-        arm = (sizes.hand, sizes.forearm, sizes.upper_arm)
-        rows[:, 6] = (*arm, *arm, sizes.torso, sizes.shoulders, sizes.head)
+        rows[:, 6] = self._radii
         return rows
 
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:

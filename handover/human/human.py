@@ -292,7 +292,8 @@ class Human:
     def _leg_capsules(self, sizes: BodySizes) -> np.ndarray:
         T = self.T_world_pelvis
         legs = leg_places(self.skeleton, posture_named(self.posture))
-        return leg_capsules(legs @ T[:3, :3].T + T[:3, 3], sizes)
+        legs = legs.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        return leg_capsules(legs.reshape(2, -1, 3), sizes)
 
 
 # what depends on a few numbers only, kept for the next frame of the same person

@@ -157,7 +157,9 @@ class Arm:
         places = self.lengths[:, None] * np.array((u, v, h))
         places[1] += places[0]
         places[2] += places[1]
-        return places @ MIRROR if self.side == "left" else places
+        if self.side == "left":
+            places[:, 1] *= -1.0
+        return places
 
     def ik(self, T_shoulder_hand: np.ndarray, step: float = STEP) -> ArmSolutions:
         """Return all solutions for a hand pose; none is no error.
@@ -267,7 +269,7 @@ def check_side(side: str) -> str:
 def check_joints(q: np.ndarray) -> np.ndarray:
     """Return q as (7,) float, or refuse another shape, NaN and infinity."""
     q = np.array(q, dtype=float)  # a copy: to numba a frozen array is another type
-    if q.shape != (7,) or not np.isfinite(q).all():
+    if q.shape != (7,) or not all(map(math.isfinite, q.tolist())):
         raise BadInput(
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "
             f"seven finite angles in rad: {', '.join(ARM_JOINTS)}"

@@ -420,21 +420,25 @@ class Watcher:
         if not last:
             return
         ages = [now - t for t, _ in past]
-        errors = [
-            2.0 * s.noise / w + 0.5 * s.acceleration * w if w > 0.0 else math.inf
-            for w in ages
-        ]
         counts = set(self._count.tolist())
         for count in counts:
             if count < 2:
                 continue
             first = max(0, last + 1 - count)
-            i = min(range(last, first - 1, -1), key=errors.__getitem__)
+            i = last - 1  # the shortest time is best where nothing is wrong by noise
+            if s.noise:
+                i = min(range(i, first - 1, -1), key=lambda k: self._error(ages[k]))
             # mostly all were followed for as long
             these = self._count == count if len(counts) > 1 else slice(None)
             moved = past[-1][1][these] - past[i][1][these]
             self._rates[0, these] = moved / ages[i]
-            self._slack[these], self._windows[these] = errors[i], ages[i]
+            self._slack[these] = self._error(ages[i])
+            self._windows[these] = ages[i]
             # seen for less: it rested before
             moved = past[-1][1][these] - past[first][1][these]
             self._rates[1, these] = moved / max(ages[first], _DRIFT)
+
+    def _error(self, window: float) -> float:
+        """Return the bound on the error of a mean velocity over a time [s], in m/s."""
+        s = self.settings
+        return 2.0 * s.noise / window + 0.5 * s.acceleration * window
