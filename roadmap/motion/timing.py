@@ -102,10 +102,11 @@ class SpeedProfile:
 
     def then(self, later: "SpeedProfile") -> "SpeedProfile":
         """Return this profile followed by another, which begins where this one ends."""
-        phases = tuple(p._replace(t=p.t + self.duration) for p in later.phases)
-        return SpeedProfile(
-            self.phases + phases, self.duration + later.duration, later.end
-        )
+        if not self.phases:
+            return later
+        begin = self.duration
+        phases = tuple(Phase(begin + t, *state) for t, *state in later.phases)
+        return SpeedProfile(self.phases + phases, begin + later.duration, later.end)
 
 
 class ProfileBuilder:
@@ -227,9 +228,9 @@ class ProfileBuilder:
                 continue
             phase = Phase(t, s, v, a, j)
             self.phases.append(phase)
-            s, v, a = after(phase, dt)
+            s, v, a = end = after(phase, dt)
             t, left = t + dt, left - dt
-            if _slowest(phase, dt) < -_BACK:
+            if _slowest(phase, end) < -_BACK:
                 del self.phases[before:]
                 raise NoProfile(f"the state {self.state} could not but go back")
         if abs(left) > 1e-6:
@@ -248,9 +249,8 @@ def after(phase: Phase, dt: float) -> State:
     )
 
 
-def _slowest(phase: Phase, dt: float) -> float:
-    """Return the lowest speed within the first `dt` seconds of a phase."""
-    end = after(phase, dt)
+def _slowest(phase: Phase, end: State) -> float:
+    """Return the lowest speed from the begin of a phase to a state on it."""
     slowest = min(phase.v, end.v)
     if phase.a < 0.0 < end.a:
         slowest = min(slowest, after(phase, -phase.a / phase.j).v)
