@@ -141,6 +141,7 @@ class Executor:
         self.robot, self.planner, self.period = robot, planner, period
         self.settings = settings or ExecutionSettings()
         self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
+        self._shares = (self.scales / self.scales[0]).tolist()
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.held: Motion | None = None
         self.held_t = 0.0
@@ -228,8 +229,7 @@ class Executor:
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
-        shares = (self.scales / self.scales[0]).tolist()
-        within = [k for k, least in enumerate(shares) if least <= share + 1e-9]
+        within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
         self._least_level = within[0] if within else _LEVELS - 1
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:

@@ -371,12 +371,13 @@ class Watcher:
         self._follow(capsules[:, :6].reshape(-1, 2, 3), now)
         self._measure(now)
         sure = self._count >= _CONFIRMED
-        rates = np.where(sure[:, None, None], self._rates, 0.0)
+        rates, error = self._rates, self._slack  # others in the next frame
+        if not sure.all():
+            rates = np.where(sure[:, None, None], rates, 0.0)
+            error = np.where(sure, error, math.inf)
         unknown = self._lately(rates[0], sure, now)
-        error = np.where(sure, self._slack, math.inf)
         how = (self.settings, rates[1], unknown, tuple(self._past))
-        window = self._windows.copy()
-        return Threat(capsules, rates[0], error, age, *how, window=window)
+        return Threat(capsules, rates[0], error, age, *how, window=self._windows)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now, as any was lately [m/s].

@@ -43,6 +43,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
+from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import shunned
@@ -301,11 +302,11 @@ class Handover:
                 self.planner.improve(tests, executor.next_commit())
         executor.advance()
         self._change_hands()
-        row = self.machine.step(self._signals(seen), frame.now)
+        point = executor.set_point
+        row = self.machine.step(self._signals(seen, point), frame.now)
         if row is not None:
             self._enter(row.signal)
         self._last = seen
-        point = executor.set_point
         return Command(point.q, point.dq, self.fingers)
 
     def _go_gently(self, seen: _Seen, threat: Threat, limit: SpeedLimit) -> None:
@@ -313,7 +314,8 @@ class Handover:
         executor, share = self.executor, 1.0
         if not executor.at_rest:
             moves = executor.motion, executor.t, executor.settings.speed_scale
-            person = threat.of(slice(seen.people))
+            alone = seen.people == len(threat.error)
+            person = threat if alone else threat.of(slice(seen.people))
             share = limit.share(*moves, person, seen.hands)
         executor.limit_speed(share)
         if self.settings.direction == "give":  # who is gentle comes late to take
@@ -456,10 +458,10 @@ class Handover:
 
     # --- which signals hold -----------------------------------------------------
 
-    def _signals(self, seen: _Seen) -> set[str]:
-        """Return the names of what holds now; see `machine.SIGNALS`."""
+    def _signals(self, seen: _Seen, point: SetPoint) -> set[str]:
+        """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
-        moving = _most(self.executor.set_point.dq) > _MOVES
+        moving = _most(point.dq) > _MOVES
         if frame.wrench is not None:
             # what was taken has a weight; its giver may pull from the first moment on
             taken = self.holding and self.state == table.CLOSE
@@ -482,7 +484,7 @@ class Handover:
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
-        checks |= self._signals_of_place(seen)
+        checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
         calm = gripped and not self._pull.pulls
@@ -505,8 +507,8 @@ class Handover:
         self._farthest = max(self._farthest, gap)
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
-    def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
-        """Return what holds of where to go."""
+    def _signals_of_place(self, seen: _Seen, q: np.ndarray) -> dict[str, bool]:
+        """Return what holds of where to go, for a robot at q (dof,)."""
         s, executor = self.settings, self.executor
         if self._give:
             pursuit = self.targets.pursuit
@@ -520,8 +522,7 @@ class Handover:
         pre, T = self._taken, seen.frame.T_base_object
         off = np.inf
         if pre is not None:
-            here = executor.set_point.q
-            off = _most(difference(self.planner.robot, here, pre.q_before))
+            off = _most(difference(self.planner.robot, q, pre.q_before))
         moved = self._object_moved(T)
         still = seen.object_speed < s.still_speed and not moved
         closing = self.state == table.CLOSE
