@@ -235,8 +235,9 @@ def scalar_limits(
     limits the share `jerk_scale` is used.
     """
     max_jerk = jerk_scale * robot.max_jerk
-    steepest = np.array([np.maximum(np.abs(p.u), np.abs(p.w)) for p in pieces])
-    turn = np.array([np.abs(p.w - p.u) for p in pieces])
+    u, w = np.array([p.u for p in pieces]), np.array([p.w for p in pieces])
+    steepest = np.maximum(np.abs(u), np.abs(w))
+    turn = np.abs(w - u)
     d = np.array([p.d for p in pieces])
     blends = d > 0.0
     share_a = np.where(blends, ALONG_A, 1.0)
