@@ -52,6 +52,7 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
+_TRUNK = [COLUMN[name] for name in ("neck", "hip", "head")]
 LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 
@@ -174,15 +175,21 @@ class UpperBody:
         return set(self.present) == set(JOINTS)
 
     @cached_property
-    def _limbs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which joints begin and end the rods of arms, and across the shoulders."""
+    def _limbs(self) -> np.ndarray:
+        """(7, 2) joints at the ends of the rods of arms, and across the shoulders."""
         names = []
         for side in SIDES:
             shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
             names += [(hand, tip), (elbow, hand), (shoulder, elbow)]
         names.append(("left_shoulder", "right_shoulder"))
-        begin, end = zip(*names, strict=True)
-        return np.array([COLUMN[n] for n in begin]), np.array([COLUMN[n] for n in end])
+        return np.array([[COLUMN[name] for name in ends] for ends in names])
+
+    @cached_property
+    def _radii(self) -> np.ndarray:
+        """(9,) radii of the rods of a whole body [m]."""
+        sizes = self.sizes
+        arm = (sizes.hand, sizes.forearm, sizes.upper_arm)
+        return np.array([*arm, *arm, sizes.torso, sizes.shoulders, sizes.head])
 
     def capsules(self, places: np.ndarray) -> np.ndarray:
         """Return the body as closed capsules.
@@ -208,10 +215,9 @@ class UpperBody:
         A frame asks for it, and arrays of three numbers take longer than they do.
         """
         sizes, rows = self.sizes, np.empty((9, 7))
-        begin, end = self._limbs
-        limbs = [0, 1, 2, 3, 4, 5, 7]  # 6 is the spine, 8 the head
-        rows[limbs, :3], rows[limbs, 3:6] = places[begin], places[end]
-        neck, hip, head = places[[COLUMN[n] for n in ("neck", "hip", "head")]].tolist()
+        limbs = places[self._limbs].reshape(7, 6)
+        rows[:6, :6], rows[7, :6] = limbs[:6], limbs[6]  # 6 is the spine, 8 the head
+        neck, hip, head = places[_TRUNK].tolist()
         spine, length = _direction(neck, hip)
         below = min(length, sizes.torso - sizes.shoulders)
         crown = sizes.crown - sizes.head
@@ -220,8 +226,7 @@ class UpperBody:
         chest = [n - below * d for n, d in zip(neck, spine, strict=True)]
         top = [n + reach * d for n, d in zip(neck, up, strict=True)]
         rows[6, :6], rows[8, :6] = (*hip, *chest), (*neck, *top)
-        arm = (sizes.hand, sizes.forearm, sizes.upper_arm)
-        rows[:, 6] = (*arm, *arm, sizes.torso, sizes.shoulders, sizes.head)
+        rows[:, 6] = self._radii
         return rows
 
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
@@ -290,15 +295,16 @@ def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
         (6, 7) ends a, b and radius [m]; the foot's round ends touch heel and toes from
         inside.
     """
-    rods = []
-    for hip, knee, ankle, heel, toes in places:
-        foot = toes - heel
-        length = max(math.sqrt(foot @ foot), 1e-9)
-        inset = min(sizes.foot / length, 0.5) * foot
-        rods.append((hip, knee, sizes.thigh))
-        rods.append((knee, ankle, sizes.shank))
-        rods.append((heel + inset, toes - inset, sizes.foot))
-    return _rows_of(rods, ())
+    rows = np.empty((6, 7))
+    legs = rows.reshape(2, 3, 7)
+    legs[:, :2, :3], legs[:, :2, 3:6] = places[:, :2], places[:, 1:3]
+    heels, toes = places[:, 3], places[:, 4]
+    feet = toes - heels
+    lengths = [max(math.sqrt(foot @ foot), 1e-9) for foot in feet]
+    inset = [[min(sizes.foot / length, 0.5)] for length in lengths] * feet
+    legs[:, 2, :3], legs[:, 2, 3:6] = heels + inset, toes - inset
+    legs[:, :, 6] = sizes.thigh, sizes.shank, sizes.foot
+    return rows
 
 
 def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:

@@ -269,28 +269,31 @@ class Human:
         return T
 
     def _places(self) -> np.ndarray:
-        places = np.empty((len(JOINTS), 3))
+        skeleton, places = self.skeleton, np.empty((len(JOINTS), 3))
         R, origin = self.T_world_chest[:3, :3], self.T_world_chest[:3, 3]
-        hips = self.skeleton.hips.mean(axis=0)
         T = self.T_world_pelvis
-        places[COLUMN["hip"]] = T[:3, 3] + T[:3, :3] @ hips
-        neck = origin + R @ self.skeleton.neck
+        places[COLUMN["hip"]] = T[:3, 3] + T[:3, :3] @ skeleton.hip
+        neck = origin + R @ skeleton.neck
         places[COLUMN["neck"]] = neck
-        places[COLUMN["head"]] = neck + R @ self.skeleton.skull
+        places[COLUMN["head"]] = neck + R @ skeleton.skull
+        palm, arms = self.sizes.hand, np.zeros((2, 4, 3))
         for i, side in enumerate(SIDES):
-            shoulder = self.T_world_shoulder(side)
-            elbow, wrist, grip = self.arm(side).places(self.arms[side])
-            length = self.skeleton.hands[i]
-            reach = max(length - self.sizes.hand, 0.0) / self.skeleton.arms[i, 2]
-            own = np.array([0.0 * elbow, elbow, wrist, wrist + reach * (grip - wrist)])
-            at = [COLUMN[f"{side}_{j}"] for j in ("shoulder", "elbow", "hand", "tip")]
-            places[at] = own @ shoulder[:3, :3].T + shoulder[:3, 3]
+            arms[i, 1:] = self.arm(side).places(self.arms[side])
+        beyond = [max(hand - palm, 0.0) for hand in skeleton.hands.tolist()]
+        reach = (np.array(beyond) / skeleton.arms[:, 2])[:, None]
+        wrist, grip = arms[:, 2], arms[:, 3]
+        arms[:, 3] = wrist + reach * (grip - wrist)
+        first = COLUMN[f"{SIDES[0]}_shoulder"]  # the arms come last, joint by joint
+        whole = (arms.reshape(8, 3) @ R.T).reshape(2, 4, 3)
+        whole += [[origin + R @ shoulder] for shoulder in skeleton.shoulders]
+        places[first:] = whole.reshape(8, 3)
         return places
 
     def _leg_capsules(self, sizes: BodySizes) -> np.ndarray:
         T = self.T_world_pelvis
         legs = leg_places(self.skeleton, posture_named(self.posture))
-        return leg_capsules(legs @ T[:3, :3].T + T[:3, 3], sizes)
+        legs = legs.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        return leg_capsules(legs.reshape(2, -1, 3), sizes)
 
 
 # what depends on a few numbers only, kept for the next frame of the same person

@@ -154,9 +154,12 @@ class Arm:
     def places(self, q: np.ndarray) -> np.ndarray:
         """Return (3, 3) elbow, wrist and grip in the shoulder frame [m]."""
         u, _, v, _, _, h, _ = arm_axes(check_joints(q))
-        directions = np.array((u, v, h))
-        places = np.cumsum(self.lengths[:, None] * directions, axis=0)
-        return places @ MIRROR if self.side == "left" else places
+        places = self.lengths[:, None] * np.array((u, v, h))
+        places[1] += places[0]
+        places[2] += places[1]
+        if self.side == "left":
+            places[:, 1] *= -1.0
+        return places
 
     def ik(self, T_shoulder_hand: np.ndarray, step: float = STEP) -> ArmSolutions:
         """Return all solutions for a hand pose; none is no error.
@@ -266,12 +269,12 @@ def check_side(side: str) -> str:
 def check_joints(q: np.ndarray) -> np.ndarray:
     """Return q as (7,) float, or refuse another shape, NaN and infinity."""
     q = np.array(q, dtype=float)  # a copy: to numba a frozen array is another type
-    if q.shape != (7,) or not np.isfinite(q).all():
+    if q.shape != (7,) or not all(map(math.isfinite, q.tolist())):
         raise BadInput(
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "
             f"seven finite angles in rad: {', '.join(ARM_JOINTS)}"
         )
-    if np.abs(q).max() > 4 * np.pi:
+    if max(map(abs, q.tolist())) > 4 * math.pi:
         raise BadInput(
             f"joints of an arm are {q.tolist()}, beyond two whole turns; this looks "
             "like degrees, give rad"

@@ -1,7 +1,7 @@
 """Lengths between a person's joints: of a body height, or measured."""
 
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -59,6 +59,11 @@ class Skeleton:
                     f"of shape {shape}"
                 )
             object.__setattr__(self, name, array)
+
+    @cached_property
+    def hip(self) -> np.ndarray:
+        """(3,) pelvis to the middle between the hip joints, in the pelvis frame."""
+        return frozen(self.hips.mean(axis=0), np.float64)
 
     @classmethod
     def of_height(cls, height: float) -> "Skeleton":

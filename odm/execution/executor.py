@@ -141,6 +141,7 @@ class Executor:
         self.robot, self.planner, self.period = robot, planner, period
         self.settings = settings or ExecutionSettings()
         self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
+        self._shares = (self.scales / self.scales[0]).tolist()
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.held: Motion | None = None
         self.held_t = 0.0
@@ -202,7 +203,8 @@ class Executor:
             point = self.motion.at(self.t)
             point = point._replace(q=wrapped(self.robot, point.q))
             known = self._point = self.motion, self.t, point
-        return SetPoint(*(numbers.copy() for numbers in known[2]))
+        q, dq, ddq = known[2]
+        return SetPoint(q.copy(), dq.copy(), ddq.copy())
 
     @property
     def at_rest(self) -> bool:
@@ -227,9 +229,8 @@ class Executor:
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
-        shares = self.scales / self.scales[0]
-        within = np.flatnonzero(shares <= share + 1e-9)
-        self._least_level = int(within[0]) if len(within) else _LEVELS - 1
+        within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
+        self._least_level = within[0] if within else _LEVELS - 1
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.

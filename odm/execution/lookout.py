@@ -103,7 +103,7 @@ class Lookout:
         if self._wait_s > 1e-9:
             return None
         self._wait_s = _BETWEEN_LOOKS
-        if threat.likely(0.0) is None or not self._is_hit(motion, t, threat):
+        if not (threat.leads_on and self._is_hit(motion, t, threat)):
             return None
         q = motion.commit(t, 0.0).q
         if not self._meets(q[None], threat.likely(0.0, *_MEETS)):

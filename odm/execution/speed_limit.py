@@ -29,7 +29,7 @@ import numpy as np
 from odm.execution._speed import allowed_share
 from odm.execution.threat import Threat
 from roadmap.geometry.gaps import ball_gaps
-from roadmap.kinematics.forward import difference, sphere_centers
+from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
 from roadmap.motion.motion import Motion
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
@@ -136,16 +136,18 @@ class SpeedLimit:
             full = (speed_scale * self.robot.max_velocity / far).min()
         # a small step, so that the velocities are those of this moment
         short = 1e-3 / far.max()
-        centers = sphere_centers(self.robot, here)[self._moving]
+        balls = cover_balls(self.robot, here)[self._moving]
+        centers = np.ascontiguousarray(balls[:, :3])
         moved = sphere_centers(self.robot, here + short * step)[self._moving]
         moved -= centers
         moved *= full / short
-        rates = np.where(threat.known[:, None, None], threat.velocity, np.nan)
+        rates = threat.velocity.reshape(-1, 6)
+        if not threat.known.all():
+            rates = np.where(threat.known[:, None], rates, np.nan)
         rows = np.ascontiguousarray(threat.capsules)
-        rates = rates.reshape(-1, 6)
         share = allowed_share(centers, moved, self._radii, rows, rates, self._rule)
         if hands is not None and len(hands):
-            share = min(share, self._share_near(hands, centers, moved))
+            share = min(share, self._share_near(hands, balls, moved))
         return float(share)
 
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
@@ -168,18 +170,17 @@ class SpeedLimit:
         for ahead in _JERK_AHEAD:
             place = motion.place(min(t + ahead, motion.duration))
             q, direction, _ = path.at(place)
-            centers = sphere_centers(self.robot, q)[self._moving]
-            gaps = ball_gaps(np.column_stack([centers, self._radii]), hands)
-            near = (gaps < s.hand_near).any(axis=1)
+            balls = cover_balls(self.robot, q)[self._moving]
+            near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
             if near.any():
                 moved = sphere_centers(self.robot, q + _SMALL * direction)
-                moved = (moved[self._moving] - centers)[near] / _SMALL
+                moved = (moved[self._moving] - balls[:, :3])[near] / _SMALL
                 fastest = np.sqrt(np.einsum("ni,ni->n", moved, moved).max())
                 most = max(most, float(fastest * path.j[path.index(place)]))
         return s.hand_jerk / most
 
     def _share_near(
-        self, hands: np.ndarray, centers: np.ndarray, moved: np.ndarray
+        self, hands: np.ndarray, balls: np.ndarray, moved: np.ndarray
     ) -> float:
         """Return the share at which what is near a hand keeps `hand_speed`."""
         s = self.settings
@@ -187,7 +188,6 @@ class SpeedLimit:
         quick = np.flatnonzero(speeds > s.hand_speed)
         if not len(quick):
             return 1.0
-        balls = np.column_stack([centers[quick], self._radii[quick]])
-        near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
+        near = (ball_gaps(balls[quick], hands) < s.hand_near).any(axis=1)
         fastest = speeds[quick[near]].max(initial=s.hand_speed)
         return float(s.hand_speed / fastest)

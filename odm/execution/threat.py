@@ -150,6 +150,24 @@ class Threat:
     most: np.ndarray | None = None
     window: np.ndarray | None = None
 
+    def of(self, these: np.ndarray | slice) -> "Threat":
+        """Return the same of some of the parts alone."""
+        how = (self.drift, self.rows_of_past, self.most, self.window)
+        drift, rows, most, window = (x if x is None else x[these] for x in how)
+        return Threat(
+            self.capsules[these],
+            self.velocity[these],
+            self.error[these],
+            self.age,
+            self.settings,
+            drift,
+            self.unknown,
+            self.past,
+            rows,
+            most,
+            window,
+        )
+
     @property
     def rows_of_past(self) -> np.ndarray:
         """(k,) which of the ends in `past` each part is."""
@@ -206,7 +224,7 @@ class Threat:
         if not growth.max(initial=0.0) <= _MOST_GROWTH:
             return room, math.inf
         rows = room.capsules
-        rows[:, :6] = self._ends + (0.5 * (begin + end)) * self._rates
+        rows[:, :6] = self.capsules[:, :6] + (0.5 * (begin + end)) * self._rates
         rows[:, 6] = self.capsules[:, 6] + growth
         return room, 0.0
 
@@ -228,14 +246,19 @@ class Threat:
         As their mean velocities bring them: where they are likely to be, not where
         they can be. None where no velocities are known, or not the age.
         """
-        if not (self.is_dated and self.known.any()):
+        if not self.leads_on:
             return None
         drift = self.velocity if self.drift is None else self.drift
-        rates = drift.reshape(-1, 6)
-        rows = np.tile(self.capsules, (len(times), 1))
         ahead = age_of(self.age) + np.array(times)
-        rows[:, :6] += (ahead[:, None, None] * rates).reshape(-1, 6)
-        return Obstacles(capsules=rows)
+        rows = np.empty((len(times), *self.capsules.shape))
+        rows[...] = self.capsules
+        rows[:, :, :6] += ahead[:, None, None] * drift.reshape(-1, 6)
+        return Obstacles(capsules=rows.reshape(-1, 7))
+
+    @property
+    def leads_on(self) -> bool:
+        """Whether it is known where any of the parts are likely to be soon."""
+        return self.is_dated and bool(self.known.any())
 
     @cached_property
     def fastest(self) -> float:
@@ -254,10 +277,6 @@ class Threat:
         most = s.acceleration if self.most is None else self.most
         near = s.noise + error * t + 0.5 * most * t * t
         return np.where(known, near, s.noise + self._unknown * t)
-
-    @cached_property
-    def _ends(self) -> np.ndarray:
-        return self.capsules[:, :6]
 
     @cached_property
     def _rates(self) -> np.ndarray:
@@ -352,12 +371,13 @@ class Watcher:
         self._follow(capsules[:, :6].reshape(-1, 2, 3), now)
         self._measure(now)
         sure = self._count >= _CONFIRMED
-        rates = np.where(sure[:, None, None], self._rates, 0.0)
+        rates, error = self._rates, self._slack  # others in the next frame
+        if not sure.all():
+            rates = np.where(sure[:, None, None], rates, 0.0)
+            error = np.where(sure, error, math.inf)
         unknown = self._lately(rates[0], sure, now)
-        error = np.where(sure, self._slack, math.inf)
         how = (self.settings, rates[1], unknown, tuple(self._past))
-        window = self._windows.copy()
-        return Threat(capsules, rates[0], error, age, *how, window=window)
+        return Threat(capsules, rates[0], error, age, *how, window=self._windows)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now, as any was lately [m/s].
@@ -396,26 +416,30 @@ class Watcher:
         s, past = self.settings, self._past
         last = len(past) - 1
         n = len(past[-1][1])
-        self._rates, self._slack = np.zeros((2, n, 2, 3)), np.full(n, math.inf)
-        self._windows = np.zeros(n)
+        self._rates, self._windows = np.zeros((2, n, 2, 3)), np.zeros(n)
+        self._slack = self._windows + math.inf
         if not last:
             return
         ages = [now - t for t, _ in past]
-        errors = [
-            2.0 * s.noise / w + 0.5 * s.acceleration * w if w > 0.0 else math.inf
-            for w in ages
-        ]
         counts = set(self._count.tolist())
         for count in counts:
             if count < 2:
                 continue
             first = max(0, last + 1 - count)
-            i = min(range(last, first - 1, -1), key=errors.__getitem__)
+            i = last - 1  # the shortest time is best where nothing is wrong by noise
+            if s.noise:
+                i = min(range(i, first - 1, -1), key=lambda k: self._error(ages[k]))
             # mostly all were followed for as long
             these = self._count == count if len(counts) > 1 else slice(None)
             moved = past[-1][1][these] - past[i][1][these]
             self._rates[0, these] = moved / ages[i]
-            self._slack[these], self._windows[these] = errors[i], ages[i]
+            self._slack[these] = self._error(ages[i])
+            self._windows[these] = ages[i]
             # seen for less: it rested before
             moved = past[-1][1][these] - past[first][1][these]
             self._rates[1, these] = moved / max(ages[first], _DRIFT)
+
+    def _error(self, window: float) -> float:
+        """Return the bound on the error of a mean velocity over a time [s], in m/s."""
+        s = self.settings
+        return 2.0 * s.noise / window + 0.5 * s.acceleration * window

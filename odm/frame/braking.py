@@ -68,12 +68,7 @@ class PathTest:
         if not np.isfinite(points).all():
             return 0
         self.last_phase.look(phase, points, classes, solids, kinds)
-        cover = frame.cover()
-        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
-        for k, dq in enumerate(legs):
-            if self.last_phase.hit(cover, path[k], dq, extra, escape) is not None:
-                return k
-        return None
+        return self.last_phase.first_hit(frame.cover(), path, extra, escape)
 
     def _blocked(
         self, path: np.ndarray, extra: float, points: np.ndarray, solids: Solids

@@ -303,8 +303,10 @@ class Frame:
 
     def _know(self, obstacles: Obstacles) -> None:
         """Lay out what never changes about obstacles: room, and their meshes."""
-        self._fit_shapes(obstacles)
-        write_meshes(obstacles, self.memory.solids, self.memory.patterns)
+        # what has no meshes needs rows alone
+        if obstacles.meshes or len(obstacles) > len(self.memory.solids.kind):
+            self._fit_shapes(obstacles)
+            write_meshes(obstacles, self.memory.solids, self.memory.patterns)
         self._known = obstacles
 
     def _fit_shapes(self, obstacles: Obstacles, patterns: int = 0) -> None:

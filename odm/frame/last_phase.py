@@ -97,14 +97,7 @@ class LastPhase:
             extra: More distance, for braking [m].
             escape: What is nearer at q already only must not come nearer.
         """
-        kept, arm, radii, bare = self._protected_spheres(cover)
-        tests = (
-            (cover.arm, cover.radii, cover.bare, None, 0),
-            (arm, radii, bare, kept, 1),
-        )
-        tolerance = self.frame.cell_map.motion_tolerance
-        for spheres, far, near, of, k in tests:
-            test = CloseTest(spheres, far + extra, tolerance, cover.work, near + extra)
+        for k, (test, of) in enumerate(self._tests(cover, extra)):
             if escape:
                 test.anchor(q)
             if not test.clear(q, dq, self._clouds[k], escape, self._solids[k]):
@@ -117,6 +110,44 @@ class LastPhase:
                     point = int(np.flatnonzero(self._chosen == bool(k))[point])
                 return sphere, point, test.missing
         return None
+
+    def first_hit(
+        self, cover: Cover, path: np.ndarray, extra: float = 0.0, escape: bool = False
+    ) -> int | None:
+        """Return the first leg of a path for which `hit` finds something, or None.
+
+        Args:
+            cover: As in `hit`.
+            path: (k, dof) corners; a single one is a robot at rest.
+            extra: As in `hit` [m].
+            escape: As in `hit`.
+        """
+        tests = enumerate(self._tests(cover, extra))
+        told = [
+            t.first_blocked(path, self._clouds[k], self._solids[k])
+            for k, (t, _) in tests
+        ]
+        begin = min((leg for leg in told if leg is not None), default=None)
+        if begin is None or not escape:
+            return begin  # what keeps its whole distance is an escape, too
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        for k in range(begin, len(legs)):
+            if self.hit(cover, path[k], legs[k], extra, escape) is not None:
+                return k
+        return None
+
+    def _tests(
+        self, cover: Cover, extra: float
+    ) -> list[tuple[CloseTest, np.ndarray | None]]:
+        """Return the tests of what nothing, and what only some, may touch.
+
+        Each with the numbers of its spheres; None: all of the cover's.
+        """
+        kept, arm, radii, bare = self._protected_spheres(cover)
+        tolerance, work = self.frame.cell_map.motion_tolerance, cover.work
+        told = (cover.arm, cover.radii + extra, tolerance, work, cover.bare + extra)
+        few = (arm, radii + extra, tolerance, work, bare + extra)
+        return [(CloseTest(*told), None), (CloseTest(*few), kept)]
 
     def _protected_spheres(
         self, cover: Cover
@@ -178,8 +209,8 @@ def _same(known: tuple, of: tuple) -> bool:
     return (
         known[0] is of[0]
         and known[3] == of[3]
-        and np.array_equal(known[1], of[1])
-        and np.array_equal(known[2], of[2])
+        and known[1].tobytes() == of[1].tobytes()
+        and known[2].tobytes() == of[2].tobytes()
     )
 
 

@@ -96,7 +96,7 @@ class Obstacles:
             "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
         # a frame makes several of them, mostly of capsules alone
-        self._views, self.counts = dict(_NO_ROWS), np.zeros(len(KINDS), np.int64)
+        self._views, self.counts = _NO_ROWS.copy(), _NO_COUNTS.copy()
         rows = {}
         for k, kind in enumerate(KINDS):
             if given[kind] is not _NONE:
@@ -105,26 +105,30 @@ class Obstacles:
         self.data = np.concatenate(
             [_NO_DATA, *(part.ravel() for part in rows.values())]
         )
-        at = 0
+        at = self._size = 0
         for kind, part in rows.items():
             n, width = part.shape
             self._views[kind] = self.data[at : at + part.size].reshape(n, width)
-            at += part.size
-        self.poses = self._views["meshes"].reshape(-1, 3, 4)
+            at, self._size = at + part.size, self._size + n
+        self.poses = self._views["meshes"].reshape(-1, 3, 4) if poses else _NO_POSES
         self._points = _NO_POINTS
         if points is not None:
             self.points = points
-        self.labels = self._by_kind("labels", labels, KINDS)
-        told = self._by_kind("classes", classes, (*KINDS, "points"))
-        self.classes = None if "points" not in told else np.asarray(told["points"])
-        self._size = sum(map(len, rows.values()))
         self.shape_classes = np.zeros(self._size, np.int8)
-        at = 0
-        for kind, part in rows.items():
+        self.labels = self._by_kind("labels", labels, KINDS)
+        self.classes: np.ndarray | None = None
+        if classes is not None:
+            self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
+
+    def _classify(self, told: dict) -> None:
+        """Keep the classes of points and of all shapes."""
+        if "points" in told:
+            self.classes = np.asarray(told["points"])
+        ends = np.cumsum(self.counts).tolist()
+        for kind, n, end in zip(KINDS, self.counts.tolist(), ends, strict=True):
             if kind in told:
-                own = np.asarray(check_classes(told[kind], len(part)))
-                self.shape_classes[at : at + len(part)] = own
-            at += len(part)
+                own = np.asarray(check_classes(told[kind], n))
+                self.shape_classes[end - n : end] = own
 
     @classmethod
     def of(
@@ -336,11 +340,13 @@ def is_small_hull(mesh: solid.Mesh) -> bool:
 
 _NONE = 0  # of the default; most frames have capsules and nothing else
 _NO_ROWS = {k: np.zeros((0, w)) for k, w in zip(KINDS, WIDTHS, strict=True)}
-_NO_DATA = np.zeros(0)
+_NO_DATA, _NO_POSES = np.zeros(0), np.zeros((0, 3, 4))
+_NO_COUNTS = np.zeros(len(KINDS), np.int64)
+_WHOLE = (int, np.integer)
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:
-    if isinstance(given, int | np.integer) and not isinstance(given, bool):
+    if isinstance(given, _WHOLE) and not isinstance(given, bool):
         if given < 0:
             raise BadInput(f"{given} {kind} were asked for; give 0 or more")
         return np.full((int(given), width), np.nan)

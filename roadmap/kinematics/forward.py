@@ -34,6 +34,15 @@ def sphere_centers(robot: JointTree, q: np.ndarray) -> np.ndarray:
     return out
 
 
+def cover_balls(robot: JointTree, q: np.ndarray) -> np.ndarray:
+    """Return the cover's spheres in the base frame, (n, 4): centre and radius [m]."""
+    balls = np.array(robot.spheres)
+    kernels.place_points(
+        _flat_frames(robot, q), robot.sphere_body, robot.spheres, balls
+    )
+    return balls
+
+
 def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return the (6, dof) Jacobian of the tool in the base frame: linear, angular."""
     poses = body_frames(robot, q)
@@ -57,12 +66,16 @@ def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
 def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
     """Return `q_to - q_from`, (..., dof); continuous joints by the shorter turn."""
     dq = np.asarray(q_to, float) - np.asarray(q_from, float)
+    if not robot.continuous.any():
+        return dq
     turns = np.round(dq / (2 * np.pi))
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
 def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
-    """Return q (..., dof) with its continuous joints in [-pi, pi)."""
+    """Return q (..., dof) with its continuous joints in [-pi, pi), copied."""
+    if not robot.continuous.any():
+        return np.array(q, float)
     turned = (q + np.pi) % (2 * np.pi) - np.pi
     return np.where(robot.continuous, turned, q)
 

@@ -173,15 +173,15 @@ class BlendedPath:
 
         It counts on piece k being entered within its own speeds.
         """
-        piece = self.pieces[k]
+        piece, a = self.pieces[k], self.a.item(k)
         if piece.d == 0.0:
-            return self.a[k]
+            return a
         v = min(v, self.fastest(k))
-        return max(self.a[k], slowing_limit(piece, self.robot, v))
+        return max(a, slowing_limit(piece, self.robot, v))
 
     def fastest(self, k: int) -> float:
         """Return the highest speed on piece k."""
-        return min(self.joint_speed[k], self.turning_speed[k])
+        return min(self.joint_speed.item(k), self.turning_speed.item(k))
 
     def steady_speed(self, state: State) -> float:
         """Return the speed once the acceleration of a state has ended."""

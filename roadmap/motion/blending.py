@@ -15,7 +15,7 @@ corner's own configuration, where some of it cancels (`roadmap.kinematics._devia
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -92,6 +92,16 @@ class Piece:
         """Arc length."""
         return self.end - self.begin
 
+    @cached_property
+    def steepest(self) -> np.ndarray:
+        """(dof,) largest |dq/ds| of each joint, a little above 0."""
+        return np.maximum(np.maximum(np.abs(self.u), np.abs(self.w)), SHORTEST)
+
+    @cached_property
+    def bend(self) -> np.ndarray:
+        """(dof,) largest |d2q/ds2| of each joint on a blend, a little above 0."""
+        return np.maximum(np.abs(self.w - self.u), SHORTEST) * (0.75 / self.d)
+
 
 @lru_cache(maxsize=8)
 def joint_motion_bounds(robot: Robot) -> np.ndarray:
@@ -124,9 +134,11 @@ def blend_path(
     if pieces:
         at = pieces[-1].end
     legs = np.diff(path, axis=0)
-    lengths = np.linalg.norm(legs, axis=1)
+    lengths = np.linalg.norm(legs, axis=1).tolist()
     deviation = 0.0
-    for k in np.flatnonzero(lengths > SHORTEST):
+    for k in range(len(legs)):
+        if not lengths[k] > SHORTEST:
+            continue
         u = legs[k] / lengths[k]
         straight = Piece(at, at + lengths[k], path[k], at, u, u, 0.0)
         at = straight.end
@@ -205,11 +217,10 @@ def slowing_limit(piece: Piece, robot: Robot, v: float) -> float:
     |q''| v^2 + |q'| |a| within the acceleration, 3 |q''| v |a| within its share of the
     jerk.
     """
-    steepest = np.maximum(np.maximum(np.abs(piece.u), np.abs(piece.w)), SHORTEST)
-    bend = np.maximum(np.abs(piece.w - piece.u), SHORTEST) * (0.75 / piece.d)
+    steepest, bend = piece.steepest, piece.bend
     left = (robot.max_acceleration - v * v * bend) / steepest
     mixed = MIXED_J / (3.0 * max(v, SHORTEST)) * robot.max_jerk / bend
-    return float(min(left.min(), mixed.min()))
+    return min(*left.tolist(), *mixed.tolist())
 
 
 def scalar_limits(
@@ -224,8 +235,9 @@ def scalar_limits(
     limits the share `jerk_scale` is used.
     """
     max_jerk = jerk_scale * robot.max_jerk
-    steepest = np.array([np.maximum(np.abs(p.u), np.abs(p.w)) for p in pieces])
-    turn = np.array([np.abs(p.w - p.u) for p in pieces])
+    u, w = np.array([p.u for p in pieces]), np.array([p.w for p in pieces])
+    steepest = np.maximum(np.abs(u), np.abs(w))
+    turn = np.abs(w - u)
     d = np.array([p.d for p in pieces])
     blends = d > 0.0
     share_a = np.where(blends, ALONG_A, 1.0)

@@ -207,8 +207,10 @@ class Motion:
         a path that begins on one leads off at an angle, and the robot must stop there.
         """
         begin = min(t + ahead, self.duration)
-        stop = quickest_stop(self.path, self.profile, begin)
-        s = min(max(stop.end, self.place(t), least), self.length)
+        stands = self.length  # a motion that is over has nothing to stop
+        if begin < self.duration:
+            stands = quickest_stop(self.path, self.profile, begin).end
+        s = min(max(stands, self.place(t), least), self.length)
         if through_blends:
             s = self.path.behind_blend(s, self.length)
         return Commit(self.path.at(s)[0].copy(), s, begin)

@@ -1,6 +1,7 @@
 """Time along a path: from a state on it, or from a profile in use, without a step."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,29 +31,30 @@ def timed(path: BlendedPath, state: State, scale: float) -> SpeedProfile:
     """
     if not path.pieces:
         return ProfileBuilder(State(state.s, 0.0, 0.0)).profile()
-    limits = np.minimum(scale * path.joint_speed, path.turning_speed)
-    ends = np.array([p.end for p in path.pieces])
     k = path.index_of(state)
-    stops = path.stops[k:].copy()
+    limits = np.minimum(scale * path.joint_speed, path.turning_speed)[k:].tolist()
+    ends = [float(p.end) for p in path.pieces[k:]]
+    a, j = path.a[k:].tolist(), path.j[k:].tolist()
+    stops = path.stops[k:].tolist()
     stops[0] = False  # the corner behind it is passed
     steady = path.steady_speed(state)
     if max(state.v, steady) > (1.0 + 1e-6) * path.fastest(k):
         raise NoProfile(f"{state.v} is too fast for the piece ahead")
-    wanted = max(0.0, min(steady, limits[k]))
+    wanted = max(0.0, min(steady, limits[0]))
     for share in _SHARES:
         builder = ProfileBuilder(state)
         v = share * wanted
         if state.a != 0.0 or abs(v - state.v) > SAME:
-            builder.to_speed(v, path.a[k], path.j[k])
+            builder.to_speed(v, a[0], j[0])
         s = builder.state.s
-        if s > ends[k] + NEAR:
+        if s > ends[0] + NEAR:
             continue
-        lengths = np.diff(np.maximum(ends[k:], s), prepend=s)
-        rest = (limits[k:], stops, path.a[k:], path.j[k:])
-        speeds = junction_speeds(lengths, *rest)
+        left = [s, *(max(end, s) for end in ends)]
+        lengths = [end - begin for begin, end in pairwise(left)]
+        speeds = junction_speeds(lengths, limits, stops, a, j)
         if v > speeds[0] + SAME:
             continue
-        fill(builder, ends[k:], limits[k:], speeds, path.a[k:], path.j[k:])
+        fill(builder, ends, limits, speeds, a, j)
         return builder.profile()
     raise NoProfile(f"the state {state} leaves no time to slow down")
 

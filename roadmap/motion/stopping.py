@@ -91,7 +91,7 @@ def _stop_within(
 ) -> bool:
     """Stop by what all of the pieces k..last allow, if that is on them."""
     begun, state, n = builder.t, builder.state, len(builder.phases)
-    j = path.j[k] if k == last else min(path.j[k : last + 1])
+    j = min(path.j[k : last + 1].tolist())
     fastest = state.v + max(state.a, 0.0) ** 2 / (2.0 * j)
     slowing = [path.slowing(piece, fastest) for piece in range(k, last + 1)]
     builder.to_rest(min(slowing), j)

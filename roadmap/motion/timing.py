@@ -8,6 +8,7 @@ quickest profile. All profiles are kept as constant-jerk phases.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,14 +94,19 @@ class SpeedProfile:
 
     def index(self, t: float) -> int:
         """Return the phase that holds time `t` [s]."""
-        return max(0, bisect_right(self.phases, t, key=_begin) - 1)
+        return max(0, bisect_right(self._begins, t) - 1)
+
+    @cached_property
+    def _begins(self) -> list[float]:
+        return [phase.t for phase in self.phases]
 
     def then(self, later: "SpeedProfile") -> "SpeedProfile":
         """Return this profile followed by another, which begins where this one ends."""
-        phases = tuple(p._replace(t=p.t + self.duration) for p in later.phases)
-        return SpeedProfile(
-            self.phases + phases, self.duration + later.duration, later.end
-        )
+        if not self.phases:
+            return later
+        begin = self.duration
+        phases = tuple(Phase(begin + t, *state) for t, *state in later.phases)
+        return SpeedProfile(self.phases + phases, begin + later.duration, later.end)
 
 
 class ProfileBuilder:
@@ -222,9 +228,9 @@ class ProfileBuilder:
                 continue
             phase = Phase(t, s, v, a, j)
             self.phases.append(phase)
-            s, v, a = after(phase, dt)
+            s, v, a = end = after(phase, dt)
             t, left = t + dt, left - dt
-            if _slowest(phase, dt) < -_BACK:
+            if _slowest(phase, end) < -_BACK:
                 del self.phases[before:]
                 raise NoProfile(f"the state {self.state} could not but go back")
         if abs(left) > 1e-6:
@@ -243,9 +249,8 @@ def after(phase: Phase, dt: float) -> State:
     )
 
 
-def _slowest(phase: Phase, dt: float) -> float:
-    """Return the lowest speed within the first `dt` seconds of a phase."""
-    end = after(phase, dt)
+def _slowest(phase: Phase, end: State) -> float:
+    """Return the lowest speed from the begin of a phase to a state on it."""
     slowest = min(phase.v, end.v)
     if phase.a < 0.0 < end.a:
         slowest = min(slowest, after(phase, -phase.a / phase.j).v)
@@ -259,10 +264,12 @@ def passing(phases: list[Phase], s: float) -> tuple[float, float]:
     """
     for phase, later in zip(phases, phases[1:], strict=False):
         if phase.s <= s < later.s:
+            _, s_0, v, a, j = phase
             low, high = 0.0, later.t - phase.t
             for _ in range(50):
                 middle = 0.5 * (low + high)
-                if after(phase, middle).s < s:
+                # as `after`, without what is not needed
+                if s_0 + middle * (v + middle * (0.5 * a + middle * j / 6.0)) < s:
                     low = middle
                 else:
                     high = middle
@@ -272,11 +279,11 @@ def passing(phases: list[Phase], s: float) -> tuple[float, float]:
 
 
 def junction_speeds(
-    lengths: np.ndarray,
-    limits: np.ndarray,
-    stops: np.ndarray,
-    a: np.ndarray,
-    j: np.ndarray,
+    lengths: list[float],
+    limits: list[float],
+    stops: list[bool],
+    a: list[float],
+    j: list[float],
 ) -> list[float]:
     """Return speeds at the ends of pieces (n + 1,) from which the rest can be made.
 
@@ -296,11 +303,11 @@ def junction_speeds(
 
 def fill(
     profiles: ProfileBuilder,
-    ends: np.ndarray,
-    limits: np.ndarray,
+    ends: list[float],
+    limits: list[float],
     speeds: list[float],
-    a: np.ndarray,
-    j: np.ndarray,
+    a: list[float],
+    j: list[float],
 ) -> None:
     """Add the profiles over all pieces, whose ends (n,) and junction speeds are given.
 
@@ -314,7 +321,3 @@ def fill(
             continue
         v = reachable(state.v, left, min(speeds[k + 1], limits[k]), a[k], j[k])
         profiles.to_place(ends[k], min(v, speeds[k + 1]), limits[k], a[k], j[k])
-
-
-def _begin(phase: Phase) -> float:
-    return phase.t

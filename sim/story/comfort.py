@@ -5,6 +5,8 @@ Two places are told to the planner as places where somebody is about to be
 nothing is blocked or freed by them, and a person who stands badly is still served.
 """
 
+import math
+
 import numpy as np
 
 from handover.human.body import Part
@@ -35,17 +37,22 @@ def shunned(
     head = capsules[labels == Part.HEAD, :6].reshape(-1, 3)
     if not len(head):
         return np.zeros((0, 7))
-    face = head.mean(axis=0)
+    face = _middle(head)
     if settings.face_to_hand and len(hand):
-        there = capsules[hand, :6].reshape(-1, 3).mean(axis=0)
-        far = float(np.linalg.norm(there - face))
+        away = _middle(capsules[hand, :6].reshape(-1, 3)) - face
+        far = math.sqrt(away @ away)
         if far > _SHORT:
-            end = face + (1.0 - _SHORT / far) * (there - face)
+            end = face + (1.0 - _SHORT / far) * away
             rods.append([*face, *end, settings.face_to_hand])
     if settings.unseen and gaze is not None:
         flat = np.array([gaze[0], gaze[1], 0.0])
-        long = float(np.linalg.norm(flat))
+        long = math.sqrt(flat @ flat)
         if long > 1e-6:
             behind = face - _BEHIND / long * flat
             rods.append([*behind, *(behind - [0.0, 0.0, _BACK]), settings.unseen])
     return np.array(rods).reshape(-1, 7)
+
+
+def _middle(points: np.ndarray) -> np.ndarray:
+    """Return the mean (3,) of points (n, 3) [m]."""
+    return np.add.reduce(points) / len(points)

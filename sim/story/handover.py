@@ -6,9 +6,10 @@ does in each state what belongs to it, as a list of steps: go to goals by the pl
 follow a straight certified motion, close the fingers, take the object into the map.
 """
 
+import math
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -41,7 +42,8 @@ from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
-from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
+from roadmap.kinematics.forward import cover_balls, difference, tool_pose
+from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import shunned
@@ -288,13 +290,7 @@ class Handover:
         commit = executor.commit()
         self.answer = self._plan(seen, commit.q)
         if self._limit is not None and seen.threat is not None:
-            full = executor.settings.speed_scale
-            motion, t = executor.motion, executor.t
-            person = _only(seen.threat, np.arange(len(seen.threat.error)) < seen.people)
-            share = self._limit.share(motion, t, full, person, seen.hands)
-            executor.limit_speed(share)
-            if self.settings.direction == "give":  # who is gentle comes late to take
-                executor.limit_jerk(partial(self._limit.jerk_share, hands=seen.hands))
+            self._go_gently(seen, seen.threat, self._limit)
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
         self._spend_on(self.answer)
@@ -306,12 +302,24 @@ class Handover:
                 self.planner.improve(tests, executor.next_commit())
         executor.advance()
         self._change_hands()
-        row = self.machine.step(self._signals(seen), frame.now)
+        point = executor.set_point
+        row = self.machine.step(self._signals(seen, point), frame.now)
         if row is not None:
             self._enter(row.signal)
         self._last = seen
-        point = executor.set_point
         return Command(point.q, point.dq, self.fingers)
+
+    def _go_gently(self, seen: _Seen, threat: Threat, limit: SpeedLimit) -> None:
+        """Let the executor be as slow, and as gentle, as it has to be near a person."""
+        executor, share = self.executor, 1.0
+        if not executor.at_rest:
+            moves = executor.motion, executor.t, executor.settings.speed_scale
+            alone = seen.people == len(threat.error)
+            person = threat if alone else threat.of(slice(seen.people))
+            share = limit.share(*moves, person, seen.hands)
+        executor.limit_speed(share)
+        if self.settings.direction == "give":  # who is gentle comes late to take
+            executor.limit_jerk(partial(limit.jerk_share, hands=seen.hands))
 
     def _begin_frame(self) -> None:
         """Take what the executor will do from what the frame may do."""
@@ -353,27 +361,29 @@ class Handover:
             classes[hand] = CONTACT
         if self.view.phase == "receive":
             classes[len(rows) :] = OBJECT
-        everything = np.vstack([rows, obj]) if loose else np.array(rows, float)
-        there = Obstacles(capsules=everything)
+        there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
+        everything = there.capsules
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
         whole = threat, arm, rows, labels, hand
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
-        self.view.meant = np.append(arm, np.arange(len(rows), len(everything)))
+        offered = np.arange(len(rows), len(everything))
+        self.view.meant = np.concatenate((arm, offered))
         gives = self._give and self.state != table.RETREAT
         self.view.offered = 0 if gives else len(everything) - len(rows)
         if threat is not None and self.view.phase == "give" and self._give:
             # it stands: the arm that takes is meant to come, and not evaded
             rest = np.ones(len(everything), bool)
             rest[arm] = False
-            threat, self.view.classes = _only(threat, rest), classes[rest]
+            threat, self.view.classes = threat.of(rest), classes[rest]
             self.view.meant = np.zeros(0, np.int64)  # left out already
-            people = int(rest[: len(rows)].sum())
+            people -= len(arm)
         last = self._last
         dt = self.executor.period if last is None else frame.now - last.frame.now
-        gap = _gap(rows[hand], obj) if obj is not None and len(hand) else np.inf
+        near = rows[hand]
+        gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
-        who = threat, people, rows[hand]
+        who = threat, people, near
         seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
         self._tell(seen, _LATE_S)
         return seen
@@ -383,8 +393,7 @@ class Handover:
         robot, planner = self.planner.static.robot, self.planner
         if self.view.phase is None:
             return False
-        balls = sphere_centers(robot, self.executor.set_point.q)
-        balls = np.column_stack([balls, robot.spheres[:, 3]])[robot.moving]
+        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         return bool(ball_gaps(balls, obj).min() > planner.keep)
 
     def _parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -419,7 +428,7 @@ class Handover:
         """Tell the planner where the arm that takes part will be, while it plans."""
         if threat is None or self._step.kind in ("stand", "grip"):
             return
-        likely = _only(threat, arm).likely(*_EXPECTED) if len(arm) else None
+        likely = threat.of(arm).likely(*_EXPECTED) if len(arm) else None
         rows = [shunned] if likely is None else [likely.capsules, shunned]
         if sum(map(len, rows)):
             self.planner.expect(Obstacles(capsules=np.vstack(rows)))
@@ -445,19 +454,19 @@ class Handover:
         while past[0][0] < frame.now - _GOES_ON_S - 1e-6:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
-        return float(np.linalg.norm(here - there)) / (now - since or 1.0)
+        return _length(here - there) / (now - since or 1.0)
 
     # --- which signals hold -----------------------------------------------------
 
-    def _signals(self, seen: _Seen) -> set[str]:
-        """Return the names of what holds now; see `machine.SIGNALS`."""
+    def _signals(self, seen: _Seen, point: SetPoint) -> set[str]:
+        """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
-        moving = np.abs(self.executor.set_point.dq).max() > _MOVES
+        moving = _most(point.dq) > _MOVES
         if frame.wrench is not None:
             # what was taken has a weight; its giver may pull from the first moment on
             taken = self.holding and self.state == table.CLOSE
             more = _GRAVITY * self._obj.mass_kg if taken else 0.0
-            self._pull.feel(frame.wrench, seen.dt, bool(moving), more)
+            self._pull.feel(frame.wrench, seen.dt, moving, more)
         passed = frame.now - self.machine.since
         away = seen.hand_gap > s.gone
         fetching = self.state in (table.FETCH, table.PUT_DOWN)
@@ -475,7 +484,7 @@ class Handover:
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
-        checks |= self._signals_of_place(seen)
+        checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
         calm = gripped and not self._pull.pulls
@@ -498,8 +507,8 @@ class Handover:
         self._farthest = max(self._farthest, gap)
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
-    def _signals_of_place(self, seen: _Seen) -> dict[str, bool]:
-        """Return what holds of where to go."""
+    def _signals_of_place(self, seen: _Seen, q: np.ndarray) -> dict[str, bool]:
+        """Return what holds of where to go, for a robot at q (dof,)."""
         s, executor = self.settings, self.executor
         if self._give:
             pursuit = self.targets.pursuit
@@ -513,8 +522,7 @@ class Handover:
         pre, T = self._taken, seen.frame.T_base_object
         off = np.inf
         if pre is not None:
-            here = executor.set_point.q
-            off = np.abs(difference(self.planner.robot, here, pre.q_before)).max()
+            off = _most(difference(self.planner.robot, q, pre.q_before))
         moved = self._object_moved(T)
         still = seen.object_speed < s.still_speed and not moved
         closing = self.state == table.CLOSE
@@ -552,7 +560,7 @@ class Handover:
         at = self._reaches.at
         if T is None or at is None:
             return T is not None and at is None
-        return float(np.linalg.norm(T[:3, 3] - at)) > self.settings.follow
+        return _length(T[:3, 3] - at) > self.settings.follow
 
     def _lasts(self, name: str, holds: bool, dt: float, least: float) -> bool:
         """Whether something holds, and has for so long [s]."""
@@ -790,7 +798,7 @@ class Handover:
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
-        stands = np.abs(executor.set_point.dq).max() < _MOVES
+        stands = _most(executor.set_point.dq) < _MOVES
         stuck = executor.state == BRAKED and stands
         if self._lasts("stuck", stuck, seen.dt, self.settings.stuck_s):
             targets.put_off()  # the person is in its way: another target first
@@ -854,7 +862,7 @@ class Handover:
         answer = self._step_planner(seen, q)
         if self.state not in (table.APPROACH, table.WAIT):
             here = self.executor.set_point.q
-            off = [np.abs(difference(self.planner.robot, here, g)).max() for g in goals]
+            off = [_most(difference(self.planner.robot, here, g)) for g in goals]
             if self.executor.at_rest and min(off) < _ARRIVED:
                 self._next()
         return answer
@@ -871,7 +879,7 @@ class Handover:
         """Go straight to q_end, if that is certified now by the rules of the phase."""
         self._see(seen, q)
         here = self.executor.set_point.q
-        off = np.abs(difference(self.planner.robot, here, q_end)).max()
+        off = _most(difference(self.planner.robot, here, q_end))
         if self.executor.at_rest and off < _ARRIVED:
             if self._step.kind == "back":
                 self.view.phase = None
@@ -945,8 +953,8 @@ class Handover:
 
     def _far(self, q: np.ndarray, other: np.ndarray) -> float:
         """Return how far a configuration is, in steps: small changes do not count."""
-        off = np.abs(difference(self.planner.robot, q, other)).max()
-        return round(2.0 * float(off)) / 2.0
+        off = _most(difference(self.planner.robot, q, other))
+        return round(2.0 * off) / 2.0
 
     def _close_in(self, seen: _Seen, q: np.ndarray) -> object:
         """Go straight to the object, where it is now; the pads may touch it."""
@@ -996,18 +1004,14 @@ def _turned(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.arccos(min(1.0, max(-1.0, cosine))))
 
 
-def _only(threat: Threat, these: np.ndarray) -> Threat:
-    """Return some of the parts of a threat."""
-    drift = None if threat.drift is None else threat.drift[these]
-    return replace(
-        threat,
-        capsules=threat.capsules[these],
-        velocity=threat.velocity[these],
-        error=threat.error[these],
-        drift=drift,
-        rows=threat.rows_of_past[these],
-        window=None if threat.window is None else threat.window[these],
-    )
+def _length(v: np.ndarray) -> float:
+    """Return the length of a vector (3,), to the last bit that of np.linalg.norm."""
+    return math.sqrt(v @ v)
+
+
+def _most(values: np.ndarray) -> float:
+    """Return the largest amount among a few numbers (n,)."""
+    return max(map(abs, values.tolist()))
 
 
 def _gap(hand: np.ndarray, obj: np.ndarray) -> float:

@@ -18,11 +18,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from odm.checks import AVOID, OBJECT
+from odm.checks import OBJECT
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import cover_balls
 
 
 class PhasePlanner:
@@ -81,13 +81,13 @@ class PhasePlanner:
     ) -> int | None:
         """Return the first leg that is no way out: clearance was taken off."""
         n = len(points) // max(1, len(self.classes))
-        rows = np.array(points.capsules).reshape(n, -1, 7)
+        rows = points.capsules.reshape(n, -1, 7)
         people = rows[:, : -self.offered].reshape(-1, 7)
         leg = self.planner.blocked_leg(path, extra, Obstacles(capsules=people))
         if leg is not None:
             return leg
         there = Obstacles(capsules=rows[:, -self.offered :].reshape(-1, 7))
-        there.shape_classes = np.full(len(there), OBJECT, np.int8)
+        there.shape_classes[:] = OBJECT
         told = (path, extra, there, "receive")
         return self.planner.blocked_leg(*told, escape=True)
 
@@ -114,10 +114,8 @@ class PhasePlanner:
         """Return who is not meant to come, at each moment that is told."""
         rest = np.ones(len(self.classes), bool)
         rest[self.meant] = False
-        rows = np.array(coming.capsules).reshape(-1, len(self.classes), 7)
-        others = Obstacles(capsules=rows[:, rest].reshape(-1, 7))
-        others.shape_classes = np.full(len(others), AVOID, np.int8)
-        return others
+        rows = coming.capsules.reshape(-1, len(self.classes), 7)
+        return Obstacles(capsules=rows[:, rest].reshape(-1, 7))  # odm.AVOID, all
 
     def separation(self, q: np.ndarray) -> float:
         """Return the distance from the person, without what they hold out [m]."""
@@ -126,8 +124,8 @@ class PhasePlanner:
         robot = self.planner.static.robot
         if not len(self.person):
             return np.inf
-        balls = np.column_stack([sphere_centers(robot, q), robot.spheres[:, 3]])
-        return float(ball_gaps(balls[robot.moving], self.person).min())
+        balls = cover_balls(robot, q)[robot.moving]
+        return float(ball_gaps(balls, self.person).min())
 
     def line_free(self, q: np.ndarray, q_end: np.ndarray, there: Obstacles) -> bool:
         """Whether a straight motion passes all four tests, by the rules of the phase.

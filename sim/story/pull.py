@@ -9,6 +9,7 @@ the mean over `window_s` has been above `force` for `hold_s`. A bump of 30 N tha
 `hold_s` asks for.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -104,7 +105,7 @@ class PullDetector:
                 into the hand.
         """
         wrench = np.asarray(wrench, float)
-        if wrench.shape != (6,) or not np.isfinite(wrench).all():
+        if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
             self.force, self.lasted = 0.0, 0.0
             return
         s = self.settings
@@ -112,11 +113,11 @@ class PullDetector:
         kept = sum(passed for passed, _ in self._recent)
         while len(self._recent) > 1 and kept - self._recent[0][0] >= s.window_s - 1e-9:
             kept -= self._recent.popleft()[0]
-        mean = np.mean([force for _, force in self._recent], axis=0)
+        mean = sum(force for _, force in self._recent) / len(self._recent)
         if self._rest is None:
             self._rest = mean
         off = mean - self._rest
-        self.force = float(np.linalg.norm(off))
+        self.force = math.sqrt(off @ off)
         if self.force >= more + s.force * (3.0 if moving else 1.0):
             self.lasted += dt
             return

@@ -320,6 +320,11 @@ def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
         more = growth(lately, 0.1, 0.1) - growth(threat, 0.1, 0.1)
         beyond = 0.5 * (most - 4.0) * (0.1**2 + 0.01 * 0.1)  # the velocity's error, too
         assert np.allclose(more, [beyond, 0.0], atol=1e-9)
+        one, where = lately.of(np.array([1])), lately.between(0.1, 0.2)[0].capsules
+        assert np.array_equal(one.between(0.1, 0.2)[0].capsules, where[1:])
+        soon = lately.likely(0.1).capsules
+        assert np.array_equal(one.likely(0.1).capsules, soon[1:])
+        assert np.array_equal(one.as_lately().most, lately.most[1:])
     assert watcher.look(now[:1], 0.2).as_lately().most is None  # seen anew
 
 

@@ -7,6 +7,8 @@ import odm
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.frame.last_phase import LastPhase
+from odm.obstacles.obstacles import SolidRoom
 from roadmap.errors import BadInput
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference, tool_pose
@@ -192,6 +194,26 @@ def test_what_is_too_near_may_be_left_and_not_approached(planner):
         for escape in (False, True)
     ]
     assert free == [False, True, False, False]
+
+
+def test_a_path_is_blocked_at_the_first_of_its_legs_that_is(planner, rng):
+    test, cover, found = LastPhase(planner.frame), planner.cover(), []
+    for _ in range(60):
+        path = np.cumsum([rng.uniform(-0.5, 0.5, 3), *rng.normal(0, 0.1, (4, 3))], 0)
+        balls = [ball(planner, *rng.uniform(-0.15, 0.1, 2), q=path[0]) for _ in "12"]
+        shapes = odm.Obstacles.of(balls, np.array([balls[0].T_base_shape[:3, 3]]))
+        kinds = rng.choice([odm.AVOID, odm.OBJECT], 3).astype(np.int8)
+        solids = SolidRoom().of(shapes, np.eye(4))
+        test.look("receive", shapes.points, kinds[:1], solids, kinds[1:])
+        for escape in (False, True):
+            legs = zip(path, np.diff(path, axis=0), strict=False)
+            hits = [test.hit(cover, q, dq, -0.01, escape) for q, dq in legs]
+            first = next((k for k, hit in enumerate(hits) if hit is not None), None)
+            assert test.first_hit(cover, path, -0.01, escape) == first
+            found.append(first)
+    stays, escapes = found[::2], found[1::2]
+    assert {None, 0} < set(stays) and {None, 0} < set(escapes)
+    assert stays != escapes
 
 
 def test_the_search_heeds_all_classes(planner):

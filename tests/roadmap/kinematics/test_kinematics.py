@@ -6,6 +6,7 @@ import pytest
 from roadmap import load_robot, tool_pose
 from roadmap.kinematics.forward import (
     body_frames,
+    cover_balls,
     difference,
     jacobian,
     motion_bounds,
@@ -136,3 +137,10 @@ def test_motion_bounds_hold_on_dense_samples(panda, gantry, rng):
             chord = path[0] + t[:, None, None] * (path[-1] - path[0])
             sag = np.linalg.norm(path - chord, axis=2).max(axis=0)
             assert (sag <= bend / 8 + 1e-12).all()
+
+
+def test_the_balls_of_the_cover_are_its_centres_and_radii(panda, rng):
+    for q in rng.uniform(panda.lower, panda.upper, (20, panda.dof)):
+        balls = cover_balls(panda, q)
+        assert np.array_equal(balls[:, :3], sphere_centers(panda, q))
+        assert np.array_equal(balls[:, 3], panda.spheres[:, 3])
