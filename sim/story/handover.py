@@ -242,7 +242,7 @@ class Handover:
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
-        self._watcher = Watcher()
+        self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
         thing = None if self._give else self._carried

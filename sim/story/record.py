@@ -206,6 +206,7 @@ def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[s
 def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     """Return the story of a recording, before its first frame."""
     from odm.execution.speed_limit import SpeedSettings
+    from odm.execution.threat import ThreatSettings
     from sim.story.play import new_story
     from sim.story.pull import PullSettings
     from sim.story.settings import ComfortSettings
@@ -217,6 +218,7 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
     none = {"face_to_hand": 0.0, "unseen": 0.0}
     known["comfort"] = ComfortSettings(**known.get("comfort", none))
+    known["threat"] = ThreatSettings(**known.get("threat", {}))  # of no choice before
     return new_story(setup, StorySettings(**known), human, told["fetch"])
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from odm.execution.speed_limit import SpeedSettings
+from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
 from sim.story.machine import DIRECTIONS
@@ -70,6 +71,10 @@ class StorySettings:
         pull: What counts as a pull at the wrist.
         speed: Terms of speed and separation.
         comfort: Where new paths had better not pass.
+        threat: Bounds on the person's motion, and on the error of what is measured of
+            them and of the object: with a sensor that is not exact give its `noise`,
+            else each of its errors is taken for a part that starts off, and the robot
+            waits.
     """
 
     direction: str = "give"
@@ -92,6 +97,7 @@ class StorySettings:
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     comfort: ComfortSettings = field(default_factory=ComfortSettings)
+    threat: ThreatSettings = field(default_factory=ThreatSettings)
 
     def __post_init__(self) -> None:
         """Check every value.
