@@ -290,6 +290,8 @@ class Handover:
         """Why it is where it is, or why it does not move, as a person says it."""
         held = getattr(self.answer, "status", "") == "holding"
         why = getattr(self.answer, "reason", "") if held else ""
+        if why and self._step.kind == "targets" and not len(self.planner.goals):
+            why = "no place within reach of both is known"
         told = [self.machine.reason, why or self.executor.reason or "", self._no_time]
         return "; ".join(t for t in told if t)
 
