@@ -7,7 +7,7 @@ import numpy as np
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import check_kind, check_settings
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
 
@@ -38,6 +38,14 @@ class ComfortSettings:
         """
         radius = (0.0, 0.5, "m")
         check_settings(self, {"face_to_hand": radius, "unseen": radius})
+
+
+_PARTS = {
+    "pull": PullSettings,
+    "speed": SpeedSettings,
+    "comfort": ComfortSettings,
+    "threat": ThreatSettings,
+}
 
 
 @dataclass(frozen=True)
@@ -109,6 +117,9 @@ class StorySettings:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
             )
+        check_kind("slow", self.slow, bool, "give True or False")
+        for name, kind in _PARTS.items():
+            check_kind(name, getattr(self, name), kind, f"give {kind.__name__}(...)")
         lengths = ("near", "gone", "back", "follow", "between")
         times = ("steady_s", "leave_s", "blocked_s", "stuck_s", "grip_s")
         times += ("wait_s", "fetch_s")
