@@ -577,3 +577,11 @@ def test_who_tells_of_a_sensors_noise_sees_speeds_through_it(maps):
         known[noise] = bool(threat.known[-1])
     assert known == {0.0: False, 0.003: True}
     assert np.abs(threat.velocity[-1]).max() < 0.1
+
+
+def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
+    story, human = story_of(maps)
+    there = odm.Obstacles(capsules=np.array(human.capsules()))
+    story.answer = story.planner.step(there, q=story.executor.set_point.q)
+    assert "set_goals" in story.answer.reason
+    assert story.reason == "no place within reach of both is known"
