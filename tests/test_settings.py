@@ -116,3 +116,10 @@ def test_recipes_refuse_the_same(tmp_path, text, words):
     file.write_text(text)
     with pytest.raises(BadRecipe, match=words):
         odm.load_recipe(file)
+
+
+@pytest.mark.parametrize("field", ["pull", "speed", "comfort", "threat", "slow"])
+@pytest.mark.parametrize("wrong", [None, {}, 0.003], ids=repr)
+def test_settings_of_a_part_are_of_their_kind(field, wrong):
+    with pytest.raises(BadInput, match=f"{field} is "):
+        StorySettings(**{field: wrong})

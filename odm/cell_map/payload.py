@@ -29,6 +29,7 @@ from roadmap.transforms import pose_of
 _NO_POINTS = np.empty((0, 3))
 _ROUNDING = 1e-9  # [m] an object as large as the envelope fits
 _EXCESS = 0.01  # [m] how far the spheres of an object may stick out of it
+_NO_HAND_HOLDS = 10.0  # [m] larger, and the lengths are in another unit
 
 
 def envelope_solid(recipe: PayloadRecipe) -> Solid:
@@ -194,7 +195,7 @@ def carried_object(thing: object) -> CarriedObject:
         thing: (n, 4) spheres, centre and radius [m]; or a shape of `odm`.
 
     Raises:
-        BadInput: Not spheres and no shape.
+        BadInput: Not spheres and no shape, or larger than 10 m.
     """
     if isinstance(thing, CarriedObject):
         return thing
@@ -202,7 +203,14 @@ def carried_object(thing: object) -> CarriedObject:
         return _of_spheres(_round_spheres(thing))
     if isinstance(thing, shapes.Box | shapes.Cylinder | shapes.Mesh):
         solid = _solid_of(thing)
-        return CarriedObject(cover_solids([solid], _EXCESS), shell(solid), False)
+        points = shell(solid)
+        sides = np.ptp(points, axis=0)
+        if sides.max() > _NO_HAND_HOLDS:  # before minutes of cover
+            raise BadInput(
+                f"the object is {_sides(sides)} m large, which no hand holds; give all "
+                "its lengths in metres, not in millimetres"
+            )
+        return CarriedObject(cover_solids([solid], _EXCESS), points, False)
     return _of_spheres(_checked(thing))
 
 

@@ -29,6 +29,7 @@ from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Moving, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
+from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
 from roadmap.ranges import check_settings
@@ -343,7 +344,16 @@ class Executor:
 
         Args:
             q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.
+
+        Raises:
+            BadInput: Another shape.
         """
+        q = np.asarray(q, float)
+        if q.shape != (self.robot.dof,):
+            raise BadInput(
+                f"the measured q has shape {q.shape}, but the robot {self.robot.dof} "
+                "joints; give one value for each"
+            )
         if self._tracking.note:
             self.reason = ""
         self._tracking.measure(self.set_point.q, q)

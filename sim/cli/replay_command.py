@@ -3,6 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import typer
@@ -292,7 +293,7 @@ def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
         raise BadInput(
             f"the map {wanted['name']} {wanted['hash'][:12]} of the recording is not "
             f"in {folder}; give its folder with --map, or build it with "
-            f"`odm replay {path} --build {folder}`"
+            f"`odm replay {quote(str(path))} --build {quote(str(folder))}`"
         )
     cell_map = load_map(folder)
     check_map(found, cell_map, path, folder)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from shlex import quote
 
 import numpy as np
 
@@ -93,8 +94,8 @@ def check_map(
     raise BadRecord(
         f"the run was recorded on map {wanted['name']} {wanted['hash'][:12]}, but the "
         f"map{folder and f' in {folder}'} is {cell_map.recipe.name} "
-        f"{cell_map.hash[:12]}; build the right one with `odm replay {path} --build "
-        "DIR`, or write its recipe with --recipe-out"
+        f"{cell_map.hash[:12]}; build the right one with `odm replay "
+        f"{quote(str(path))} --build DIR`, or write its recipe with --recipe-out"
     )
 
 

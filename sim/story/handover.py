@@ -11,6 +11,7 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -44,6 +45,7 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
+from roadmap.ranges import check_kind
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import shunned
@@ -67,15 +69,19 @@ _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by 
 _TESTS = 2  # of `improve` in a frame at most, and of a robot on its way
 _ON_ITS_WAY = 1
 _BRAKED_EVERY = 4  # frames of a braked robot, after which it looks for grasps
+_RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 _GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
+_LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
+_AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
 _LATE_S = 0.08  # [s] and no later than so, before the step
 _NOWHERE = np.zeros((0, 7))
+_SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
@@ -83,17 +89,24 @@ _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 class StoryFrame:
     """What is seen and felt in one frame.
 
+    Capsules, a time or a measured q that are not finite are those of a sensor that
+    fails: the robot stops, says so, and goes on when they are finite again.
+
     Attributes:
-        now: Time [s].
+        now: Time [s], of any clock.
         human: The person, world frame.
         wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
         opened: Whether the fingers are open, as measured.
         holds: Whether there is something between closed fingers, as measured.
-        T_base_object: (4, 4) where the object is seen [m]; None: not seen.
+        T_base_object: (4, 4) where the object is seen [m]; None, or not finite: not
+            seen.
         q: (dof,) measured configuration; None: where the set-point is.
         capsules: (k, 7) the person as the planner is to see them, base frame [m];
             None: `human.capsules()`, for a base in the world's origin.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
+
+    Raises:
+        BadInput: Another shape or kind, or not one label for each capsule.
     """
 
     now: float
@@ -105,6 +118,27 @@ class StoryFrame:
     q: np.ndarray | None = None
     capsules: np.ndarray | None = None
     labels: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no frame; take lists for arrays."""
+        check_kind("now", self.now, Real, "give the time in seconds")
+        nobody = "where nobody is seen, any with capsules=np.zeros((0, 7))"
+        check_kind("human", self.human, Human, f"give a handover.Human; {nobody}")
+        for name, shape in _SHAPES.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _numbers(name, self, shape))
+        if self.T_base_object is not None:
+            object.__setattr__(self, "T_base_object", _as_pose(self.T_base_object))
+        parts = self.human.labels if self.labels is None else np.asarray(self.labels)
+        if self.labels is not None:
+            object.__setattr__(self, "labels", parts)
+        rows = self.human.labels if self.capsules is None else self.capsules
+        if self.capsules is not None or self.labels is not None:
+            if parts.shape != (len(rows),):
+                raise BadInput(
+                    f"there are {len(rows)} capsules and {parts.size} labels, but each "
+                    "capsule must have one; give both"
+                )
 
 
 class Command(NamedTuple):
@@ -209,7 +243,7 @@ class Handover:
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
-        self._watcher = Watcher()
+        self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
         thing = None if self._give else self._carried
@@ -233,6 +267,8 @@ class Handover:
         self._signalled: set[str] = set()  # what held in the last frame
         self._placeless = False  # there is no place to put the object down
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
+        self._now: float | None = None  # the last frame's time [s]
+        self._no_time = ""  # why none passed
         self.answer: object = None
 
     @property
@@ -255,7 +291,9 @@ class Handover:
         """Why it is where it is, or why it does not move, as a person says it."""
         held = getattr(self.answer, "status", "") == "holding"
         why = getattr(self.answer, "reason", "") if held else ""
-        told = [self.machine.reason, why or self.executor.reason or ""]
+        if why and self._step.kind == "targets" and not len(self.planner.goals):
+            why = "no place within reach of both is known"
+        told = [self.machine.reason, why or self.executor.reason or "", self._no_time]
         return "; ".join(t for t in told if t)
 
     @property
@@ -303,7 +341,7 @@ class Handover:
         executor.advance()
         self._change_hands()
         point = executor.set_point
-        row = self.machine.step(self._signals(seen, point), frame.now)
+        row = self.machine.step(self._signals(seen, point), self._now)
         if row is not None:
             self._enter(row.signal)
         self._last = seen
@@ -340,6 +378,31 @@ class Handover:
 
     # --- what is seen -----------------------------------------------------------
 
+    def _passed(self, now: float) -> float:
+        """Return the time since the frame before [s], as far as it counts.
+
+        A clock that is set anew counts as one that stood: nothing is late by that. And
+        a frame that comes late cannot say that something lasted since the one before.
+        """
+        self._no_time = ""
+        if self._now is None:
+            self._now = now if math.isfinite(now) else 0.0
+            self.machine.since = self._now
+            return self.executor.period
+        passed = now - self._now
+        if 0.0 < passed <= _LEAP_S:
+            self._now = now
+            return min(passed, _AT_MOST * self.executor.period)
+        self._no_time = (
+            f"the clock went from {self._now:g} to {now:g} s, which does not count; "
+            "give each frame its time in seconds"
+        )
+        if math.isfinite(now):
+            self._now = now
+            self.machine.since += passed
+            self._begun = None if self._begun is None else self._begun + passed
+        return 0.0
+
     def _look(self, frame: StoryFrame) -> _Seen:
         """Lay out all shapes with their classes, and follow them."""
         if self.state == table.PRESENT:  # the hand may come to what is held out
@@ -348,6 +411,7 @@ class Handover:
         self.view.at_place = at_place and self._step.kind not in ("goal", "place")
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
+        dt = self._passed(frame.now)
         rows, labels = _person_of(frame)
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
@@ -378,8 +442,6 @@ class Handover:
             threat, self.view.classes = threat.of(rest), classes[rest]
             self.view.meant = np.zeros(0, np.int64)  # left out already
             people -= len(arm)
-        last = self._last
-        dt = self.executor.period if last is None else frame.now - last.frame.now
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
@@ -408,12 +470,12 @@ class Handover:
     def _tell(self, seen: _Seen, every: float) -> None:
         """Tell the planner where the person will be, if that is `every` [s] old."""
         frame = seen.frame
-        late = abs(frame.now - self._told_at)
+        late = abs(self._now - self._told_at)
         if late < every or not (late >= _LATE_S or self._allowance.grants(TELL)):
             return
         threat, arm, rows, labels, hand = seen.whole
         self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
-        self._told_at = frame.now
+        self._told_at = self._now
 
     def _shunned(
         self, frame: StoryFrame, rows: np.ndarray, labels: np.ndarray, hand: np.ndarray
@@ -430,8 +492,10 @@ class Handover:
             return
         likely = threat.of(arm).likely(*_EXPECTED) if len(arm) else None
         rows = [shunned] if likely is None else [likely.capsules, shunned]
-        if sum(map(len, rows)):
-            self.planner.expect(Obstacles(capsules=np.vstack(rows)))
+        expected = np.vstack(rows)
+        sound = np.isfinite(expected).all() and (expected[:, 6] > 0.0).all()
+        if len(expected) and sound:  # who is nowhere is not expected anywhere
+            self.planner.expect(Obstacles(capsules=expected))
 
     def _object_rows(self, frame: StoryFrame) -> np.ndarray | None:
         """Return the capsules of the object where it is, base frame; None: unseen."""
@@ -445,13 +509,13 @@ class Handover:
 
     def _speed_of_object(self, frame: StoryFrame) -> float:
         """Return how fast the object goes on [m/s]; a hand that trembles is still."""
-        T, past = frame.T_base_object, self._object_was
-        if T is None or (past and frame.now < past[-1][0]):  # or the clock went back
+        T, past, now = frame.T_base_object, self._object_was, frame.now
+        if T is None or (past and not now >= past[-1][0]):  # or the clock went back
             past.clear()
         if T is None:
             return 0.0
-        past.append((frame.now, T[:3, 3].copy()))
-        while past[0][0] < frame.now - _GOES_ON_S - 1e-6:
+        past.append((now, T[:3, 3].copy()))
+        while past[0][0] < now - _GOES_ON_S - 1e-6:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
         return _length(here - there) / (now - since or 1.0)
@@ -467,7 +531,7 @@ class Handover:
             taken = self.holding and self.state == table.CLOSE
             more = _GRAVITY * self._obj.mass_kg if taken else 0.0
             self._pull.feel(frame.wrench, seen.dt, moving, more)
-        passed = frame.now - self.machine.since
+        passed = self._now - self.machine.since
         away = seen.hand_gap > s.gone
         fetching = self.state in (table.FETCH, table.PUT_DOWN)
         limits = s.fetch_s if fetching else s.wait_s
@@ -492,7 +556,7 @@ class Handover:
         checks |= {
             "held": over and gripped,
             "free": over and self._lasts("free", calm, seen.dt, s.pull.hold_s),
-            "missed": self._passed_grip(frame) and empty,
+            "missed": self._passed_grip() and empty,
             "away": over,
             "away_holding": over and self.holding,
             "placed": over and not self._placeless,
@@ -580,11 +644,11 @@ class Handover:
         held = getattr(self.answer, "status", "") == "holding"
         return kind in ("goal", "line", "back", "close") and held
 
-    def _passed_grip(self, frame: StoryFrame) -> bool:
+    def _passed_grip(self) -> bool:
         step = self._step
         if step.kind != "grip" or step.value != CLOSED or self._begun is None:
             return False
-        return frame.now - self._begun > self.settings.grip_s
+        return self._now - self._begun > self.settings.grip_s
 
     # --- what is done -----------------------------------------------------------
 
@@ -763,7 +827,7 @@ class Handover:
             self._reach_otherwise()
             step = self._step
         if self._begun is None:
-            self._begun = seen.frame.now
+            self._begun = self._now
         if step.kind == "targets":
             return self._pursue(seen, q)
         if step.kind == "reach":
@@ -980,6 +1044,42 @@ def _person_of(frame: StoryFrame) -> tuple[np.ndarray, np.ndarray]:
     human = frame.human
     rows = human.capsules() if frame.capsules is None else frame.capsules
     return rows, human.labels if frame.labels is None else frame.labels
+
+
+def _numbers(name: str, frame: StoryFrame, shape: tuple[int, ...]) -> np.ndarray:
+    """Return what a frame has by a name as an array of a shape; -1: any length."""
+    given = getattr(frame, name)
+    try:
+        numbers = np.asarray(given, float)
+    except (TypeError, ValueError):
+        numbers = np.zeros(())
+    if len(shape) != numbers.ndim or any(
+        n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)
+    ):
+        shown = given if numbers.ndim == 0 else f"of shape {numbers.shape}"
+        wanted = ", ".join("k" if n < 0 else str(n) for n in shape)
+        raise BadInput(f"{name} is {shown!s:.40}, but must be numbers ({wanted})")
+    return numbers
+
+
+def _as_pose(T: np.ndarray) -> np.ndarray | None:
+    """Return a measured pose (4, 4), exactly rigid; None where it is not finite."""
+    if not np.isfinite(T).all():
+        return None
+    off = float(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max())
+    wrong = off > _OFF_RIGID or (T[3] != (0.0, 0.0, 0.0, 1.0)).any()
+    if wrong or np.linalg.det(T[:3, :3]) < 0.0:
+        raise BadInput(
+            f"T_base_object is no pose: its rotation is off by {off:.2g} (limit "
+            f"{_OFF_RIGID:g}), its last row is {T[3].tolist()} and must be 0, 0, 0, 1, "
+            "and mirroring is not allowed; give None where the object is not seen"
+        )
+    if off < _RIGID:
+        return T
+    u, _, v = np.linalg.svd(T[:3, :3])
+    near = np.array(T)
+    near[:3, :3] = u @ v
+    return near
 
 
 def _holding(reason: str) -> SimpleNamespace:

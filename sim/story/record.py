@@ -1,7 +1,7 @@
 """A hand-over recorded and played again: what was seen and felt, and what it did."""
 
 import hashlib
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.settings import StorySettings
 
 _NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf}  # of speeds near the hand
+_NO_GAZE = np.full(3, np.nan)  # nobody knows where they look
+_LENGTHS = tuple(f.name for f in fields(Skeleton))
 _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
 
 
@@ -93,12 +95,15 @@ class StoryRecorder:
             "story.pelvis": np.array([h.T_world_pelvis for h in humans]),
             "story.bend": np.array([h.bend for h in humans]),
             "story.arms": np.array([[h.arms[s] for s in SIDES] for h in humans]),
-            "story.gaze": np.array([h.gaze for h in humans]),
+            "story.gaze": np.array(
+                [_NO_GAZE if h.gaze is None else h.gaze for h in humans]
+            ),
             "story.wrench": np.array([m.frame.wrench for m in moments]),
             "story.sensed": np.array(
                 [[m.frame.opened, m.frame.holds] for m in moments], np.uint8
             ),
             "story.object": np.array([nowhere if T is None else T for T in places]),
+            **_bodies(humans),
         }
 
     def _head(self) -> dict:
@@ -206,6 +211,7 @@ def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[s
 def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     """Return the story of a recording, before its first frame."""
     from odm.execution.speed_limit import SpeedSettings
+    from odm.execution.threat import ThreatSettings
     from sim.story.play import new_story
     from sim.story.pull import PullSettings
     from sim.story.settings import ComfortSettings
@@ -217,6 +223,7 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
     none = {"face_to_hand": 0.0, "unseen": 0.0}
     known["comfort"] = ComfortSettings(**known.get("comfort", none))
+    known["threat"] = ThreatSettings(**known.get("threat", {}))  # of no choice before
     return new_story(setup, StorySettings(**known), human, told["fetch"])
 
 
@@ -239,16 +246,31 @@ def _states(direction: str) -> list[str]:
     return list(dict.fromkeys([r.state for r in rows] + [r.then for r in rows]))
 
 
-def _human(person: Human, arrays: dict[str, np.ndarray], i: int) -> Human:
-    from dataclasses import replace
+def _bodies(humans: list[Human]) -> dict[str, np.ndarray]:
+    """Return the bodies of a person who is measured anew in each frame."""
+    if all(h.skeleton is humans[0].skeleton for h in humans):
+        return {}
+    lengths = {
+        f"story.body.{n}": [getattr(h.skeleton, n) for h in humans] for n in _LENGTHS
+    }
+    lengths["story.body.height"] = [h.height for h in humans]
+    return {name: np.array(told, float) for name, told in lengths.items()}
 
+
+def _human(person: Human, arrays: dict[str, np.ndarray], i: int) -> Human:
+    gaze, body = arrays["story.gaze"][i], {}
+    if "story.body.height" in arrays:
+        lengths = {name: arrays[f"story.body.{name}"][i] for name in _LENGTHS}
+        body["height"] = float(arrays["story.body.height"][i])
+        body["skeleton"] = Skeleton(**lengths)
     arms = dict(zip(SIDES, arrays["story.arms"][i], strict=True))
     return replace(
         person,
         T_world_pelvis=arrays["story.pelvis"][i],
         bend=arrays["story.bend"][i],
         arms=arms,
-        gaze=arrays["story.gaze"][i],
+        gaze=None if np.isnan(gaze).any() else gaze,
+        **body,
     )
 
 

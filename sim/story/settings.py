@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from odm.execution.speed_limit import SpeedSettings
+from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import check_kind, check_settings
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
 
@@ -37,6 +38,14 @@ class ComfortSettings:
         """
         radius = (0.0, 0.5, "m")
         check_settings(self, {"face_to_hand": radius, "unseen": radius})
+
+
+_PARTS = {
+    "pull": PullSettings,
+    "speed": SpeedSettings,
+    "comfort": ComfortSettings,
+    "threat": ThreatSettings,
+}
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,10 @@ class StorySettings:
         pull: What counts as a pull at the wrist.
         speed: Terms of speed and separation.
         comfort: Where new paths had better not pass.
+        threat: Bounds on the person's motion, and on the error of what is measured of
+            them and of the object: with a sensor that is not exact give its `noise`,
+            else each of its errors is taken for a part that starts off, and the robot
+            waits.
     """
 
     direction: str = "give"
@@ -92,6 +105,7 @@ class StorySettings:
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     comfort: ComfortSettings = field(default_factory=ComfortSettings)
+    threat: ThreatSettings = field(default_factory=ThreatSettings)
 
     def __post_init__(self) -> None:
         """Check every value.
@@ -103,6 +117,9 @@ class StorySettings:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
             )
+        check_kind("slow", self.slow, bool, "give True or False")
+        for name, kind in _PARTS.items():
+            check_kind(name, getattr(self, name), kind, f"give {kind.__name__}(...)")
         lengths = ("near", "gone", "back", "follow", "between")
         times = ("steady_s", "leave_s", "blocked_s", "stuck_s", "grip_s")
         times += ("wait_s", "fetch_s")

@@ -165,6 +165,14 @@ def _check(mapping: Mapping[str, str], label: str) -> None:
         raise BadMocap(
             f"{label} gives {wrong[0]} = {mapping[wrong[0]]!r}; give a name in quotes"
         )
+    first: dict[str, str] = {}
+    for joint, name in mapping.items():
+        other = first.setdefault(_key(name), joint)
+        if other != joint:
+            raise BadMocap(
+                f"{label} gives {name!r} for {other} and for {joint}, so a part of the "
+                "person would be where it is not; give each joint its own"
+            )
 
 
 def _best(tracks: Tracks) -> tuple[dict[str, str], str]:

@@ -28,7 +28,7 @@ import odm
 from odm.audit.audit import audit
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
-from odm.cell_map.payload import envelope_robot, loaded_map
+from odm.cell_map.payload import carried_object, envelope_robot, loaded_map
 from odm.cell_map.recipe import PayloadRecipe, parse_recipe
 from odm.close_test import _close as close
 from odm.search import _frame as frame
@@ -163,6 +163,12 @@ def test_a_bad_payload_table_is_refused(table, words):
 def test_an_envelope_that_always_touches_is_refused_at_the_build():
     with pytest.raises(BadRecipe, match="in contact at all 150 nodes"):
         odm.build_map(replace(small_recipe(), payload=PayloadRecipe(radius=0.8)))
+
+
+def test_an_object_drawn_in_millimetres_is_told_so():
+    for thing in (odm.Box((200.0, 20.0, 20.0)), odm.Cylinder(10.0, 200.0)):
+        with pytest.raises(BadInput, match="200.* m large.*not in millimetres"):
+            carried_object(thing)
 
 
 # --- attach and detach ---------------------------------------------------------

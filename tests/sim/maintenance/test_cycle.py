@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 import odm
-from handover import InteractionWorkspace, MeetSettings, load_reach_map
+from handover import (
+    InteractionWorkspace,
+    MeetSettings,
+    human_from_joints,
+    load_reach_map,
+)
 from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
@@ -25,8 +30,10 @@ from sim.maintenance.play import MaintenancePlay, play_cycle, trouble_of
 from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
-from sim.story.partner import Partner
+from sim.story.handover import Handover
+from sim.story.partner import Partner, RecordedPartner
 from sim.story.play import StoryPlay, StoryResult
+from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest
 
 
@@ -168,6 +175,34 @@ def test_a_cycle_that_cannot_be_is_refused_in_a_sentence(given, told):
 def test_a_recording_of_nothing_is_refused():
     with pytest.raises(BadInput, match="nothing to record"):
         CycleRecorder().record()
+
+
+def test_beside_a_recorded_person_it_is_recorded_and_the_same_again(setups, tmp_path):
+    case = LadderCase.drawn_at(0)
+    places = case.body().places  # measured anew in each frame, and no gaze
+
+    def human(t):
+        return human_from_joints(places * (1.0 + t) + [0.0, 0.0, t])
+
+    person = SimpleNamespace(human=human)
+    partner = RecordedPartner(person, "right", setups[0].obj, case.traits)
+    run = StoryPlay(setups[0], case.of("give"), partner=partner)
+    recorder = StoryRecorder(run)
+    for _ in range(4):
+        recorder.add(run.step())
+    seen = [moment.capsules for moment in recorder.moments]
+    record = read_record(write_record(recorder.record(), tmp_path / "run.npz"))
+    seen_again = []
+    update = Handover.update
+
+    def spy(story, frame):
+        seen_again.append(frame.human.capsules())
+        return update(story, frame)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Handover, "update", spy)
+        assert same(record, *play_again(record, setups[0]))
+    assert np.array_equal(seen, seen_again) and not np.array_equal(seen[0], seen[3])
 
 
 def test_a_recorded_cycle_falls_into_its_hand_overs(setups, tmp_path, monkeypatch):

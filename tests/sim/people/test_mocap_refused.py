@@ -48,6 +48,14 @@ def test_a_mapping_file_names_a_new_skeleton(tmp_path):
     np.testing.assert_array_equal(mapped.frames, plain.frames)
 
 
+def test_a_joint_that_is_named_for_two_is_refused(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    twice = {j: BVH_NAMES[j] for j in (*ARM, "left_shoulder", "left_elbow")}
+    twice["left_hand"] = BVH_NAMES["right_hand"].upper()
+    told = refusal(path, mapping=twice)
+    assert "right_hand and for left_hand" in told and twice["left_hand"] in told
+
+
 def test_unknown_bodies_are_ignored(tmp_path):
     joints = person(30)
     other = {"robot": joints["hip"] + 7.0, **joints, "table": joints["hip"] * np.nan}

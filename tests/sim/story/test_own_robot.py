@@ -13,7 +13,7 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.threat import Watcher
+from odm.execution.threat import ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -495,3 +495,93 @@ def test_nothing_held_out_in_reach_ends_in_time(maps):
 def test_pads_that_are_none_are_refused_with_those_that_could_be(maps):
     with pytest.raises(BadInput, match=r"finger pads are \['link9'\].*flange"):
         story_of(maps, pads=("link9",))
+
+
+def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_lasted(maps):
+    story, human = story_of(maps)
+    force = [0.0]
+
+    def update(now):
+        frame = sim.StoryFrame(now, human, pulled(force[0]), holds=True)
+        return story.update(frame)
+
+    begin = 1.7e9  # a clock of seconds since 1970
+    for now in (0.0, 0.01, 0.02, 500.0, 500.01, -3.0, np.nan, -2.99, -2.98):
+        update(begin + now)
+        assert story.state == "approach" and np.isfinite(story._clock["left"])
+        leapt = now in (500.0, -3.0) or np.isnan(now)
+        assert ("which does not count" in story.reason) == leapt
+    force[0] = 30.0
+    for now in (-2.5, -2.0, -1.5):  # one frame in half a second is no pull that lasts
+        update(begin + now)
+    assert 0.0 < story._pull.lasted < 0.1 and not story.events
+
+
+@pytest.mark.parametrize("wrong", ["nan", "no radius"])
+def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong):
+    story, human = story_of(maps)
+    bad = np.array(human.capsules())
+    bad[3, 2 if wrong == "nan" else 6] = np.nan if wrong == "nan" else -0.1
+    speeds = []
+    for k in range(110):
+        rows = bad if 20 <= k < 90 else human.capsules()
+        frame = sim.StoryFrame(PERIOD * k, human, None, holds=True, capsules=rows)
+        speeds.append(np.abs(story.update(frame).dq).max())
+        if k == 89:
+            assert "capsule 3" in story.reason and story.answer.status == "holding"
+    assert speeds[15] > 0.05 and speeds[89] == 0.0 and speeds[-1] > 0.05
+
+
+def test_a_frame_of_another_shape_is_refused_by_name_and_lists_are_arrays(maps):
+    human = handover.Human()
+    rows = human.capsules()
+    refused = (
+        ("wrench", dict(wrench=np.zeros(3))),
+        ("wrench", dict(wrench="12 N")),
+        ("human", dict(human=None)),
+        ("now", dict(now="3")),
+        ("capsules", dict(capsules=rows[:, :6])),
+        ("5 capsules and 15 labels", dict(capsules=rows[:5])),
+        ("2 labels", dict(labels=[0, 1])),
+        ("T_base_object", dict(T_base_object=np.eye(4)[:3])),
+        ("T_base_object", dict(T_base_object=np.zeros((4, 4)))),
+        ("T_base_object", dict(T_base_object=np.diag([1.0, 1.0, -1.0, 1.0]))),
+    )
+    for words, told in refused:
+        with pytest.raises(BadInput, match=words):
+            sim.StoryFrame(**(dict(now=0.0, human=human) | told))
+    lists = dict(capsules=rows.tolist(), labels=human.labels.tolist(), wrench=[0] * 6)
+    rounded = pose_of((0.3, 0.2, 0.1), (0.1, 0.2, 0.3)) + 1e-4 * np.eye(4, k=1)
+    told = dict(T_base_object=rounded.tolist(), **lists)
+    T = sim.StoryFrame(0, human, **told).T_base_object
+    assert np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() < 1e-12
+    assert 0.0 < np.abs(T - rounded).max() < 2e-4
+    frame = sim.StoryFrame(0.0, human, T_base_object=np.full((4, 4), np.nan))
+    assert frame.T_base_object is None
+    story, _ = story_of(maps)
+    with pytest.raises(BadInput, match="measured q has shape"):
+        story.update(sim.StoryFrame(0.0, human, q=np.zeros(6 + story.view.robot.dof)))
+
+
+def test_who_tells_of_a_sensors_noise_sees_speeds_through_it(maps):
+    known = {}
+    for noise in (0.0, 0.003):
+        threat = ThreatSettings(noise=noise)
+        story, human = story_of(maps, "receive", threat=threat)
+        rng = np.random.default_rng(1)
+        for k in range(30):
+            T = pose_of((0.5, 0.2, 0.4) + rng.normal(0.0, 1e-3, 3), (0.0, 0.0, 0.0))
+            frame = sim.StoryFrame(PERIOD * k, human, T_base_object=T)
+            story.update(frame)
+        threat = story._last.threat
+        known[noise] = bool(threat.known[-1])
+    assert known == {0.0: False, 0.003: True}
+    assert np.abs(threat.velocity[-1]).max() < 0.1
+
+
+def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
+    story, human = story_of(maps)
+    there = odm.Obstacles(capsules=np.array(human.capsules()))
+    story.answer = story.planner.step(there, q=story.executor.set_point.q)
+    assert "set_goals" in story.answer.reason
+    assert story.reason == "no place within reach of both is known"
