@@ -14,7 +14,8 @@ demo: $(VENV)/.sim
 
 test: $(VENV)/.test
 	$(BIN)/odm warmup
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	@# two processes whose BLAS has a thread for each core wait for each other, spinning
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -91,7 +91,7 @@ def test_damaged_headers_are_refused_in_one_sentence_or_read_as_they_were(
     rng, file = np.random.default_rng(14), folder / "counts.npy"
     whole = file.read_bytes()
     refused = 0
-    for _ in range(1500):
+    for _ in range(600):
         data = bytearray(whole)
         for at in rng.integers(0, 128, rng.integers(1, 6)):
             data[at] = rng.integers(256)
@@ -104,7 +104,7 @@ def test_damaged_headers_are_refused_in_one_sentence_or_read_as_they_were(
             assert "\n" not in str(error)
         else:  # a blank that became another one
             np.testing.assert_array_equal(array, ARRAYS["counts"])
-    assert refused > 1000
+    assert refused > 400
 
 
 @pytest.mark.parametrize(

@@ -108,15 +108,14 @@ def test_a_person_s_map_scales_with_the_arm(arm_map, rng):
 
 def test_the_same_bytes_for_any_number_of_threads(arm, robot):
     settings = ReachSettings(cell=0.2, rotations=72, samples=300_000, seed=9)
-    for chain in (arm, chain_of(robot)):
+    for chain in (chain_of(robot), arm):
         one, three = (build_reach_map(chain, settings, threads=k) for k in (1, 3))
         for a, b in zip(one.packed, three.packed, strict=True):
             np.testing.assert_array_equal(a, b)
     other = build_reach_map(arm, replace(settings, seed=10), threads=1)
-    first = build_reach_map(arm, settings, threads=1)
     assert (
-        other.packed.roots.shape != first.packed.roots.shape
-        or (other.packed.roots != first.packed.roots).any()
+        other.packed.roots.shape != one.packed.roots.shape
+        or (other.packed.roots != one.packed.roots).any()
     )
 
 

@@ -216,7 +216,10 @@ def test_a_missing_ompl_is_one_clear_sentence(map_dir, monkeypatch):
         ompl.run(map_dir, pairs=1, frames=2)
 
 
-def test_a_recipe_builds_to_the_same_bytes_by_threads_and_processes(tmp_path):
+def test_a_recipe_builds_to_the_same_bytes_by_threads_and_processes(
+    tmp_path, monkeypatch
+):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)  # as a user's build
     recipe = tmp_path / "tiny.toml"
     recipe.write_text(
         f'[robot]\nsource = "{DATA / "arm3.urdf"}"\ntip = "tool"\n'

@@ -2,10 +2,9 @@
 
 import json
 import signal
-import time
 
 import pytest
-from command_line import one_sentence, started
+from command_line import one_sentence, started, wait_for
 
 from handover import load_grasps
 
@@ -70,9 +69,9 @@ def test_what_is_no_grasp_set_is_left_alone(odm, tmp_path):
 
 def test_ctrl_c_leaves_nothing(tmp_path):
     words = ["-m", "sim.cli.main", "grasps", "build", "--object", "hammer", "--hand"]
-    words += ["sdh", "--samples", "3000", "--out", "set"]  # minutes
+    words += ["sdh", "--samples", "400", "--rolls", "6", "--out", "set"]  # minutes
     with started(words, tmp_path) as process:
-        time.sleep(12.0)
+        wait_for(process.stderr, "closing hands")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=120)
     assert process.returncode == 130 and "nothing half-written" in err

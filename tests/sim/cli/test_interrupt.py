@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import product
 
 import numpy as np
 import pytest
@@ -199,17 +200,28 @@ def test_a_program_started_with_ctrl_c_ignored_keeps_ignoring_it(tmp_path):
         assert end(process)[0] == 0
 
 
-def test_a_build_ends_while_it_samples_and_leaves_nothing(tmp_path):
-    command = commands(tmp_path)[0]
+@pytest.mark.parametrize("k, stage", [(0, "edges and"), (2, "drawing samples")])
+def test_a_build_ends_while_it_samples_and_leaves_nothing(
+    k, stage, tmp_path, tmp_path_factory, monkeypatch
+):
+    temporary = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    command = commands(tmp_path)[k]
     with started(["-m", "sim", *command.words], tmp_path) as process:
-        wait_for(process.stderr, "edges and")
+        wait_for(process.stderr, stage)
         code, seconds, _, err = end(process)
     assert code == 130 and seconds < 2.0, err
-    assert not list(tmp_path.iterdir())
+    assert err.count("interrupted") == 1 and "Traceback" not in err
+    assert not [*tmp_path.iterdir(), *temporary.iterdir()]
 
 
-@pytest.mark.parametrize("moment", [0.0, 0.3, 1.0, 1.7, 2.3, 6.0])
-@pytest.mark.parametrize("k", [0, 2, 3])  # build, workspace build, with a cold cache
+EARLY = (0.0, 0.3, 1.0, 1.7, 2.3)  # while it loads; while it samples: above
+
+
+@pytest.mark.parametrize(
+    "k, moment",  # build, workspace build, with a cold cache, which compiles at the end
+    [*product((0, 2, 3), EARLY), (3, 4.5)],
+)
 def test_commands_end_at_any_moment(k, moment, tmp_path):
     command = commands(tmp_path)[k]
     ending = interrupted(command, moment, tmp_path)

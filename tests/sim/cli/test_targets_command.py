@@ -102,7 +102,7 @@ def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
 
 def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
     words = ["run", "--map", built[0], "--targets", "meet", "--reach", built[1]]
-    words += ["--motion", "reach", "--seconds", "1.5", "--rate", "50"]
+    words += ["--motion", "reach", "--seconds", "1.1", "--rate", "50"]
     words += ["--distance", "0.8", "1.0", "--object", "mallet", "--out", tmp_path / "o"]
     code, out, err = odm(*words)
     assert code == 0, err

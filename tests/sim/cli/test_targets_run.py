@@ -22,7 +22,7 @@ def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
     asked = RunRequest(
         meet_maps[0],
         "reach",
-        seconds=12.0,
+        seconds=8.0,
         seed=1,
         rate=50.0,
         execution="timed",

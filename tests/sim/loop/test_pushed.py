@@ -236,7 +236,7 @@ def gets_away(small_map, far, off, standing=None):
 def test_the_balls_of_the_braking_test_grow_by_how_far_it_is_off(small_map):
     def nearest(off):
         places = np.arange(0.1, 0.7, 0.01)
-        return min(far for far in places if gets_away(small_map, far, off))
+        return next(far for far in places if gets_away(small_map, far, off))
 
     hardly = nearest(0.003)
     assert hardly > 0.25  # far above where it would not be wise to move at all

@@ -153,7 +153,8 @@ def test_what_is_seen_and_what_is_guessed_are_both_kept(execution, cell_map, tmp
     joints["right_hand"][100:180] = np.nan
     clip = write_csv(tmp_path / "clip.csv", joints)
     motion = load_mocap(clip, settings=MocapSettings(stand=(0.9, 0.0, np.pi)))
-    record = recorded(new_loop(cell_map, motion, execution=execution), cell_map)
+    loop = new_loop(cell_map, motion, execution=execution, duration_s=2.0)
+    record = recorded(loop, cell_map)
     assert (record.arrays["guess"][:90] == record.arrays["capsules"][:90]).all()
     assert (record.arrays["guess"] != record.arrays["capsules"]).any()
     assert_the_same_again(record, cell_map, tmp_path)

@@ -49,13 +49,20 @@ def _two_nodes(planner):
     return planner.cell_map.roadmap.nodes[[0, -1]]
 
 
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    """Return where the run of `file` is recorded, by the first who asks for it."""
+    return tmp_path_factory.mktemp("recorded") / "run.npz"
+
+
 @pytest.fixture
-def file(odm, map_dir, tmp_path):
-    """Return a recorded run of two seconds."""
-    words = ("--map", map_dir, "--seconds", 2, "--record", tmp_path / "run.npz")
-    code, _, err = odm("run", *words)
-    assert code == 0 and f"200 frames in {tmp_path / 'run.npz'}" in err
-    return tmp_path / "run.npz"
+def file(odm, map_dir, run_file):
+    """Return a recorded run of two seconds; nobody changes it."""
+    if not run_file.exists():
+        words = ("--map", map_dir, "--seconds", 2, "--record", run_file)
+        code, _, err = odm("run", *words)
+        assert code == 0 and f"200 frames in {run_file}" in err
+    return run_file
 
 
 def sentence(text):
