@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from time import perf_counter_ns
 from typing import NoReturn
 
@@ -118,7 +119,6 @@ class ReactivePlanner:
         self._path_test = PathTest(frame, self._last_phase)
         self._approacher: Approacher | None = None
         self._pose_goals: PoseGoals | None = None
-        self.scene = Scene(frame, self.carrier, self._scene_changed)
         self.direct = frame.direct
         # what is remembered between frames
         self.path = path = PathInUse(frame)
@@ -156,6 +156,8 @@ class ReactivePlanner:
             self.decision.join_between,
         )
         self.connector = Connector(frame, path, attacher, s.search)
+        changed = partial(_scene_changed, self.carrier, attacher, self.connector)
+        self.scene = Scene(frame, self.carrier, changed)
         self._retreat = Retreat(frame, attacher)
         self._set_rules()
         self.last: Answer | None = None
@@ -821,23 +823,6 @@ class ReactivePlanner:
         """How many points of the scene lie outside the grid."""
         return self.scene.outside
 
-    def _scene_changed(self, new: str | None, anew: bool) -> None:
-        """Let go of all motions that what is new in the scene blocks.
-
-        Where something was taken away, goals are attached anew if motions to them had
-        been refused; and in any case where all is placed `anew`.
-        """
-        if new is not None:
-            items, static = self.carrier.items, self.static
-            self.attacher.keep_clear(
-                lambda q, dq: items.motions_clear(new, q, dq, static)
-            )
-        elif anew or self.attacher.lacks_motions:
-            self.attacher.forget_all()
-        self.attacher.forget_start()
-        self.connector.reset()
-        self.frame.mark()  # verdicts on items are void
-
     # --- what it is asked between frames ---------------------------------------
 
     def is_free(
@@ -993,6 +978,30 @@ class ReactivePlanner:
         """Raise BadConfiguration where a goal can never be reached in this place."""
         for k, q in enumerate(goals):
             check_valid(self.static, q, f"goal {k}")
+
+
+def _scene_changed(
+    carrier: Carrier,
+    attacher: Attacher,
+    connector: Connector,
+    new: str | None,
+    anew: bool,
+) -> None:
+    """Let go of all motions that what is new in the scene blocks.
+
+    Where something was taken away, goals are attached anew if motions to them had
+    been refused; and in any case where all is placed `anew`. No method of the planner:
+    who held one would hold the planner, whose memory is freed with its last user.
+    """
+    frame = attacher.frame
+    if new is not None:
+        items, static = carrier.items, frame.static
+        attacher.keep_clear(lambda q, dq: items.motions_clear(new, q, dq, static))
+    elif anew or attacher.lacks_motions:
+        attacher.forget_all()
+    attacher.forget_start()
+    connector.reset()
+    frame.mark()  # verdicts on items are void
 
 
 def stage_of(code: int, path: np.ndarray) -> str:

@@ -1,5 +1,8 @@
 """What a planner keeps between frames and goals, and what it must not."""
 
+import gc
+import weakref
+
 import numpy as np
 from small import AWAY, HOME, NOBODY, POST, draw_arm, draw_valid, wrapped
 
@@ -87,3 +90,26 @@ def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
     points.flags.writeable = False
     planner.step(points, q=small_map.roadmap.nodes[3])
     assert (len(step.respond.signatures), len(frame.take_points.signatures)) == seen
+
+
+def test_the_memory_is_freed_with_its_last_user_without_a_search_for_garbage(small_map):
+    nodes = small_map.roadmap.nodes
+    gc.collect()
+    gc.disable()  # tens of megabytes would wait for it, in who makes one after another
+    try:
+        planner = odm.ReactivePlanner(small_map)
+        planner.set_goals([nodes[-1]])
+        far = np.eye(4)
+        far[2, 3] = 3.0
+        planner.scene.add("ball", odm.Sphere(0.01, far))
+        planner.step(np.zeros((0, 3)), q=nodes[0])
+        planner.improve(4)
+        gone = weakref.ref(planner), weakref.ref(planner.frame)
+        scene = planner.scene  # who keeps the scene keeps no planner
+        del planner
+        assert gone[0]() is None
+        scene.remove("ball")
+        del scene
+        assert gone[1]() is None
+    finally:
+        gc.enable()
