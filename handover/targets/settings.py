@@ -100,6 +100,9 @@ class LiveSettings:
             the targets known are weighed anew, and one costly job is done.
         from_rest: Whether the way of the person's hand counts from where their arm
             rests, not from where it is: else the best place follows a hand that moves.
+        spare_m: Distance [m] that a configuration keeps from the person besides the
+            clearance when it is offered. At one on the brink of the clearance each
+            tremble blocks the path, and the braking test lets the robot creep at best.
         near_rest: Whether ways from the place of rest are kept short: inverse
             kinematics begins there, in place of the last near node, and of targets
             with the same quality the one that turns the tool least goes first.
@@ -124,6 +127,7 @@ class LiveSettings:
     choices: int = 3
     from_rest: bool = False
     near_rest: bool = False
+    spare_m: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
@@ -131,6 +135,7 @@ class LiveSettings:
             "node_tolerance_m": (0.0, 1.0, "m"),
             "node_tolerance_rad": (0.0, np.pi, "rad"),
             "apart": (0.0, 10.0, "rad or m"),
+            "spare_m": (0.0, 1.0, "m"),
         }
         some = (
             "connect_every",

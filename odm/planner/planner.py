@@ -878,7 +878,7 @@ class ReactivePlanner:
             direction = self.world.direction(as_floats("the direction", direction))
         return self._approacher.run(T, q, distance, direction, phase)
 
-    def stands_clear(self, q: np.ndarray) -> bool:
+    def stands_clear(self, q: np.ndarray, extra: float = 0.0) -> bool:
         """Return whether the robot would keep clear of the last frame's points at q.
 
         The part of `is_free` that changes from frame to frame: limits, self-collision
@@ -886,15 +886,17 @@ class ReactivePlanner:
 
         Args:
             q: (dof,) [rad or m].
+            extra: Distance to keep besides rho and m [m].
 
         Raises:
-            BadInput: Wrong length or not finite.
+            BadInput: Wrong length or not finite; `extra` is negative or not finite.
         """
         self.memory.owner.check()
         q = check_numbers(self.robot, q)
+        check_number("extra [m]", extra, 0.0, 10.0)
         if self.trouble is not None:
             return False
-        return self.frame.motion_clear(q, np.zeros_like(q))
+        return self.frame.motion_clear(q, np.zeros_like(q), more=extra)
 
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].

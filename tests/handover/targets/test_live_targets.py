@@ -295,6 +295,7 @@ def test_an_index_of_another_map_is_refused(cell_map, robot_map):
         ({"connect_every": 0.5}, "connect_every"),
         ({"node_tolerance_m": -1.0}, "node_tolerance_m"),
         ({"node_tolerance_rad": float("nan")}, "node_tolerance_rad"),
+        ({"spare_m": -0.001}, "spare_m"),
     ],
 )
 def test_live_settings_that_are_none_are_refused(wrong, words):

@@ -127,6 +127,38 @@ def test_a_target_all_of_which_is_blocked_is_not_waited_for(planner, finder, sev
     assert settled(offers, {several.key: several}, several.key)[-1] is Offer.MADE
 
 
+def brink(planner, q, spare):
+    """(1, 3) a point that is `spare` [m] beyond the clearance of the robot at q."""
+    start = planner.cell_map.roadmap.nodes[0]
+    T = tool_pose(planner.robot, q)
+    near, far = 0.0, 0.5  # [m] along the tool's axis
+    for _ in range(40):
+        middle = 0.5 * (near + far)
+        point = (T[:3, 3] + middle * T[:3, 2])[None]
+        planner.step(point, q=start)
+        if planner.separation(q) < planner.keep + spare:
+            near = middle
+        else:
+            far = middle
+    return point
+
+
+def test_a_configuration_on_the_brink_of_the_clearance_is_not_offered(
+    planner, finder, several
+):
+    q = finder.found(several.key)[0].q
+    planner.step(brink(planner, q, 0.002), q=planner.cell_map.roadmap.nodes[0])
+    assert planner.stands_clear(q, 0.001) and not planner.stands_clear(q, 0.003)
+    assert planner.stands_clear(q)
+    said = {}
+    for spare in (0.001, 0.003):
+        settings = LiveSettings(node_tolerance_m=0.0, spare_m=spare)
+        offers = TargetOffers(planner, finder, settings)
+        told = settled(offers, {several.key: several}, several.key)
+        said[spare] = told[-1]
+    assert said == {0.001: Offer.MADE, 0.003: Offer.NOT_NOW}
+
+
 def test_a_node_is_offered_only_where_the_robot_would_stand_clear(
     planner, robot_map, index
 ):

@@ -96,6 +96,12 @@ def test_what_is_no_configuration_is_refused_in_one_sentence(asked, question, wr
         QUESTIONS[question](asked, q)
 
 
+@pytest.mark.parametrize("extra", [-0.01, np.nan, np.inf, "1 cm"])
+def test_what_is_no_extra_distance_is_refused(asked, extra):
+    with pytest.raises(BadInput, match="extra"):
+        asked.stands_clear(HOME, extra)
+
+
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_paths_of_any_layout_are_tested_and_compile_nothing(asked, layout):
     path = np.stack([HOME, AWAY])
