@@ -270,7 +270,8 @@ class LiveTargets:
         self, targets: list[Target], known: list[Target], pursued: int | None
     ) -> tuple[Goal, ...]:
         """Return the goals of this frame, of the targets it has and those on offer."""
-        offers = self.offers
+        offers, s = self.offers, self.settings
+        offers.spare_m = 0.0 if self._blocked > s.spare_frames else s.spare_m
         offers.begin(self._targets | {t.key: t for t in known})
         offers.renew(tuple(self._worth))
         decision = self.choice.decide(

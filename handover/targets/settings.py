@@ -101,8 +101,10 @@ class LiveSettings:
         from_rest: Whether the way of the person's hand counts from where their arm
             rests, not from where it is: else the best place follows a hand that moves.
         spare_m: Distance [m] that a configuration keeps from the person besides the
-            clearance when it is offered. At one on the brink of the clearance each
-            tremble blocks the path, and the braking test lets the robot creep at best.
+            clearance when it is offered. At one that has 2 mm more than the clearance
+            each tremble of the person stops the robot.
+        spare_frames: Frames without a target that can be reached, after which
+            configurations are offered that keep the clearance only.
         near_rest: Whether ways from the place of rest are kept short: inverse
             kinematics begins there, in place of the last near node, and of targets
             with the same quality the one that turns the tool least goes first.
@@ -128,6 +130,7 @@ class LiveSettings:
     from_rest: bool = False
     near_rest: bool = False
     spare_m: float = 0.0
+    spare_frames: int = 400
 
     def __post_init__(self) -> None:
         """Refuse what is no setting."""
@@ -147,7 +150,7 @@ class LiveSettings:
         )
         counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
         counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
-        counts |= {"rank_budget": (0, 10**9, "")}
+        counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
         check_settings(self, lengths | counts, tuple(counts))
 

@@ -35,6 +35,8 @@ class TargetOffers:
         settings: How much a frame does, see LiveSettings; None: the finder's.
 
     Attributes:
+        spare_m: Distance to keep besides the clearance, of configurations offered from
+            now on [m]; see LiveSettings.
         attached: Goals joined to the roadmap so far.
     """
 
@@ -47,6 +49,7 @@ class TargetOffers:
         """Offer nothing."""
         self.planner, self.finder = planner, finder
         self.settings = settings or finder.settings
+        self.spare_m = self.settings.spare_m
         self.attached = 0
         self._goals: dict[int, list[Goal]] = {}
         self._frame, self._attached_at = 0, -self.settings.connect_every
@@ -195,7 +198,7 @@ class TargetOffers:
     def _has_room(self, goal: Goal) -> bool:
         """Whether it keeps clear of the person, with something to spare."""
         self._tests -= 1
-        return self.planner.stands_clear(goal.q, self.settings.spare_m)
+        return self.planner.stands_clear(goal.q, self.spare_m)
 
     def _is_joined(self, goal: Goal) -> bool:
         return goal is self._joined or self.planner.is_prepared(goal.q)

@@ -35,7 +35,7 @@ LIVE = LiveSettings(
     choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
     rank_budget=500,
     from_rest=True,
-    spare_m=0.003,
+    spare_m=0.005,
 )
 
 

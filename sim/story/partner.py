@@ -127,6 +127,10 @@ class Partner:
         self._done = False
         self._walked = 0.0
 
+    def tracked(self, now: float) -> tuple[None, None]:
+        """Return nothing: all of the person is seen, and where `human` says."""
+        return None, None
+
     @property
     def bump_at(self) -> float:
         """When the hand first touched the object [s]; infinite: not yet."""
@@ -370,6 +374,16 @@ class RecordedPartner:
     def T_world_object(self) -> np.ndarray:
         """(4, 4) the object in the person's hand [m]."""
         return self.human.T_world_hand(self.side) @ self._T_hand_object
+
+    def tracked(self, now: float) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Return capsules (k, 7), base frame [m], and labels (k,), as tracked.
+
+        Parts that are not seen stand where they were, grown by their age. None, None:
+        nothing is hidden, the person is where `human` says.
+        """
+        if not hasattr(self.person, "guess"):
+            return None, None
+        return self.person.capsules(now), self.person.labels
 
     def step(
         self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool

@@ -244,7 +244,9 @@ class StoryPlay:
         wrench = self.wrist.wrench(T_tool, mass, force)
         wrench = wrench + self._rng.normal(0.0, case.traits.noise, 6)
         opened = fingers.share >= 1.0 - 1e-9
-        return StoryFrame(now, human, wrench, opened, held, T_object)
+        capsules, labels = partner.tracked(now)
+        felt = wrench, opened, held, T_object
+        return StoryFrame(now, human, *felt, capsules=capsules, labels=labels)
 
     def _object(self, T_tool: np.ndarray) -> np.ndarray | None:
         """Return where the object is; None: it lies on the floor."""

@@ -104,6 +104,7 @@ class StoryRecorder:
             ),
             "story.object": np.array([nowhere if T is None else T for T in places]),
             **_bodies(humans),
+            **_tracked([m.frame for m in moments]),
         }
 
     def _head(self) -> dict:
@@ -201,6 +202,7 @@ def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[s
                 opened,
                 holds,
                 None if np.isnan(T).any() else T,
+                **_seen(arrays, i),
             )
         )
         states.append(story.state)
@@ -255,6 +257,23 @@ def _bodies(humans: list[Human]) -> dict[str, np.ndarray]:
     }
     lengths["story.body.height"] = [h.height for h in humans]
     return {name: np.array(told, float) for name, told in lengths.items()}
+
+
+def _tracked(frames: list[StoryFrame]) -> dict[str, np.ndarray]:
+    """Return the person as a tracker knew them, where that is not where they were."""
+    if frames[0].capsules is None:
+        return {}
+    return {
+        "story.tracked": np.array([f.capsules for f in frames]),
+        "story.labels": np.array([f.labels for f in frames], np.int64),
+    }
+
+
+def _seen(arrays: dict[str, np.ndarray], i: int) -> dict[str, np.ndarray]:
+    if "story.tracked" not in arrays:
+        return {}
+    capsules, labels = arrays["story.tracked"][i], arrays["story.labels"][i]
+    return {"capsules": capsules, "labels": labels}
 
 
 def _human(person: Human, arrays: dict[str, np.ndarray], i: int) -> Human:

@@ -73,6 +73,18 @@ def test_the_robot_gets_to_the_target_it_pursues(cell_map, robot_map, index):
     assert last.quality == pytest.approx(target.quality)
 
 
+def test_goals_on_the_brink_are_offered_where_there_are_no_others(
+    cell_map, robot_map, index
+):
+    human = person(0.9)
+    settings = {"spare_m": 1.0, "spare_frames": 60}  # none keeps so much
+    live = live_of(cell_map, robot_map, index, human, **settings)
+    _, pursuits = run(live, start(cell_map), [human] * 150)
+    assert {p.state for p in pursuits[:60]} <= {BLOCKED, NOBODY}
+    assert pursuits[-1].state in (UNDER_WAY, THERE)
+    assert live.goals and live.planner.separation(live.goals[0].q) < 1.0
+
+
 def test_goals_are_set_only_when_they_change(cell_map, robot_map, index):
     human = person(0.9)
     live = live_of(cell_map, robot_map, index, human)

@@ -177,14 +177,26 @@ def test_a_recording_of_nothing_is_refused():
         CycleRecorder().record()
 
 
-def test_beside_a_recorded_person_it_is_recorded_and_the_same_again(setups, tmp_path):
+@pytest.mark.parametrize("tracked", [False, True])
+def test_beside_a_recorded_person_it_is_recorded_and_the_same_again(
+    setups, tmp_path, tracked
+):
     case = LadderCase.drawn_at(0)
     places = case.body().places  # measured anew in each frame, and no gaze
 
     def human(t):
         return human_from_joints(places * (1.0 + t) + [0.0, 0.0, t])
 
-    person = SimpleNamespace(human=human)
+    def guess(t):
+        return human(t).capsules()
+
+    def capsules(t):  # not seen, and grown
+        return guess(t) + np.r_[np.zeros(6), 0.01 + t]
+
+    labels = human(0.0).labels
+    person = SimpleNamespace(human=human, labels=labels)
+    if tracked:
+        person.guess, person.capsules = guess, capsules
     partner = RecordedPartner(person, "right", setups[0].obj, case.traits)
     run = StoryPlay(setups[0], case.of("give"), partner=partner)
     recorder = StoryRecorder(run)
@@ -192,17 +204,21 @@ def test_beside_a_recorded_person_it_is_recorded_and_the_same_again(setups, tmp_
         recorder.add(run.step())
     seen = [moment.capsules for moment in recorder.moments]
     record = read_record(write_record(recorder.record(), tmp_path / "run.npz"))
-    seen_again = []
+    seen_again, told_again = [], []
     update = Handover.update
 
     def spy(story, frame):
         seen_again.append(frame.human.capsules())
+        told_again.append(frame.capsules)
         return update(story, frame)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Handover, "update", spy)
         assert same(record, *play_again(record, setups[0]))
     assert np.array_equal(seen, seen_again) and not np.array_equal(seen[0], seen[3])
+    told = [capsules(0.01 * k) if tracked else None for k in range(4)]
+    for one, again in zip(told, told_again, strict=True):
+        assert np.array_equal(one, again) if tracked else again is None
 
 
 def test_a_recorded_cycle_falls_into_its_hand_overs(setups, tmp_path, monkeypatch):
