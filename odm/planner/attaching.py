@@ -15,6 +15,7 @@ from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
+from odm.search._astar import GOAL_SIDE, START_SIDE
 from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
@@ -26,6 +27,7 @@ _NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadm
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
 _MOVING_CONNECTIONS = 3  # and connections that it gets at most
+_LOOKS = 8  # waiting nodes that a frame without a path looks at, of start and of goals
 _PATH_FIRST = 8  # tests of `improve` that a new start's path has before its motions
 _NONE = np.zeros(0, np.int64)
 
@@ -76,7 +78,7 @@ class Attacher:
         self._through = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(_MOVING_NODES, np.int64)
+        self._chosen = np.zeros(max(_MOVING_NODES, _LOOKS), np.int64)
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -347,9 +349,82 @@ class Attacher:
             if left > 0 and int(m.goals.vertex[g]) in self._later:
                 left -= self._more_of_goal(g, left)
                 self.kept.keep(m.goals, g)
+        self._update_cost_to_any()
+        return most - left
+
+    def attach_free(self, most: int) -> int:
+        """Join start and goals by up to `most` motions that the frame leaves free.
+
+        Of the nodes that wait those count that may lead on, by what this frame's
+        search knows; a few of them are looked at by the close test, which costs a
+        hundredth of what joining does. The others wait behind those. The goals have
+        their turn one after the other.
+
+        Returns:
+            How many nodes were tried.
+        """
+        self.tidy()
+        m, left = self.frame.memory, most
+        n, number = int(m.goals.count[0]), self.frame.number
+        if self.start_waits:
+            free, _ = self._free_first(m.goals.count.item(1), self.q_attached, _LOOKS)
+            if free:
+                done = self._more_of_start(min(free, left))
+                self.start_waits, left = done > 0, left - done
+        looks = _LOOKS
+        for g in range(number, number + n):
+            g %= n
+            if not left or not looks:
+                break
+            vertex = int(m.goals.vertex[g])
+            free, looked = self._free_first(vertex, m.goals.q[g], looks)
+            looks -= looked
+            if free:
+                left -= self._more_of_goal(g, min(free, left))
+                self.kept.keep(m.goals, g)
+        if left < most:
+            self._update_cost_to_any()
+        return most - left
+
+    def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
+        """Let the waiting nodes of a vertex begin with those that it can go to now.
+
+        Returns:
+            How many these are, and how many were looked at, `looks` at most.
+        """
+        waiting = self._later.get(vertex, _NONE)
+        leads_on = self._leads_on(waiting, vertex)
+        looked = waiting[leads_on][:looks]
+        if not len(looked):
+            return 0, 0
+        table, points = self.frame.memory.table, self.frame.points
+        n = judge.clear_nodes(table, points, q, looked, len(looked), self._chosen)
+        free = self._chosen[:n].copy()
+        others = waiting[~np.isin(waiting, looked)]
+        blocked = looked[~np.isin(looked, free)]
+        self._later[vertex] = np.concatenate([free, others, blocked])
+        return n, len(looked)
+
+    def _leads_on(self, nodes: np.ndarray, vertex: int) -> np.ndarray:
+        """Return (k,) where a motion between `vertex` and a node may help now.
+
+        A search that has no path knows all that is reached from the start, or from the
+        goal. A motion helps where it joins what the one reaches with what it does not.
+        """
+        m = self.frame.memory
+        side, run = m.numbers.exhausted.item(), m.numbers.run.item()
+        of_start = vertex == m.goals.count.item(1)
+        if side == START_SIDE:
+            return (m.search.done[nodes] == run) != of_start
+        if side == GOAL_SIDE and len(self.goals) == 1:
+            return (m.search.flood[nodes] == run) == of_start
+        return np.ones(len(nodes), np.bool_)
+
+    def _update_cost_to_any(self) -> None:
+        """Let h_any be the least cost to go, over the goals."""
+        m, n = self.frame.memory, len(self.goals)
         rest = m.goals.h[:n] + m.goals.cost[:n, None]
         np.min(rest, axis=0, initial=np.inf, out=m.robot_state.h_any)
-        return most - left
 
     # --- starts ----------------------------------------------------------------
 

@@ -21,7 +21,8 @@ from odm.search._state import NO_ITEM
 _SHORTEN = 250  # configurations looked at to shorten a path that was found
 _PART = 8  # a frame has this part of the budget, until all of it is spent; after that,
 _AGAIN = 16  # and where the robot moves, this part;
-_REST = 8  # but once all is spent in one place, only every so many-th frame searches
+_REST = 8  # but once all is spent in one place, only every so many-th frame searches,
+_JOINS_IN = 4  # and one in so many joins a standing robot to a found path's corners
 _SHARE = 250  # for each motion that `improve` may test
 _JOINS = 3  # corners of a found path that another start is joined with
 
@@ -53,6 +54,7 @@ class Connector:
 
     Attributes:
         looked: Configurations looked at for this start and these goals.
+        is_new: The last frame without a path was the first from there to these goals.
     """
 
     def __init__(
@@ -69,37 +71,52 @@ class Connector:
         self.trees.count[:] = self.trees.drawn[:] = 0
         self.found.count[:] = self.found.next[:] = 0
         self._root, self._goals, self._lacks_cells = b"", b"", False
+        self._place, self.is_new = b"", False
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
         self._frames_to_persist = (
             0  # frames in a row that a path must be there to be taken
         )
 
-    def answer(self, q: np.ndarray, patience: int, waits: bool, moves: bool) -> bool:
-        """Let the path in use be one beyond the roadmap, if there is one already.
-
-        Where the path before was of that kind, or free only now, and was blocked, the
-        next one must be there for `persistence_frames` frames in a row: what opens and
-        closes as a hand trembles is not taken.
+    def remembered(self, q: np.ndarray, patience: int, waits: bool) -> FoundPath | None:
+        """Begin a frame that the roadmap has no path for: return one found before.
 
         Args:
             q: (dof,) where the robot is, inside its limits.
             patience: See `PlannerSettings`.
             waits: Paths that is free only now are not taken now.
-            moves: The robot was a little elsewhere in the frame before.
         """
-        if not self.budget or not len(self.attacher.goals):
-            return False
+        place = q.tobytes() + self.attacher.goals.tobytes()
+        self.is_new, self._place = place != self._place, place
+        if not self._is_asked():
+            return None
+        self._asked = self.frame.number
         if self.path.followed and (waits or self._is_mine()):
             self._frames_to_persist = patience
-        path = self._free_path(q)
-        if path is None:
-            self._asked = self.frame.number
-            left = self.budget - (self.looked if self._is_known() else 0)
-            part = 0 if moves else min(self.budget // _PART, left)
-            rests = left <= 0 and self.frame.number % _REST > 0
-            if not rests and self._search(max(1, self.budget // _AGAIN, part)):
-                path = self._free_path(q)
+        return self._free_path(q, self.is_new or self.frame.number % _JOINS_IN == 0)
+
+    def search(self, q: np.ndarray, moves: bool) -> FoundPath | None:
+        """Grow the trees for a frame that no remembered path is free in.
+
+        Args:
+            q: (dof,) where the robot is, inside its limits.
+            moves: The robot was a little elsewhere in the frame before.
+        """
+        left = self._left()
+        if not self._is_asked() or (left <= 0 and self.frame.number % _REST > 0):
+            return None
+        part = 0 if moves else min(self.budget // _PART, left)
+        part = max(1, self.budget // _AGAIN, part)
+        found = self._search(part, min(part, self.budget // 4, _SHORTEN))
+        return self._free_path(q, False) if found else None
+
+    def take(self, path: FoundPath | None, patience: int) -> bool:
+        """Let the path in use be one that is free now, if it was there for long enough.
+
+        Where the path before was of this kind, or free only now, and was blocked, the
+        next one must be there for `persistence_frames` frames in a row: what opens and
+        closes as a hand trembles is not taken.
+        """
         if path is None:
             self._frames_to_persist = patience if self._frames_to_persist else 0
             return False
@@ -108,6 +125,13 @@ class Connector:
             return False
         self.path.lead(*path)
         return True
+
+    def _is_asked(self) -> bool:
+        return self.budget > 0 and len(self.attacher.goals) > 0
+
+    def _left(self) -> int:
+        """Return the configurations that a search from here may look at yet."""
+        return self.budget - (self.looked if self._is_known() else 0)
 
     def _is_known(self) -> bool:
         """Return whether a search from here to these goals was begun before."""
@@ -126,7 +150,7 @@ class Connector:
         """
         if self._asked != self.frame.number:
             return 0
-        return int(self._search(_SHARE * budget))
+        return int(self._search(_SHARE * budget, min(self.budget // 4, _SHORTEN)))
 
     def told(self) -> str:
         """Return how far a search has come, for an explanation."""
@@ -139,8 +163,11 @@ class Connector:
 
     # --- searching --------------------------------------------------------------
 
-    def _search(self, budget: int) -> bool:
-        """Grow the trees; True where a path was found, and is remembered."""
+    def _search(self, budget: int, shortening: int) -> bool:
+        """Grow the trees; True where a path was found, and is remembered.
+
+        Both count configurations; with the second a path that was found is shortened.
+        """
         frame, attacher = self.frame, self.attacher
         q, goals = frame.q.tobytes(), attacher.goals.tobytes()
         if goals != self._goals:
@@ -169,7 +196,7 @@ class Connector:
         self.looked += kernels.work_done(problem)
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, min(self.budget // 4, _SHORTEN))
+        kernels.shorten(problem, shortening)
         self._asked = -1
         return self._remember()
 
@@ -230,8 +257,11 @@ class Connector:
 
     # --- paths that were found --------------------------------------------------
 
-    def _free_path(self, q: np.ndarray) -> FoundPath | None:
-        """Return a remembered path that is free from q on, the latest first."""
+    def _free_path(self, q: np.ndarray, joins: bool) -> FoundPath | None:
+        """Return a remembered path that is free from q on, the latest first.
+
+        joins: q may be joined to a later corner, which takes milliseconds.
+        """
         found, goals = self.found, self.frame.memory.goals
         ranks = goals.vertex[: goals.count.item(0)].tolist()
         for back in range(1, len(found.count) + 1):
@@ -239,12 +269,12 @@ class Connector:
             n = found.count.item(k)
             if n and found.vertex.item(k, n - 1) in ranks:
                 rank = ranks.index(found.vertex.item(k, n - 1))
-                path = self._from(k, rank, q)
+                path = self._from(k, rank, q, joins)
                 if path is not None:
                     return path
         return None
 
-    def _from(self, k: int, rank: int, q: np.ndarray) -> FoundPath | None:
+    def _from(self, k: int, rank: int, q: np.ndarray, joins: bool) -> FoundPath | None:
         """Return found path k, or the rest of it with a leg from q; None: not free."""
         frame, found, n = self.frame, self.found, self.found.count.item(k)
         first = kernels.free_from(frame.memory.table, frame.points, k)
@@ -253,7 +283,7 @@ class Connector:
         vertex, corners = found.vertex[k, :n], found.q[k, :n]
         if first == 0 and np.array_equal(corners[0], q):
             return FoundPath(rank, vertex, corners, found.ref[k, : n - 1].tolist())
-        if n + 1 > len(self.path.vertex):
+        if not joins or n + 1 > len(self.path.vertex):
             return None
         legs = np.array([frame.difference(q, corner) for corner in corners[first:]])
         far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
@@ -277,6 +307,7 @@ class Connector:
         return {
             "root": np.frombuffer(self._root, np.uint8),
             "goals": np.frombuffer(self._goals, np.uint8),
+            "place": np.frombuffer(self._place, np.uint8),
             "counts": np.array(
                 [self._asked, self.looked, self._frames_to_persist, self._lacks_cells],
                 np.int64,
@@ -286,6 +317,7 @@ class Connector:
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
+        self._place, self.is_new = saved["place"].tobytes(), False
         self._asked, self.looked, self._frames_to_persist, lacks = saved[
             "counts"
         ].tolist()

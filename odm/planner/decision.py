@@ -43,7 +43,6 @@ JOIN = {
 
 _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
-_MORE = 4  # nodes that start and goals are joined with in a frame without a path
 _STAYS = 3  # frames at the same place, and without a path,
 _LINGERS = 12  # or with one that it could follow: then between frames
 _PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
@@ -65,8 +64,6 @@ class Decision:
 
     Attributes:
         new_goals: Goals were set since the last frame.
-        found_beyond: Since then a path beyond the roadmap was found, which is tried
-            before more nodes are.
         only_seen: The last frame asked for no answer.
         joined: The last frame joined q, or goals, to the roadmap.
     """
@@ -82,7 +79,7 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = self.found_beyond = self.only_seen = self.joined = False
+        self.new_goals = self.only_seen = self.joined = False
         self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
@@ -135,13 +132,8 @@ class Decision:
             said, code = self._again(points, q, now)
         if code == step.NO_PATH and self._may_lead_on():
             again = not joined and self.attacher.lacks_start  # once a frame
-            if self._join(NO_PATH, q) or (again and self.attacher.join_start()):
+            if self._join(NO_PATH, q) or (again and self._join_start()):
                 said, code = self._again(points, q, now)
-            elif self._needs_nodes() and not joined:  # one such job a frame
-                self.attacher.attach_more(_MORE)
-                self.joined = True
-                said, code = self._again(points, q, now)
-        self.found_beyond = False
         if code == step.BETTER:
             ago = self.frame.number - self._looked
             if ago <= step.BETTER_EVERY and self.robot == STANDS:
@@ -153,12 +145,29 @@ class Decision:
             said = step.respond(self._memory.table, points, q, now)
         return said
 
-    def _needs_nodes(self) -> bool:
-        """Return whether more nodes are to be joined now: no path waits to be tried."""
-        attacher = self.attacher  # the first motions of a start come before more
-        if self.found_beyond or attacher.lacks_start:
-            return False
-        return attacher.lacks_nodes
+    def _join_start(self) -> bool:
+        self.joined = self.attacher.join_start() or self.joined
+        return self.joined
+
+    def join_more(self, most: int, now: float | None) -> int | None:
+        """Join start and goals of a frame without a path to more nodes; answer again.
+
+        Args:
+            most: Nodes that are joined at most; each takes up to a millisecond.
+            now: Present time [s], as in `decide`.
+
+        Returns:
+            What `respond` returns; None where nothing was joined: q was in this frame,
+            or the frame leaves no waiting node free, or neither end can be left.
+        """
+        attacher = self.attacher
+        if self.joined or attacher.lacks_start or not attacher.lacks_nodes:
+            return None
+        if not self._may_lead_on() or not attacher.attach_free(most):
+            return None
+        self.joined = True
+        now = _NO_TIME if now is None else now
+        return self._again(self.frame.points, self._memory.robot_state.q, now)[0]
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""
@@ -241,7 +250,6 @@ class Decision:
         """Return what came since the last frame, and the last look."""
         return {
             "new_goals": np.array(self.new_goals),
-            "found_beyond": np.array(self.found_beyond),
             "looked": np.array(self._looked),
             "only_seen": np.array(self.only_seen),
         }
@@ -249,5 +257,4 @@ class Decision:
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned."""
         self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])
-        self.found_beyond = bool(saved["found_beyond"])
         self.only_seen = bool(saved["only_seen"])

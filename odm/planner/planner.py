@@ -71,6 +71,9 @@ from roadmap.transforms import check_pose
 # what a frame's answer is packed with, which every frame takes apart
 _FOLLOWING, _PLANNED = codes.FOLLOWING, codes.PLANNED
 _SEGMENT, _COUNT, _GOAL = codes.SEGMENT, codes.COUNT, codes.GOAL
+# nodes that start and goals are joined with in the first frame without a path from
+# there; later ones have one at a time
+_NODES_AT_FIRST = 4
 
 
 class ReactivePlanner:
@@ -464,14 +467,18 @@ class ReactivePlanner:
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
         said = self.decision.decide(frame.points, q, now)
-        code = said % _SEGMENT
-        if code > _PLANNED:
-            return self._beyond(q, code, times, closed)
-        # the path in use from the robot's segment on, which was just found free
+        if said % _SEGMENT > _PLANNED:
+            return self._beyond(q, said, times, closed, now)
+        return self._say(q, said, times, closed)
+
+    def _say(
+        self, q: np.ndarray, said: int, times: tuple[int, int], closed: bool
+    ) -> Answer:
+        """Answer with the rest of the path in use, which was found free."""
         if said != self._said:  # mostly it is what the frame before said
             self._unpack(said)
-        corners, goal, path = self._ahead.copy(), self._goal, self.path
-        corners[0] = q
+        code, corners = said % _SEGMENT, self._ahead.copy()
+        corners[0], goal, path = q, self._goal, self.path
         if code == _FOLLOWING:
             path.followed = True
             return self._answer(FOLLOWING, corners, goal, times, closed, IN_USE)
@@ -522,17 +529,35 @@ class ReactivePlanner:
         self._goal = said // _GOAL - 1
 
     def _beyond(
-        self, q: np.ndarray, code: int, times: tuple[int, int], closed: bool
+        self,
+        q: np.ndarray,
+        said: int,
+        times: tuple[int, int],
+        closed: bool,
+        now: float | None,
     ) -> Answer:
-        """Answer a frame for which the roadmap has no path, or hold."""
-        decision, path = self.decision, self.path
-        moves = decision.robot == MOVES
-        if code not in codes.HAS_NO_PATH or not self.connector.answer(
-            q, decision.patience, decision.waits, moves
-        ):
-            return self._hold(
-                times, closed, start_trouble(self.robot, self.frame.q, code)
-            )
+        """Answer a frame for which the roadmap has no path, or hold.
+
+        A path that was found beyond the roadmap comes first, since it costs least. Then
+        more nodes, or a search: but for the first frame of a place, one of the two.
+        """
+        decision, path, connector = self.decision, self.path, self.connector
+        code, patience = said % _SEGMENT, decision.patience
+        taken = False
+        if code in codes.HAS_NO_PATH:
+            found = connector.remembered(q, patience, decision.waits)
+            moves, more = decision.robot == MOVES, None
+            first = connector.is_new and not moves
+            if found is None and code == codes.NO_PATH:
+                more = decision.join_more(_NODES_AT_FIRST if first else 1, now)
+                if more is not None and more % _SEGMENT <= _PLANNED:
+                    return self._say(q, more, times, closed)
+            if found is None and (first or more is None):
+                found = connector.search(q, moves)
+            taken = connector.take(found, patience)
+        if not taken:
+            trouble = start_trouble(self.robot, self.frame.q, code)
+            return self._hold(times, closed, trouble)
         corners = path.q[: len(path)].copy()
         corners[0] = q
         following = path.followed and path.is_same
@@ -600,7 +625,6 @@ class ReactivePlanner:
             ahead = check_configuration(self.robot, ahead, None)
         if self.scene.waiting:
             self.scene.settle(PER_TEST * budget)
-        self.decision.found_beyond = False
         if self.frame.trouble is not None or self.decision.only_seen:
             return 0
         attacher, connector = self.attacher, self.connector
@@ -608,7 +632,6 @@ class ReactivePlanner:
         later = attacher.after_path(budget) if waits else 0
         if not self.path.followed:
             found = connector.improve(budget - later)
-            self.decision.found_beyond = found > 0
             if not found:
                 attacher.join_more(later)
             return found
@@ -628,7 +651,6 @@ class ReactivePlanner:
         self.attacher.forget_start()
         self.connector.reset()
         self._improver.reset()
-        self.decision.found_beyond = False
         recent.forget_recent(self._memory.recent)
         self._numbers.present_only[0] = self._numbers.frames_to_persist[0] = 0
         self.frame.watch.reset()

@@ -37,6 +37,8 @@ ITEMS = 50_000
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
+# of a search without a path: `done`, or `flood`, tells all that is reached from there
+START_SIDE, GOAL_SIDE = 1, 2
 
 
 @njit(**INNER)
@@ -327,6 +329,7 @@ def a_star(state, points, starts, only):
     numbers, stats = view(state, "numbers"), view(state, "stats")
     goals, search = view(state, "goals"), view(state, "search")
     numbers.run[0] += 1
+    numbers.exhausted[0] = START_SIDE
     stats.runs[0] += 1
     run, frame = numbers.run[0], numbers.frame[0]
     n = view(state, "graph").adj_ptr.shape[0] - 1
@@ -353,6 +356,7 @@ def a_star(state, points, starts, only):
             continue
         verdict = verify(state, points, starts, entry, only)
         if verdict == HOPELESS:
+            numbers.exhausted[0] = 0
             break
         if verdict != FREE:
             continue
@@ -370,6 +374,7 @@ def a_star(state, points, starts, only):
             avoid_history = False
             numbers.avoid_history[0] = 2
         if v >= n:
+            numbers.exhausted[0] = 0
             stats.popped[0] += popped
             if popped > BOUND_BY_LAST_AFTER and only >= 0:
                 remember_path(state, entry, only)
@@ -383,9 +388,11 @@ def a_star(state, points, starts, only):
             grow_greedy(search)
             greed = GREED
         if not expand(state, entry, h, bound, greed):
+            numbers.exhausted[0] = 0
             break
         if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
             if flood(state, starts, low, high):
+                numbers.exhausted[0] = GOAL_SIDE
                 break
     stats.popped[0] += popped
     return -1

@@ -132,6 +132,7 @@ def plan(state, points, starts, start_vertex, most, last):
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = False
     any_start = False
+    view(state, "numbers").exhausted[0] = 0
     leaves = True  # the start may be left by one of its motions
     avoid_history = view(state, "numbers").avoid_history[0] == 1
     for g in range(goals.count[0] if joint else last):

@@ -223,7 +223,7 @@ def exercise(cell_map: CellMap) -> None:
                 planner.attacher.forget_start()
                 planner.step(points, q=start)
             planner.attacher.attach_start(start, without_cells=True)
-            planner.connector.answer(planner.frame.q.copy(), 0, False, False)
+            planner.connector.search(planner.frame.q.copy(), False)
             planner.invalid_nodes()
             planner.invalid_edges()
         shapes = _shapes(points)

@@ -10,6 +10,8 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.planner.connect import _REST
 from odm.planner.saved_memory import differences
+from odm.search._astar import START_SIDE
+from odm.search._items import FREE
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
@@ -136,7 +138,7 @@ def test_the_same_input_gives_the_same_bytes(small_map, hard):
 def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
     """An eighth until all is spent; from then on a sixteenth in every eighth frame."""
     planner = odm.ReactivePlanner(small_map, settings=PlannerSettings(search=640))
-    held = 0
+    held = joined = 0
     for scene in hard:
         planner.reset()
         planner.set_goals([scene.ends[1]])
@@ -150,11 +152,14 @@ def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
             if before >= 640 and planner.frame_number % _REST:
                 assert spent == 0  # all is spent: the next search waits
                 continue
+            if planner.joined and spent == 0 and not planner.connector.is_new:
+                joined += 1  # more nodes instead: one costly job in a frame
+                continue
             # one motion more than the budget: no motion takes so many
             assert budget <= spent < budget + 300
             before += spent
             held += budget == 40
-    assert held >= 2
+    assert held >= 2 and joined >= 1
 
 
 def test_a_robot_on_its_way_is_not_searched_for_long(small_map, hard):
@@ -404,3 +409,91 @@ def test_beside_shapes_a_found_path_gets_its_cells_between_frames(small_map, har
             assert np.array_equal(pool.mask[mine], pool.mask[again])
         assert planner.step(obstacles, q=scene.ends[0]).status != "holding"
     assert seen > 1
+
+
+def reached(planner, nodes):
+    """Walk over what the frame leaves free from some nodes; plain, by sets."""
+    roadmap = planner.cell_map.roadmap
+    bad_nodes = set(planner.invalid_nodes().tolist())
+    bad_edges = set(planner.invalid_edges().tolist())
+    beside = {}
+    for e, (a, b) in enumerate(roadmap.edges.tolist()):
+        if e not in bad_edges and a not in bad_nodes and b not in bad_nodes:
+            beside.setdefault(a, []).append(b)
+            beside.setdefault(b, []).append(a)
+    seen, queue = set(), [n for n in nodes if n not in bad_nodes]
+    while queue:
+        node = queue.pop()
+        if node not in seen:
+            seen.add(node)
+            queue += beside.get(node, [])
+    return seen
+
+
+def test_a_motion_leads_on_where_it_joins_what_a_search_reached_with_what_not(
+    small_map, scenes
+):
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    m, attacher = planner.memory, planner.attacher
+    every, told = np.arange(small_map.roadmap.n_nodes), 0
+    bad = np.zeros(len(every), np.bool_)
+    for scene in scenes:
+        if solved(planner, scene, 0).status != "holding":
+            continue
+        if not m.numbers.exhausted.item():
+            continue  # no search began, or it ended for another reason
+        run, frame = m.numbers.run.item(), m.numbers.frame.item()
+        bad[:] = False
+        bad[planner.invalid_nodes()] = True
+        if m.numbers.exhausted.item() == START_SIDE:
+            memo = m.start_connections.memo[: m.start_connections.count[0]]
+            nodes = m.start_connections.node[: len(memo)][memo == 4 * frame + FREE]
+            near, far = m.goals.count.item(1), m.goals.vertex.item(0)
+            known = m.search.done[: len(every)] == run
+        else:
+            n = m.goals.number.item(0)
+            nodes = m.goals.node[0, :n]
+            near, far = m.goals.vertex.item(0), m.goals.count.item(1)
+            known = m.search.flood[: len(every)] == run
+        by_walk = np.isin(every, list(reached(planner, nodes.tolist())))
+        if m.numbers.exhausted.item() == START_SIDE:
+            assert np.array_equal(by_walk, known & ~bad)
+        leads_on, opposite = (
+            attacher._leads_on(every, near),
+            attacher._leads_on(every, far),
+        )
+        assert not (leads_on & known).any() and (leads_on | known).all()
+        assert np.array_equal(opposite, known)
+        told += 1
+    assert told >= 3
+
+
+def test_nodes_that_the_frame_blocks_are_not_joined_but_wait(small_map, scenes):
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    attacher, tried = planner.attacher, 0
+    for scene in scenes:
+        if solved(planner, scene, 0).status != "holding" or not attacher.lacks_nodes:
+            continue
+        waiting = {v: set(nodes.tolist()) for v, nodes in attacher._later.items()}
+        joined = attacher.attach_free(2)
+        left = {v: set(nodes.tolist()) for v, nodes in attacher._later.items()}
+        gone = sum(len(waiting[v] - left.get(v, set())) for v in waiting)
+        assert joined <= 2 and gone >= joined
+        goals, n = planner.memory.goals, planner.memory.goals.number.item(0)
+        for node in goals.node[0, n - joined : n] if not attacher.start_waits else ():
+            assert node not in planner.invalid_nodes()
+        tried += 1
+    assert tried >= 3
+
+
+def test_a_path_that_was_found_is_taken_before_more_nodes_are_joined(small_map, hard):
+    planner, again = odm.ReactivePlanner(small_map, True), 0
+    for scene in hard:
+        if solved(planner, scene).stage != "search":
+            continue
+        planner.attacher.attach_free = None  # a call would end in an error
+        answer = scene.ask(planner)
+        del planner.attacher.attach_free
+        assert answer.stage == "search" and not planner.joined
+        again += 1
+    assert again >= 3
