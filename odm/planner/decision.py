@@ -149,25 +149,28 @@ class Decision:
         self.joined = self.attacher.join_start() or self.joined
         return self.joined
 
-    def join_more(self, most: int, now: float | None) -> int | None:
-        """Join start and goals of a frame without a path to more nodes; answer again.
+    def join_more(self, most: int) -> bool:
+        """Join start and goals of a frame without a path to more nodes.
 
         Args:
             most: Nodes that are joined at most; each takes up to a millisecond.
-            now: Present time [s], as in `decide`.
 
         Returns:
-            What `respond` returns; None where nothing was joined: q was in this frame,
-            or the frame leaves no waiting node free, or neither end can be left.
+            Whether any was; not where q was joined in this frame, the frame leaves no
+            waiting node free, or neither end can be left.
         """
         attacher = self.attacher
         if self.joined or attacher.lacks_start or not attacher.lacks_nodes:
-            return None
+            return False
         if not self._may_lead_on() or not attacher.attach_free(most):
-            return None
+            return False
         self.joined = True
-        now = _NO_TIME if now is None else now
-        return self._again(self.frame.points, self._memory.robot_state.q, now)[0]
+        return True
+
+    def again(self, now: float | None) -> int:
+        """Answer the frame anew: what `respond` returns; `now` as in `decide`."""
+        q, now = self._memory.robot_state.q, _NO_TIME if now is None else now
+        return self._again(self.frame.points, q, now)[0]
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""

@@ -546,13 +546,15 @@ class ReactivePlanner:
         taken = False
         if code in codes.HAS_NO_PATH:
             found = connector.remembered(q, patience, decision.waits)
-            moves, more = decision.robot == MOVES, None
-            first = connector.is_new and not moves
+            moves = decision.robot == MOVES
+            first, joined = connector.is_new and not moves, False
             if found is None and code == codes.NO_PATH:
-                more = decision.join_more(_NODES_AT_FIRST if first else 1, now)
-                if more is not None and more % _SEGMENT <= _PLANNED:
+                joined = decision.join_more(_NODES_AT_FIRST if first else 1)
+            if joined:
+                more = decision.again(now)
+                if more % _SEGMENT <= _PLANNED:
                     return self._say(q, more, times, closed)
-            if found is None and (first or more is None):
+            if found is None and (first or not joined):
                 found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:

@@ -130,8 +130,7 @@ def plan(state, points, starts, start_vertex, most, last):
     of cost a toll. Returns True and writes the path `found_path` when one was found.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
-    judged = False
-    any_start = False
+    judged = any_start = False
     view(state, "numbers").exhausted[0] = 0
     leaves = True  # the start may be left by one of its motions
     avoid_history = view(state, "numbers").avoid_history[0] == 1

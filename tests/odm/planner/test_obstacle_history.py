@@ -224,7 +224,8 @@ def test_a_frame_searches_once_and_a_free_path_is_not_searched_for(small_map):
         answer = planner.step(
             ball_at(place, 0.06), q=HOME, now=k / RATE, stamp=k / RATE
         )
-        assert answer.work.searches <= 2  # one more where the close test opened a way
+        # one more where the close test opened a way; both anew by nodes joined since
+        assert answer.work.searches <= (4 if planner.joined else 2)
         if answer.status == "following":
             assert answer.work.searches == 0
         searched += answer.work.searches > 0
