@@ -362,9 +362,9 @@ def _see(cell_map: CellMap) -> None:
 
 def _audit(cell_map: CellMap) -> None:
     from odm.audit.audit import audit
-    from odm.audit.clearance import clearance_tax
+    from odm.audit.clearance import clearance_overhead
 
-    clearance_tax(cell_map, 20, n_edges=2)
+    clearance_overhead(cell_map, 20, n_edges=2)
     audit(cell_map, pairs=60, threads=1)
     audit(cell_map, pairs=60, close=True, threads=1)
 
