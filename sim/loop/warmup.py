@@ -320,7 +320,7 @@ def _ask(cell_map: CellMap) -> None:
     planner.step(np.zeros((0, 3)), q=start)
     planner.scene.add("box", box)
     planner.scene.move("box", look_at([0.4, 0.0, 0.3], [1.0, 0.0, 0.3]))
-    planner.scene.settle()
+    planner.scene.test_waiting()
     planner.improve(4)
     planner.set_goals(poses=[tool_pose(planner.robot, goal)])
     planner.scene.remove("box")
