@@ -57,7 +57,7 @@ SIGNALS = {
     "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
     "late": "the state has lasted longer than its time limit",
-    "late_holding": "so it has, and the object is in the robot's hand",
+    "late_holding": "the state has lasted too long, and the object is in the hand",
 }
 
 GIVE = (
