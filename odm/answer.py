@@ -7,7 +7,7 @@ import numpy as np
 
 FOLLOWING, REPLANNED, HOLDING = "following", "replanned", "holding"
 WHOLE, VISIBLE = "whole surface", "visible surface"
-# how motions heed what is held
+# how what is held is kept clear of obstacles
 LAYER, CLOSE_TEST = "payload layer", "close test"
 # what found a path
 IN_USE, STRAIGHT, ROADMAP, SEARCH = "path in use", "straight", "roadmap", "search"
@@ -53,12 +53,12 @@ class Answer:
         path: (k, dof) from the robot's configuration to the goal; empty on holding.
         goal: Index of the goal the path leads to, None when holding.
         certified: "whole surface" where the caller said that the points cover closed
-            shapes; else "visible surface": what was not sampled is not heeded.
+            shapes; else "visible surface": what was not sampled is unknown.
         frame: Number of the frame, from 1 on; `step` counts every one that it takes.
         stage: What found the path: "path in use" (it is still free), "straight",
             "roadmap", or "search" beyond the roadmap; None when holding.
-        held: How it heeds what is in the hand: "payload layer", or "close test" alone
-            where the map has none (slower); None with nothing there.
+        held: By what the object in the hand is kept clear: "payload layer", or "close
+            test" alone where the map has none (slower); None with nothing there.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """

@@ -20,3 +20,29 @@ def test_files_that_a_text_names_exist(path):
     assert not {name for name in named if not (ROOT / name).exists()}
     links = set(LINK.findall(text))
     assert not {name for name in links if not (path.parent / name).exists()}
+
+
+DECISIONS = {
+    path.name[:4]: path.read_text(encoding="utf-8")
+    for path in (ROOT / "docs" / "decisions").glob("0*.md")
+}
+
+
+def test_decisions_have_status_and_date_and_are_listed_with_them():
+    listed = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| \[(\d{4})\]\([^|]*(\|.*)$", listed, flags=re.M))
+    assert set(rows) == set(DECISIONS)
+    for number, text in DECISIONS.items():
+        title = re.search(r"^# (?:\d{4}:? )?(.+)$", text, flags=re.M)
+        status = re.search(r"^Status: (accepted|changed|superseded)", text, flags=re.M)
+        date = re.search(r"^Date: (\d{4}-\d\d-\d\d)", text, flags=re.M)
+        assert title and status and date, number
+        assert status[1] in rows[number] and date[1] in rows[number], number
+
+
+def test_a_number_without_a_decision_is_explained():
+    listed = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    numbers = {f"{n:04d}" for n in range(1, int(max(DECISIONS)) + 1)}
+    missing = listed.partition("**0008")[2].partition("\n## ")[0]
+    explained = {"0008", *re.findall(r"\d{4}", missing)}
+    assert not numbers - set(DECISIONS) - explained

@@ -28,7 +28,7 @@ def test_it_is_short():
 
 
 @pytest.mark.parametrize(
-    ("page", "bench"), [("docs/measured.md", "latency"), ("docs/safety.md", "tax")]
+    ("page", "bench"), [("docs/measured.md", "latency"), ("docs/safety.md", "overhead")]
 )
 def test_the_measured_tables_have_their_places(page, bench):
     fill_section(ROOT / page, bench, None)

@@ -12,6 +12,7 @@ from roadmap.kinematics._chain import (
     from_lattice,
     jacobian,
 )
+from roadmap.kinematics.tool_chain import descent_of
 
 _STARTS = 12  # for each side of the box
 _YARDSTICK = 20_000  # configurations drawn for the best dexterity
@@ -20,18 +21,8 @@ _CLIMB = 6_000  # steps up from the best of them
 
 def work_of(chain: Chain) -> Work:
     """Return working memory for one thread."""
-    dof = chain.dof
-    return Work(
-        frames=np.zeros((len(chain.kind) + 1, 12)),
-        jac=np.zeros((6, dof)),
-        weighted=np.zeros((dof, 7)),
-        gram=np.zeros((6, 6)),
-        q=np.zeros(dof),
-        dq=np.zeros(dof),
-        error=np.zeros(6),
-        code=np.zeros(dof, np.uint16),
-        target=np.zeros(12),
-    )
+    code = np.zeros(chain.dof, np.uint16)
+    return Work(*descent_of(chain.arrays), code=code, target=np.zeros(12))
 
 
 def best_dexterity(chain: Chain, seed: int) -> float:

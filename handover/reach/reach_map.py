@@ -143,18 +143,6 @@ class ReachMap:
         lookup.qualities_of_cells(self.packed, n, cells, out)
         return out
 
-    def rotations_at(self, position: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rotations reached at a position cell and their quality bytes.
-
-        The list that a search over the cells of a robot runs through.
-        """
-        row = self.packed.row_of[position]
-        if row < 0:
-            return np.empty(0, np.int64), np.empty(0, np.uint8)
-        bits = np.unpackbits(self.packed.bits[row].view(np.uint8), bitorder="little")
-        own = slice(self.packed.first[row], self.packed.first[row + 1])
-        return np.flatnonzero(bits), self.packed.quality[own]
-
     def dense(self, positions: np.ndarray | None = None) -> np.ndarray:
         """Return quality bytes (n_positions, n_rotations), 0 where not reached."""
         if positions is None:

@@ -124,11 +124,6 @@ class Scene:
         """Return the object's parts at a pose (4, 4), world frame [m]."""
         return [part.moved(T_world_object) for part in self.obj.parts]
 
-    def scenery_from(self, T_world_base: np.ndarray) -> list[Shape]:
-        """Return the furniture in the frame of a base that stands at a pose (4, 4)."""
-        T = np.linalg.inv(T_world_base)
-        return [fixture.shape.moved(T) for fixture in self.scenery]
-
 
 def stand(
     agent: Agent,

@@ -1,4 +1,4 @@
-"""The clearance tax: how much farther than m an obstacle already blocks a motion."""
+"""The clearance overhead: how much farther than m an obstacle blocks a motion."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ TERMS = ("cover", "rho", "cells", "mu")
 
 
 @dataclass(frozen=True)
-class ClearanceTax:
+class ClearanceOverhead:
     """Extra distance by term and in all: (mean, median, 95 %) [m].
 
     How it is measured. The two-capsule arm, sampled with covering radius rho, comes
@@ -38,14 +38,14 @@ class ClearanceTax:
 
     `by_cells` is d3 - m (nodes) and `by_close_test` is d2 - m, `edge_by_cells` and
     `edge_by_close_test` the same on edges. `by_shapes` and `edge_by_shapes` are of the
-    close test of the arm as capsules, exactly as far as it is. m itself is not a tax
+    close test of the arm as capsules, exactly as far as it is. m itself is no overhead
     and is listed apart.
 
     Attributes:
         terms: Term -> (mean, median, 95 %) [m].
-        by_cells, by_close_test: The whole tax on nodes [m].
-        edge_by_cells, edge_by_close_test: The whole tax on edges [m].
-        by_shapes, edge_by_shapes: The whole tax where obstacles are shapes [m].
+        by_cells, by_close_test: The whole overhead on nodes [m].
+        edge_by_cells, edge_by_close_test: The whole overhead on edges [m].
+        by_shapes, edge_by_shapes: The whole overhead where obstacles are shapes [m].
         m: Clearance [m].
         lines, edge_lines: Approaches that counted.
     """
@@ -66,10 +66,10 @@ class ClearanceTax:
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
-def clearance_tax(
+def clearance_overhead(
     cell_map: CellMap, n: int = 1000, seed: int = 0, n_edges: int = 200
-) -> ClearanceTax:
-    """Measure the clearance tax of a map; `ClearanceTax` says how.
+) -> ClearanceOverhead:
+    """Measure the clearance overhead of a map; `ClearanceOverhead` says how.
 
     Args:
         cell_map: The map.
@@ -115,13 +115,13 @@ def clearance_tax(
     return _summary(nodes, edges, safety.m)
 
 
-def _summary(nodes, edges, m) -> ClearanceTax:
+def _summary(nodes, edges, m) -> ClearanceOverhead:
     nodes = nodes[np.isfinite(nodes).all(axis=1)]
     edges = edges[np.isfinite(edges).all(axis=1)]
     d0, d1, d2, d3, shapes = nodes.T
     close, still, cells, edge_shapes = edges.T
     steps = (d1 - d0, d2 - d1, d3 - d2, cells - still)
-    return ClearanceTax(
+    return ClearanceOverhead(
         terms={name: _stats(s) for name, s in zip(TERMS, steps, strict=True)},
         by_cells=_stats(d3 - m),
         by_close_test=_stats(d2 - m),

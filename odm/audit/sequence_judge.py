@@ -223,7 +223,7 @@ class Judge:
             oracle.set_extra_clearance(world.extra)
         if self._boxes is not world.boxes:
             world.furnish(oracle)
-            oracle.scene.settle()
+            oracle.scene.test_waiting()
             self._boxes = world.boxes
         self._side = self._plain
         if world.held is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from odm.cell_map.lists import CellLists, lists_of
 from odm.cell_map.recipe import PayloadRecipe, Recipe, recipe_of_map
 from odm.close_test._arm import Arm
-from odm.close_test.arm import _moving_order, arm_of
+from odm.close_test.arm import arm_of, moving_order
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
@@ -104,6 +104,11 @@ class CellMap:
             )
         return _load_again, (*self._lies, self.hash)
 
+    def lying_in(self, path: str | Path, verify: bool) -> "CellMap":
+        """Return this map, which pickles as what lies in a folder from now on."""
+        object.__setattr__(self, "_lies", (str(Path(path).resolve()), verify))
+        return self
+
     @property
     def safety(self) -> Safety:
         """The terms of the safety argument."""
@@ -117,7 +122,7 @@ class CellMap:
     @cached_property
     def sphere_order(self) -> np.ndarray:
         """(n,) index in `robot.spheres` of each sphere of `arm`."""
-        return _moving_order(self.robot)
+        return moving_order(self.robot)
 
     @property
     def motion_tolerance(self) -> float:
@@ -179,8 +184,7 @@ def load_map(
             f"{manifest['robot_hash'][:12]}, not {robot.fingerprint()[:12]}); build a "
             "map for this one"
         )
-    object.__setattr__(loaded, "_lies", (str(Path(path).resolve()), verify))
-    return loaded
+    return loaded.lying_in(path, verify)
 
 
 def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:

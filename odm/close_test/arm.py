@@ -12,7 +12,7 @@ def arm_of(robot: Robot) -> Arm:
     The arrays are copies that can be written: to numba a read-only array is another
     type, and the close test would be compiled twice.
     """
-    order = _moving_order(robot)
+    order = moving_order(robot)
     spheres = robot.spheres[order]
     body = robot.sphere_body[order]
     n_bodies = len(robot.tree_i)
@@ -35,6 +35,7 @@ def arm_of(robot: Robot) -> Arm:
     )
 
 
-def _moving_order(robot: Robot) -> np.ndarray:
+def moving_order(robot: Robot) -> np.ndarray:
+    """Return the (n,) indices in `robot.spheres` of those that move, by body."""
     moving = np.flatnonzero(robot.sphere_body > 0)
     return moving[np.argsort(robot.sphere_body[moving], kind="stable")]

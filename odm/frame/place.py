@@ -195,9 +195,9 @@ class PlaceItems:
     """Which nodes and edges of a roadmap are closed by what stands at the place.
 
     Each thing closes what shares a cell with it, at once. Nodes are tested at once,
-    too, up to `NODES_AT_ONCE` of them; the others, and all edges, wait for `settle`,
-    which opens what the close test proves free. So nothing is ever open that is not
-    proved free, and in the end nothing is closed for its cells alone.
+    too, up to `NODES_AT_ONCE` of them; the others, and all edges, wait for
+    `test_waiting`, which opens what the close test proves free. So nothing is ever open
+    that is not proved free, and in the end nothing is closed for its cells alone.
 
     Args:
         graph, direct: The roadmap's cells; `graph.closed` is written.
@@ -239,7 +239,7 @@ class PlaceItems:
         """Take all things away, so that `follow` closes everything anew."""
         self.follow({})
 
-    def settle(self, most: int | None = None) -> int:
+    def test_waiting(self, most: int | None = None) -> int:
         """Test items that wait, `most` of them; return how many still do."""
         for name in sorted(self._things):
             closed = self._things[name]

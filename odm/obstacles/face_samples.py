@@ -14,7 +14,7 @@ This is `odm.obstacles.surfaces.rounded_covering` with an infinite rounding: pas
 import numpy as np
 
 from odm.obstacles import shapes as solid
-from odm.obstacles.surfaces import SHRINK, Surface, _check_spacing, _face_points
+from odm.obstacles.surfaces import SHRINK, Surface, check_spacing, face_points
 from roadmap.errors import BadInput
 
 
@@ -27,13 +27,13 @@ def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
     """
     if not isinstance(box, solid.Box):
         raise BadInput(f"{box!r} is no Box; sample other shapes with surface_of")
-    _check_spacing(spacing)
+    check_spacing(spacing)
     rho, size = spacing * SHRINK, box.size
     lines = [_edge(length, rho) for length in size]
     parts = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
-        face = _face_points(size[u], size[v], rho) - 0.5 * size[[u, v]]
+        face = face_points(size[u], size[v], rho) - 0.5 * size[[u, v]]
         for side in (-0.5, 0.5):
             points = np.empty((len(face), 3))
             points[:, [u, v]], points[:, axis] = face, side * size[axis]

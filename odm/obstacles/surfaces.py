@@ -83,7 +83,7 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
         )
     T = shape.T_base_shape
     radius = spacing
-    _check_spacing(spacing)
+    check_spacing(spacing)
     _check_area(shape, spacing)
     if isinstance(shape, solid.Sphere):
         points = sample_spheres(np.append(T[:3, 3], shape.radius)[None], spacing)
@@ -184,7 +184,7 @@ def sample_boxes(
         size: (k, 3) full edge lengths [m].
         spacing: Bound on the covering radius [m].
     """
-    _check_spacing(spacing)
+    check_spacing(spacing)
     size = _checked(size, 3, "box")
     parts = [np.empty((0, 3))]
     for T, edges in zip(T_base_box, size, strict=True):
@@ -200,7 +200,7 @@ def sample_mesh(
     """Sample a closed mesh; see `odm.obstacles.mesh_surface.sample_closed_mesh`."""
     from odm.obstacles.mesh_surface import sample_closed_mesh
 
-    _check_spacing(spacing)
+    check_spacing(spacing)
     mesh = solid.Mesh(vertices, faces)
     return sample_closed_mesh(mesh.vertices, mesh.faces, spacing)
 
@@ -227,7 +227,8 @@ def _check_area(shape, spacing):
         )
 
 
-def _check_spacing(spacing):
+def check_spacing(spacing: float) -> None:
+    """Refuse a spacing that is no positive number [m]."""
     if not is_between(spacing, 1e-6, np.inf):
         raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
 
@@ -246,7 +247,7 @@ def _checked(rows, width, kind):
 
 
 def _checked_rods(rods, kind, spacing):
-    _check_spacing(spacing)
+    check_spacing(spacing)
     array = _checked(rods, 7, kind)
     radius = array[:, 6]
     if len(array) and radius.min() <= 0.0:
@@ -262,7 +263,7 @@ def _box_points(size, rho):
     parts = []
     for axis in range(3):
         others = [(axis + 1) % 3, (axis + 2) % 3]
-        face = _face_points(size[others[0]], size[others[1]], rho)
+        face = face_points(size[others[0]], size[others[1]], rho)
         points = np.empty((len(face), 3))
         points[:, others] = face - 0.5 * size[others]
         for side in (-0.5, 0.5):
@@ -271,7 +272,7 @@ def _box_points(size, rho):
     return np.concatenate(parts)
 
 
-def _face_points(width, height, rho):
+def face_points(width: float, height: float, rho: float) -> np.ndarray:
     """Return the fewest points that cover [0, width] x [0, height]."""
     upright = _staggered(height, width, rho)[:, ::-1]
     patterns = (_grid(width, height, rho), _staggered(width, height, rho), upright)

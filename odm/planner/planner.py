@@ -626,7 +626,7 @@ class ReactivePlanner:
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
         if self.scene.waiting:
-            self.scene.settle(PER_TEST * budget)
+            self.scene.test_waiting(PER_TEST * budget)
         if self.frame.trouble is not None or self.decision.only_seen:
             return 0
         attacher, connector = self.attacher, self.connector

@@ -47,8 +47,8 @@ class Scene:
     its own object cost: at once, the nodes that are too near are closed, and all edges
     that share a cell with the object. These edges (and nodes beyond the first few
     hundred) are tested one by one between frames, by `ReactivePlanner.improve`, or by
-    `settle`, and those found free are opened; until then the object blocks a little
-    more than it must, never less.
+    `test_waiting`, and those found free are opened; until then the object blocks a
+    little more than it must, never less.
 
     Args:
         frame: Base, grid and covering radius count.
@@ -196,10 +196,10 @@ class Scene:
             things[name] = self._things[name].at(self._in_base(one.T_world_object))
         if things or self._carrier.things:
             self.outside = self._carrier.set_place(things, anew=True)
-            self._carrier.items.settle()
+            self._carrier.items.test_waiting()
             self._changed(None, True)
 
-    def settle(self, most: int | None = None) -> int:
+    def test_waiting(self, most: int | None = None) -> int:
         """Test nodes and edges that are closed by an object's cells alone.
 
         Args:
@@ -211,7 +211,7 @@ class Scene:
         self._frame.memory.owner.check()
         if most is not None:
             most = check_number("most", most, 0, 10**9, whole=True)
-        return self._carrier.items.settle(most)
+        return self._carrier.items.test_waiting(most)
 
     @property
     def waiting(self) -> int:

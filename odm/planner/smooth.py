@@ -88,8 +88,8 @@ class Smoother:
         path: The candidate, which is changed.
         attacher: Makes the cells of new legs.
         smoothing_clearance: Extra clearance that new legs keep where possible [m].
-        history_clearance: What saves much keeps so much more distance [m]; 0 heeds no
-            history.
+        history_clearance: What saves much keeps so much more distance from where
+            obstacles have lately been [m]; 0: none.
     """
 
     def __init__(

@@ -65,19 +65,9 @@ def build_tree(
             f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
             "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
         )
-    tree_i, tree_f, link_body, poses = _bodies(description, drives, moving, values)
-    joint_limits, notes = _joint_limits(description, moving, limits, drives)
-    _take_limits(joint_limits, moving, drives, given or {})
-    return BodyTree(
-        joint_names=tuple(moving),
-        limits=joint_limits,
-        tree_i=tree_i,
-        tree_f=tree_f,
-        link_body=link_body,
-        T_body_link=poses,
-        standing=values,
-        notes=tuple(notes),
-    )
+    tree = _tree(description, drives, moving, limits, values)
+    _take_limits(tree.limits, moving, drives, given or {})
+    return tree
 
 
 def bodies_of(
@@ -112,6 +102,11 @@ def bodies_of(
             )
     limits = {name: _limits(description.joints[name]) for name in drivers}
     values = standing_values(description, moving, locked)
+    return _tree(description, drives, moving, limits, values)
+
+
+def _tree(description, drives, moving, limits, values) -> BodyTree:
+    """Return the bodies that some joints move, with the limits of these joints."""
     tree_i, tree_f, link_body, poses = _bodies(description, drives, moving, values)
     joint_limits, notes = _joint_limits(description, moving, limits, drives)
     return BodyTree(

@@ -15,8 +15,8 @@ from sim.cli.bench_command import fill_section
 
 PARTS = ("build", "info", "audit", "run")
 _HEADS = (
-    "recipe", "joints", "spheres", "worst excess", "mean excess", "tax, cells",
-    "tax, close test", "nodes", "edges", "build", "bytes per edge", "false free",
+    "recipe", "joints", "spheres", "worst excess", "mean excess", "overhead, cells",
+    "overhead, close test", "nodes", "edges", "build", "bytes per edge", "false free",
     "contacts", "p50", "p99",
 )  # fmt: skip
 
@@ -60,7 +60,7 @@ def markdown(results: dict[str, dict]) -> str:
 
 def _robot_row(name: str, parts: dict) -> tuple:
     info, build = parts["info"], parts["build"]
-    links, tax = _moving(info), info["clearance_tax"]
+    links, overhead = _moving(info), info["clearance_overhead"]
     total = parts["run"]["run"]["timing"]["latency_s"]["cpu"]
     return (
         name,
@@ -68,7 +68,7 @@ def _robot_row(name: str, parts: dict) -> tuple:
         info["robot"]["moving_spheres"],
         _mm(max(row["excess"] for row in links)),
         _mm(sum(row["protrusion"] for row in links) / len(links)),
-        *(_cm(tax[f"edges, {test}"]["mean"]) for test in ("cells", "close test")),
+        *(_cm(overhead[f"edges, {test}"]["mean"]) for test in ("cells", "close test")),
         build["nodes"],
         build["edges"],
         f"{build['seconds']:.0f} s",

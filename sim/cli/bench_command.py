@@ -26,7 +26,7 @@ class BenchRequest:
 
     name: str = argument(
         ...,
-        "latency, motions, memory, tax, build, ompl, odm-paper, camera, "
+        "latency, motions, memory, overhead, build, ompl, odm-paper, camera, "
         "clutter, scene, human, handover, handover-recording, approach, attach, "
         "workspace, story, "
         "targets, interrupts, peers, scale, view or golden.",

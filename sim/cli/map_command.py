@@ -26,8 +26,10 @@ class InfoRequest:
     """What `odm info` is asked for."""
 
     map_dir: MapArgument
-    tax: bool = flag(
-        False, "Also the clearance tax; the first time compiles for a while.", "--tax"
+    overhead: bool = flag(
+        False,
+        "Also the clearance overhead; the first time compiles for a while.",
+        "--overhead",
     )
     plot: Path | None = flag(
         None, "Draw what the map covers.", metavar="PNG", writes=PICTURE
@@ -39,15 +41,15 @@ class InfoRequest:
 def info(request: InfoRequest) -> None:
     """Tell what a map holds: robot, counts, bytes, safety terms, cover, scenery.
 
-    With --tax also what the map gives away beyond its clearance m: a quick look from a
-    few approaches; `odm bench tax` measures it.
+    With --overhead also what the map gives away beyond its clearance m: a quick look
+    from a few approaches; `odm bench overhead` measures it.
     """
     from odm import load_map
     from sim.tables import describe
 
     with Bars("reading the map") as tell:
         cell_map = load_map(request.map_dir)
-        facts = describe.facts(cell_map, tell, request.tax)
+        facts = describe.facts(cell_map, tell, request.overhead)
         if request.plot is not None:
             from sim.draw.coverage import plot_map
 

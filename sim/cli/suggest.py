@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from odm import CellMap, Recipe
-from odm.audit.clearance import clearance_tax
+from odm.audit.clearance import clearance_overhead
 from odm.cell_map.build import robot_of
 from odm.cell_map.estimate import free_memory
 from odm.cell_map.sweep import sweep_roadmap
@@ -47,8 +47,8 @@ class Suggestion:
         map_bytes: Everything on disk.
         memory_bytes: In memory, with the block-major view.
         seconds: Build, the robot's cover included, on `threads` threads [s].
-        tax_cells, tax_close: Mean extra distance at which an edge is given up, by
-            cells and by the close test [m].
+        overhead_cells, overhead_close: Mean extra distance at which an edge is given
+            up, by cells and by the close test [m].
     """
 
     h: float
@@ -58,8 +58,8 @@ class Suggestion:
     map_bytes: int
     memory_bytes: int
     seconds: float
-    tax_cells: float
-    tax_close: float
+    overhead_cells: float
+    overhead_close: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +226,7 @@ def _row(
     workers = min(threads or os.cpu_count() or 1, os.cpu_count() or 1)
     rest = probe.n_edges * _PER_EDGE + entries * _PER_ENTRY
     seconds = robot_s + rest + (probe.seconds + items * swept_s) / workers
-    tax = clearance_tax(replace(raw, arm_cells=cells), n=20, n_edges=100)
+    overhead = clearance_overhead(replace(raw, arm_cells=cells), n=20, n_edges=100)
     return Suggestion(
         h=safety.h,
         nodes=probe.n_nodes,
@@ -235,8 +235,8 @@ def _row(
         map_bytes=int(edge_major + graph),
         memory_bytes=int(edge_major + block_major + graph),
         seconds=seconds,
-        tax_cells=tax.edge_by_cells[0],
-        tax_close=tax.edge_by_close_test[0],
+        overhead_cells=overhead.edge_by_cells[0],
+        overhead_close=overhead.edge_by_close_test[0],
     )
 
 
@@ -254,7 +254,7 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     table.title_style, table.pad_edge = "bold", False
     heads = ("cell", "nodes", "edges", "per edge", "map", "build")
-    for head in (*heads, "tax", "tax, close", "crossing", "clutter"):
+    for head in (*heads, "overhead", "overhead, close", "crossing", "clutter"):
         table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(
@@ -264,8 +264,8 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
             f"{row.bytes_per_edge:.0f} B",
             bytes_text(row.map_bytes),
             f"{row.seconds:.0f} s",
-            f"{100 * row.tax_cells:.1f} cm",
-            f"{100 * row.tax_close:.1f} cm",
+            f"{100 * row.overhead_cells:.1f} cm",
+            f"{100 * row.overhead_close:.1f} cm",
             f"{(gain := gain_of(row.nodes, row.h)).crossing:.0f} %",
             f"{gain.clutter:.0f} %",
             style="bold" if row is best else "",
@@ -273,8 +273,8 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     console = Console(highlight=False)
     console.print(table)
     console.print(
-        "Tax: how much farther than the clearance m an arm is when an edge is given "
-        "up, on average; close: by the close test, which asks points where cells "
+        "Overhead: how much farther than the clearance m an arm is when an edge is "
+        "given up, on average; close: by the close test, which asks points where cells "
         "block. More nodes: shorter ways round; smaller cells: nearer passes. "
         "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
         "about that size, by `odm bench scale`.",

@@ -40,7 +40,7 @@ class TwoRequest:
     )
     other: str = flag(
         "planned",
-        "The second: plans and brakes, too; or goes to and fro heedlessly.",
+        "The second: plans and brakes, too; or goes to and fro blindly.",
         metavar="planned|scripted",
     )
     seconds: float = flag(120.0, "Simulated time in s.", limits=SECONDS)

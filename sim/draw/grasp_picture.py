@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import GraspSet, load_hand
+from sim.draw.standing import show_box
 from sim.draw.style import (
     AMBER,
     FAINT,
@@ -119,10 +120,7 @@ def _draw_solid(axis: object, triangles: np.ndarray, colour: str, alpha: float) 
 
 def _frame(axis: object, points: np.ndarray) -> None:
     """Show all points to scale, without a box around them."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    half = 0.5 * float((high - low).max())
-    for name, middle in zip("xyz", 0.5 * (low + high), strict=True):
-        getattr(axis, f"set_{name}lim")(middle - half, middle + half)
+    show_box(axis, points.min(axis=0), points.max(axis=0))
     axis.set_box_aspect((1, 1, 1), zoom=1.3)
     axis.set_axis_off()
 

@@ -8,14 +8,13 @@ import numpy as np
 from handover import Scene
 from handover.scenes.plan_file import WHO, change_time, joints_at, object_at
 from handover.scenes.scene import PlacedAgent
-from sim.draw.standing import all_triangles
+from sim.draw.standing import add_shaded, all_triangles, show_box
 from sim.draw.style import AMBER, FAINT, INK, TEAL, new_figure, save
 
 _GIVER, _RECEIVER, _FURNITURE = TEAL, "#4a7fb5", "#d8cdbd"
 _START, _GOAL, _HANDOVER = AMBER, "#c43e3e", "#7b4fa3"
 _VIEWS = ((22.0, -62.0), (4.0, -90.0), (89.0, -90.0))  # elevation, azimuth [deg]
 _NAMES = ("", "from the side", "from above")
-_LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
 def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> Path:
@@ -63,34 +62,11 @@ def agent_triangles(placed: PlacedAgent, joints: dict[str, float]) -> np.ndarray
 def _draw(
     axis: object, parts: list[tuple[np.ndarray, str]], view: tuple[float, float]
 ) -> None:
-    """Draw all triangles as one collection, so that nearer ones hide farther ones."""
-    from matplotlib.colors import to_rgb
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    triangles = np.concatenate([corners for corners, _ in parts])
-    colours = np.concatenate(
-        [np.tile(to_rgb(colour), (len(corners), 1)) for corners, colour in parts]
-    )
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-    shade = 0.62 + 0.38 * np.abs(normal @ _LIGHT)
-    axis.add_collection3d(
-        Poly3DCollection(triangles, facecolors=colours * shade[:, None], linewidths=0.0)
-    )
-    low, high = (
-        triangles.reshape(-1, 3).min(axis=0),
-        triangles.reshape(-1, 3).max(axis=0),
-    )
+    triangles = add_shaded(axis, parts, 1.45).reshape(-1, 3)
+    low, high = triangles.min(axis=0), triangles.max(axis=0)
     low[2] = 0.0
-    half = 0.5 * float((high - low).max())
-    middle = 0.5 * (low + high)
-    for name, at in zip("xyz", middle, strict=True):
-        getattr(axis, f"set_{name}lim")(at - half, at + half)
+    show_box(axis, low, high)
     ring = np.array([[low[0], low[1]], [high[0], low[1]], high[:2], [low[0], high[1]]])
     ring = np.concatenate([ring, ring[:1]])
     axis.plot(ring[:, 0], ring[:, 1], 0.0, color=FAINT, lw=0.8)
     axis.view_init(*view)
-    axis.set_proj_type("ortho")
-    axis.set_box_aspect((1, 1, 1), zoom=1.45)
-    axis.set_axis_off()

@@ -11,6 +11,7 @@ from odm.obstacles.surfaces import Surface
 _SECTIONS = 16  # facets of a round solid
 _GRAIN = 0.03  # [m] between the balls of a triangle
 _MOST_STEPS = 30  # between the corners of a triangle, however large it is
+_LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
 def scene_of(planner: ReactivePlanner) -> list[shapes.Shape]:
@@ -54,6 +55,46 @@ def triangles_of(shape: shapes.Shape) -> np.ndarray:
         corners = np.asarray(mesh.triangles)
     T = shape.T_base_shape
     return corners @ T[:3, :3].T + T[:3, 3]
+
+
+def add_shaded(
+    axis: object, parts: list[tuple[np.ndarray, str]], zoom: float
+) -> np.ndarray:
+    """Draw triangles as one collection, so that nearer ones hide farther ones.
+
+    Args:
+        axis: Of matplotlib, in three dimensions; it is left without its box.
+        parts: (n, 3, 3) triangles [m] and their colour.
+        zoom: How large they are drawn.
+
+    Returns:
+        (n, 3, 3) all triangles.
+    """
+    from matplotlib.colors import to_rgb
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    triangles = np.concatenate([corners for corners, _ in parts])
+    colours = np.concatenate(
+        [np.tile(to_rgb(colour), (len(corners), 1)) for corners, colour in parts]
+    )
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    shade = 0.62 + 0.38 * np.abs(normal @ _LIGHT)
+    axis.add_collection3d(
+        Poly3DCollection(triangles, facecolors=colours * shade[:, None], linewidths=0.0)
+    )
+    axis.set_proj_type("ortho")
+    axis.set_box_aspect((1, 1, 1), zoom=zoom)
+    axis.set_axis_off()
+    return triangles
+
+
+def show_box(axis: object, low: np.ndarray, high: np.ndarray) -> None:
+    """Show the cube around a box, from `low` to `high` (3,) [m]."""
+    half = 0.5 * float((high - low).max())
+    for name, at in zip("xyz", 0.5 * (low + high), strict=True):
+        getattr(axis, f"set_{name}lim")(at - half, at + half)
 
 
 def balls_of(triangles: np.ndarray) -> np.ndarray:

@@ -320,7 +320,7 @@ def _ask(cell_map: CellMap) -> None:
     planner.step(np.zeros((0, 3)), q=start)
     planner.scene.add("box", box)
     planner.scene.move("box", look_at([0.4, 0.0, 0.3], [1.0, 0.0, 0.3]))
-    planner.scene.settle()
+    planner.scene.test_waiting()
     planner.improve(4)
     planner.set_goals(poses=[tool_pose(planner.robot, goal)])
     planner.scene.remove("box")
@@ -362,9 +362,9 @@ def _see(cell_map: CellMap) -> None:
 
 def _audit(cell_map: CellMap) -> None:
     from odm.audit.audit import audit
-    from odm.audit.clearance import clearance_tax
+    from odm.audit.clearance import clearance_overhead
 
-    clearance_tax(cell_map, 20, n_edges=2)
+    clearance_overhead(cell_map, 20, n_edges=2)
     audit(cell_map, pairs=60, threads=1)
     audit(cell_map, pairs=60, close=True, threads=1)
 

@@ -49,7 +49,7 @@ def set_up(planner: ReactivePlanner, rows: list[dict], path: object = "FILE") ->
             planner.scene.add(name, shapes, pose)
         except BadInput as error:
             raise BadRecord(f"the scene of {path} cannot be set up: {error}") from error
-    planner.scene.settle()
+    planner.scene.test_waiting()
 
 
 def shapes_of(row: dict, path: object = "FILE") -> tuple[str, list, np.ndarray]:

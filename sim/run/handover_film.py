@@ -9,13 +9,12 @@ from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
 from roadmap.unfinished import beside
 from sim.draw.scene_picture import agent_triangles
-from sim.draw.standing import all_triangles
+from sim.draw.standing import add_shaded, all_triangles, show_box
 from sim.draw.style import AMBER, INK, TEAL
 from sim.run.played_plan import PlayedPlan
 
 _FRAMES, _FPS = 60, 10
 _COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
-_LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 
 def write_handover_film(
@@ -52,7 +51,9 @@ def write_handover_film(
             box = corners.min(axis=0), corners.max(axis=0)
         figure.clear()
         axis = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
-        _draw(axis, parts, box)
+        add_shaded(axis, list(zip(parts, _COLOURS, strict=True)), 1.4)
+        show_box(axis, *box)
+        axis.view_init(18.0, -62.0)
         figure.text(0.02, 0.95, f"{_doing(record, t)}  {t:.1f} s", color=INK, size=10)
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
@@ -73,28 +74,3 @@ def _doing(record: Mapping, t: float) -> str:
         if t <= motion["times"][-1]:
             return f"{motion['who']}: {motion['name']}"
     return "done"
-
-
-def _draw(axis: object, parts: list[np.ndarray], box: tuple) -> None:
-    from matplotlib.colors import to_rgb
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    triangles = np.concatenate(parts)
-    colours = np.concatenate(
-        [np.tile(to_rgb(c), (len(p), 1)) for p, c in zip(parts, _COLOURS, strict=True)]
-    )
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-    shade = 0.62 + 0.38 * np.abs(normal @ _LIGHT)
-    axis.add_collection3d(
-        Poly3DCollection(triangles, facecolors=colours * shade[:, None], linewidths=0.0)
-    )
-    low, high = box
-    half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
-    for name, at in zip("xyz", middle, strict=True):
-        getattr(axis, f"set_{name}lim")(at - half, at + half)
-    axis.view_init(18.0, -62.0)
-    axis.set_proj_type("ortho")
-    axis.set_box_aspect((1, 1, 1), zoom=1.4)
-    axis.set_axis_off()

@@ -125,7 +125,7 @@ def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:
     """
     if path is not None:
         planner.scene.load(path)
-        planner.scene.settle()
+        planner.scene.test_waiting()
 
 
 def person_of(request: RunRequest) -> HumanMotion:

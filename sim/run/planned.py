@@ -118,7 +118,7 @@ class PlanTask:
         for entry in self.record["scenery"]:
             planner.scene.add(f"plan {entry['name']}", shape_of(entry), T)
         set_up_scene(planner, self.request.scene)
-        planner.scene.settle()
+        planner.scene.test_waiting()
         return planner
 
     def hear(self, frame: Frame) -> None:

@@ -57,7 +57,7 @@ SIGNALS = {
     "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
     "late": "the state has lasted longer than its time limit",
-    "late_holding": "so it has, and the object is in the robot's hand",
+    "late_holding": "the state has lasted too long, and the object is in the hand",
 }
 
 GIVE = (
@@ -182,22 +182,3 @@ class Machine:
                 self.events.append(StoryEvent(*told))
                 return row
         return None
-
-
-def diagram(rows: tuple[Row, ...]) -> str:
-    """Return a table as a state diagram in the language of Mermaid."""
-    lines = ["stateDiagram-v2", f"    [*] --> {rows[0].state}"]
-    for row in rows:
-        mark = " (!)" if row.failure else ""
-        lines.append(f"    {row.state} --> {row.then}: {row.signal}{mark}")
-    ends = [end for end in ENDS if any(row.then == end for row in rows)]
-    return "\n".join([*lines, *(f"    {end} --> [*]" for end in ends)])
-
-
-def as_markdown(rows: tuple[Row, ...]) -> str:
-    """Return a table for the docs: from, when, to, what happened."""
-    lines = ["| in | when | then | what happened |", "|---|---|---|---|"]
-    for row in rows:
-        text = f"**{row.reason}**" if row.failure else row.reason
-        lines.append(f"| {row.state} | {SIGNALS[row.signal]} | {row.then} | {text} |")
-    return "\n".join(lines)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm import CellMap
-from odm.audit.clearance import clearance_tax
+from odm.audit.clearance import clearance_overhead
 from roadmap.geometry.spheres import cover_report
 from sim.terminal.output import bytes_text
 
@@ -20,20 +20,21 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 
 MOST_PAIRS, MOST_LINKS = 12, 24  # told one by one; a humanoid has hundreds
-TAX_LINES, TAX_EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
+LINES, EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
 
 
 def facts(
-    cell_map: CellMap, tell: Progress | None = None, with_tax: bool = True
+    cell_map: CellMap, tell: Progress | None = None, with_overhead: bool = True
 ) -> dict:
     """Return everything `odm info` says about a map, as plain JSON data.
 
     Args:
         cell_map: The map.
         tell: Called with (stage, done, total).
-        with_tax: Measure the clearance tax, too; else it is None.
+        with_overhead: Measure the clearance overhead, too; else it is None.
     """
-    tax = _tax_facts(cell_map, tell or (lambda *_: None)) if with_tax else None
+    tell = tell or (lambda *_: None)
+    overhead = _overhead_facts(cell_map, tell) if with_overhead else None
     robot, roadmap = cell_map.robot, cell_map.roadmap
     edge_major, block_major = cell_map.arm_cells.bytes_by_view()
     n_edges = max(1, roadmap.n_edges)
@@ -63,7 +64,7 @@ def facts(
             "block_major_per_edge": round(block_major / n_edges, 1),
         },
         "safety": cell_map.safety.as_dict(),
-        "clearance_tax": tax,
+        "clearance_overhead": overhead,
         "cover": [vars(row) for row in cover_report(robot)],
         "self_pairs": len(robot.self_pairs),
         "dropped_pairs": [list(pair) for pair in robot.dropped_pairs],
@@ -107,21 +108,21 @@ def _robot_facts(cell_map: CellMap) -> dict:
     }
 
 
-def _tax_facts(cell_map: CellMap, tell: Progress) -> dict:
+def _overhead_facts(cell_map: CellMap, tell: Progress) -> dict:
     """Return mean and 95 % of each term and in all [m], None without approaches."""
-    tell("clearance tax", 0, 1)
-    tax = clearance_tax(cell_map, TAX_LINES, n_edges=TAX_EDGE_LINES)
-    tell("clearance tax", 1, 1)
+    tell("clearance overhead", 0, 1)
+    overhead = clearance_overhead(cell_map, LINES, n_edges=EDGE_LINES)
+    tell("clearance overhead", 1, 1)
     whole = {
-        "nodes, cells": tax.by_cells,
-        "nodes, close test": tax.by_close_test,
-        "edges, cells": tax.edge_by_cells,
-        "edges, close test": tax.edge_by_close_test,
+        "nodes, cells": overhead.by_cells,
+        "nodes, close test": overhead.by_close_test,
+        "edges, cells": overhead.edge_by_cells,
+        "edges, close test": overhead.edge_by_close_test,
     }
-    rows = {**tax.terms, **whole}
+    rows = {**overhead.terms, **whole}
     return {
-        "lines": tax.lines,
-        "edge_lines": tax.edge_lines,
+        "lines": overhead.lines,
+        "edge_lines": overhead.edge_lines,
         **{
             name: {
                 share: None if np.isnan(value[at]) else _rounded(value[at])
@@ -157,10 +158,13 @@ def show(facts: dict) -> None:
     low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
     console.print(f"grid of {grid} cells from {low} to {high} m")
     console.print(_safety_table(facts["safety"]))
-    if facts["clearance_tax"] is None:
-        console.print("[bold]Clearance tax[/]: not measured; --tax takes a quick look")
+    if facts["clearance_overhead"] is None:
+        what = (
+            "[bold]Clearance overhead[/]: not measured; --overhead takes a quick look"
+        )
+        console.print(what)
     else:
-        console.print(_tax_table(facts["clearance_tax"]))
+        console.print(_overhead_table(facts["clearance_overhead"]))
     console.print(_joint_table(robot))
     console.print(_cover_table(facts["cover"]))
     _show_lists(console, facts)
@@ -247,7 +251,7 @@ def _safety_table(safety: dict[str, float]) -> "Table":
     return table
 
 
-def _tax_table(tax: dict) -> "Table":
+def _overhead_table(overhead: dict) -> "Table":
     means = {
         "cover": "spheres stick out of the solids",
         "rho": "a sample stands for the surface around it",
@@ -259,12 +263,13 @@ def _tax_table(tax: dict) -> "Table":
         "edges, close test": "without the cells",
     }
     title = (
-        f"Clearance tax beyond m, from {tax['lines']} approaches of an arm to nodes "
-        f"and {tax['edge_lines']} to edges (odm bench tax: from thousands)"
+        f"Clearance overhead beyond m, from {overhead['lines']} approaches of an arm "
+        f"to nodes and {overhead['edge_lines']} to edges (odm bench overhead: from "
+        "thousands)"
     )
     table = _table(title, "term", "meaning", "mean \\[cm]", "95 % \\[cm]")
     for key, meaning in means.items():
-        values = (tax[key]["mean"], tax[key]["p95"])
+        values = (overhead[key]["mean"], overhead[key]["p95"])
         cells = ("-" if v is None else f"{100 * v:.1f}" for v in values)
         table.add_row(key, meaning, *cells)
     return table

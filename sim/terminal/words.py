@@ -7,7 +7,7 @@ import sys
 _TARGETS = {"--json": ".json", "--markdown": ".md"}
 # an argument that may be left out, and the flag that then stands in its place
 _INSTEAD = {"build": "--robot", "replay": "--frames"}
-# older spellings, by command; what they are called now means the same everywhere
+# older spellings, of a bench, too, by command; the new ones mean the same everywhere
 RENAMED = {
     ("workspace", "meet"): {
         "--map": "--reach",
@@ -17,6 +17,8 @@ RENAMED = {
     ("workspace", "build"): {"--seconds": "--stop-after"},
     ("run",): {"--distance": "--between", "--hand": "--side"},
     ("run-two",): {"--picture": "--plot"},
+    ("info",): {"--tax": "--overhead"},
+    ("bench",): {"tax": "overhead"},
 }
 
 

@@ -30,7 +30,7 @@ class TwoSettings:
         rate_hz: Frames per second.
         duration_s: Simulated time [s].
         other: "planned": the second robot plans, too, and tells what it will do.
-            "scripted": it goes to and fro and heeds nothing; only its joints are known.
+            "scripted": it goes to and fro blindly; only its joints are known.
         speed_scale: Share of the joints' speed limits that they use.
         script_scale: The same for a scripted robot.
         script_rest_s: Time it rests at each of its places [s].

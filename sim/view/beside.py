@@ -9,8 +9,8 @@ from odm.cell_map.cell_map import CellMap
 from sim.loop.loop import exact_audit
 from sim.people.human_motion import HumanMotion
 from sim.view.dragged import DraggedPerson
-from sim.view.moment import CONTACT, STILL, Event, Moment
-from sim.view.sources import NO_ROWS
+from sim.view.moment import CONTACT, STILL, Moment
+from sim.view.sources import Still
 
 
 class _Asleep:
@@ -26,16 +26,14 @@ class _Asleep:
         return self._motion.capsules(0.0)
 
 
-class ArmBeside:
-    """The robot at a node of its roadmap, and an arm; a `sim.view.sources.Source`.
+class ArmBeside(Still):
+    """The robot at a node of its roadmap, and an arm: one moment that changes.
 
     Args:
         cell_map: The map.
         motion: Whose arm it is.
         clock: Returns the time [s].
     """
-
-    live = knows_latency = False
 
     def __init__(
         self,
@@ -52,23 +50,11 @@ class ArmBeside:
         self._audit = exact_audit(robot)
         self._audited: tuple[object, float] = (None, np.inf)
         self._clock, self._begun = clock, clock()
-        self.events: list[Event] = []
+        super().__init__(self.at(0.0))
 
     def take(self, place: np.ndarray | None) -> None:
         """Drag the hand to a place (3,) [m], or let it go."""
         self._place = place
-
-    def poll(self) -> bool:
-        """Nothing comes."""
-        return False
-
-    def span(self) -> tuple[float, float]:
-        """Return the one moment there is."""
-        return 0.0, 0.0
-
-    def rows(self) -> np.ndarray:
-        """Return no frames."""
-        return NO_ROWS
 
     def at(self, time_s: float) -> Moment:
         """Return what stands there now."""

@@ -303,14 +303,15 @@ class Still:
     """One moment for ever: a map without a run.
 
     Args:
-        moment: What stands there.
+        moment: What stands there at first.
     """
 
     live = knows_latency = False
 
     def __init__(self, moment: Moment) -> None:
         """Keep it."""
-        self.moment, self.events = moment, []
+        self.moment = moment
+        self.events: list[Event] = []
 
     def poll(self) -> bool:
         """Nothing comes."""

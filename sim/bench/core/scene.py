@@ -109,7 +109,7 @@ def _changes(cell_map: CellMap, mesh: Mesh, times: int, seed: int) -> list[dict]
             waits.append(planner.scene.waiting)
             improve(planner.improve)
             if k % SETTLED == 0:
-                settle(planner.scene.settle)
+                settle(planner.scene.test_waiting)
             remove(planner.scene.remove, "it")
             after(planner.step, _NOBODY, q=pair.q_start)
         rows += [
@@ -119,7 +119,7 @@ def _changes(cell_map: CellMap, mesh: Mesh, times: int, seed: int) -> list[dict]
             after.row("... frame after a change", "path kept, or joined anew"),
             value_row("... edges that wait for their test", np.mean(waits), ""),
             improve.row("... improve between frames, some of them tested"),
-            settle.row("... scene.settle, all of them tested"),
+            settle.row("... scene.test_waiting, all of them"),
         ]
     return rows
 

@@ -76,10 +76,6 @@ def test_look_ups_agree_with_a_dictionary(name, request, rng):
     dense = reach.dense()
     assert np.count_nonzero(dense) == reach.n_marked
     np.testing.assert_array_equal(np.flatnonzero(dense), reach.marked_cells())
-    for position in range(0, reach.grid.n_positions, 17):
-        ids, bytes_ = reach.rotations_at(position)
-        np.testing.assert_array_equal(ids, np.flatnonzero(dense[position]))
-        np.testing.assert_array_equal(bytes_, dense[position][ids])
 
 
 def test_a_pose_out_of_reach_has_no_quality_and_no_witness(arm_map):

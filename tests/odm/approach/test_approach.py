@@ -313,5 +313,5 @@ def test_the_example_of_the_docs_runs(planner, cell_map, capsys):
     points, q_now = NOBODY, cell_map.roadmap.nodes[0].copy()
     names = {"planner": planner, "points": points, "q_now": q_now, "T_base_tool": DOWN}
     exec(code, names)
-    assert names["way"] and "mm of the line" in capsys.readouterr().out
-    assert np.array_equal(planner.goals, [names["way"].q_pre])
+    assert names["found"] and "mm of the line" in capsys.readouterr().out
+    assert np.array_equal(planner.goals, [names["found"].q_pre])

@@ -1,4 +1,4 @@
-"""The clearance tax is measured, term by term; what is built on holds exactly."""
+"""The clearance overhead is measured, term by term; what is built on holds exactly."""
 
 import numpy as np
 import pytest
@@ -6,39 +6,39 @@ from robot_audit import audit_robot, volume_points
 from small import draw_arm, draw_valid
 
 import odm
-from odm.audit.clearance import TERMS, clearance_tax
+from odm.audit.clearance import TERMS, clearance_overhead
 from odm.audit.exact import ExactRobot
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 
 
 @pytest.fixture(scope="module")
-def tax(small_map):
-    return clearance_tax(small_map, 150, seed=2, n_edges=30)
+def overhead(small_map):
+    return clearance_overhead(small_map, 150, seed=2, n_edges=30)
 
 
-def test_the_terms_add_up_to_the_whole_tax(tax):
-    assert tuple(tax.terms) == TERMS
-    whole = sum(tax.terms[name][0] for name in ("cover", "rho", "cells"))
-    assert whole == pytest.approx(tax.by_cells[0], abs=3e-5)
-    close = sum(tax.terms[name][0] for name in ("cover", "rho"))
-    assert close == pytest.approx(tax.by_close_test[0], abs=3e-5)
-    assert tax.lines > 75 and tax.edge_lines > 10
+def test_the_terms_add_up_to_the_whole_overhead(overhead):
+    assert tuple(overhead.terms) == TERMS
+    whole = sum(overhead.terms[name][0] for name in ("cover", "rho", "cells"))
+    assert whole == pytest.approx(overhead.by_cells[0], abs=3e-5)
+    close = sum(overhead.terms[name][0] for name in ("cover", "rho"))
+    assert close == pytest.approx(overhead.by_close_test[0], abs=3e-5)
+    assert overhead.lines > 75 and overhead.edge_lines > 10
 
 
-def test_no_term_takes_more_than_it_may(tax, small_map):
+def test_no_term_takes_more_than_it_may(overhead, small_map):
     safety = small_map.safety
     diagonal = np.sqrt(3) * safety.h
     for name, most in (("cover", 0.02), ("rho", safety.rho), ("cells", diagonal)):
-        mean, median, high = tax.terms[name]
+        mean, median, high = overhead.terms[name]
         assert -1e-3 <= mean <= most + 2e-3 and median <= high <= most + 2e-3
-    assert tax.terms["mu"][0] <= 0.5 * safety.mu + safety.h
-    assert tax.by_close_test[0] <= tax.by_cells[0]
+    assert overhead.terms["mu"][0] <= 0.5 * safety.mu + safety.h
+    assert overhead.by_close_test[0] <= overhead.by_cells[0]
     # shapes pay the cover, and a millimetre of the scan, but no covering radius
-    assert tax.terms["cover"][0] - 1.1e-3 <= tax.by_shapes[0]
-    assert tax.by_shapes[0] <= tax.terms["cover"][0] + 2e-3
-    assert tax.edge_by_shapes[0] < tax.edge_by_close_test[0] - 0.01
-    assert tax.as_dict()["m"] == safety.m
+    assert overhead.terms["cover"][0] - 1.1e-3 <= overhead.by_shapes[0]
+    assert overhead.by_shapes[0] <= overhead.terms["cover"][0] + 2e-3
+    assert overhead.edge_by_shapes[0] < overhead.edge_by_close_test[0] - 0.01
+    assert overhead.as_dict()["m"] == safety.m
 
 
 def test_what_the_roadmap_was_built_on_holds_exactly(small_map):

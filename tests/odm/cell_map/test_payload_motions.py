@@ -171,18 +171,18 @@ def test_the_place_closes_what_the_envelope_would_touch(cell_map, rng):
     first, then = (odm.ReactivePlanner(cell_map) for _ in range(2))
     box = odm.Box([0.3, 0.3, 0.3], _at(np.array([0.4, 0.3, 0.5])))
     first.set_static(box)
-    first.scene.settle()
+    first.scene.test_waiting()
     bare = first.memory.graph.closed.copy()
     first.attach(BALLS)
-    first.scene.settle()
+    first.scene.test_waiting()
     carrying = first.memory.graph.closed
     assert (carrying | ~bare).all() and carrying.sum() > bare.sum()
     then.attach(BALLS)
     then.set_static(box)
-    then.scene.settle()
+    then.scene.test_waiting()
     assert np.array_equal(then.memory.graph.closed, carrying)
     then.detach()
-    then.scene.settle()
+    then.scene.test_waiting()
     assert np.array_equal(then.memory.graph.closed, bare)
 
 

@@ -123,7 +123,7 @@ def test_the_scene_holds_for_what_is_held(small_map):
     assert "would touch ball" in planner.is_free(HIGH, HIGH).reason
     planner.detach()
     assert planner.is_free(HIGH, HIGH)
-    planner.scene.settle()
+    planner.scene.test_waiting()
     closed = planner.memory.graph.closed.copy()
     planner.attach(BALLS)
     planner.detach()

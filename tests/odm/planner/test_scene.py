@@ -68,7 +68,7 @@ def test_a_change_closes_just_what_its_shapes_touch(planner, rng):
         truth = closed_exactly(planner)
         assert not (truth & ~closed).any()  # nothing is open that is not free
         closed_for_cells += int((closed & ~truth).sum())
-        while scene.settle(40):
+        while scene.test_waiting(40):
             assert not (truth & ~closed).any()
         assert np.array_equal(closed, truth)
         several += truth.sum() > 20
@@ -178,8 +178,8 @@ def test_nodes_beyond_the_first_wait_closed_and_come_to_the_same(
     closed, exact = planner.memory.graph.closed, closed_exactly(planner)
     assert (closed | ~exact).all() and not np.array_equal(closed, exact)
     waits = planner.scene.waiting
-    assert planner.scene.settle(7) == waits - 7 and (closed | ~exact).all()
-    planner.scene.settle()
+    assert planner.scene.test_waiting(7) == waits - 7 and (closed | ~exact).all()
+    planner.scene.test_waiting()
     assert np.array_equal(closed, exact)
     planner.scene.clear()
     assert not closed.any()
@@ -206,7 +206,7 @@ def test_the_same_calls_give_the_same_bytes_and_a_memory_goes_on(small_map, rng)
     # the same scene by another way, and tested farther than the one that was saved
     fresh.scene.add("ball", odm.Sphere(0.1), pose_of([0.3, 0, 0.4], np.zeros(3)))
     fresh.scene.add("wall", WALL, OVER @ pose_of([0, 0.1, 0], np.zeros(3)))
-    fresh.scene.settle()
+    fresh.scene.test_waiting()
     fresh.load_memory(saved)
     closed = fresh.memory.graph.closed
     assert np.array_equal(closed, one.memory.graph.closed)
@@ -233,7 +233,7 @@ def test_objects_stand_in_the_world(small_map):
 
 def test_set_static_and_the_scene_stand_side_by_side(planner):
     planner.scene.add("ball", odm.Sphere(0.05), pose_of([0.4, 0, 0.4], np.zeros(3)))
-    alone = planner.scene.settle() or planner.memory.graph.closed.sum()
+    alone = planner.scene.test_waiting() or planner.memory.graph.closed.sum()
     planner.set_static(WALL.moved(OVER))
     assert "set_static" in planner.is_free(HOME, AWAY).reason
     planner.set_static(np.zeros((0, 3)))
@@ -266,7 +266,7 @@ def test_a_scene_that_is_saved_stands_as_it_stood(small_map, tmp_path, rng):
     file = one.scene.save(tmp_path / "cell.scene")
     assert other.scene.load(file) == list(one.scene)
     for planner in (one, other):
-        planner.scene.settle()
+        planner.scene.test_waiting()
     assert one.memory.graph.closed.sum() > 20
     assert np.array_equal(one.memory.graph.closed, other.memory.graph.closed)
     one.scene.add("points", odm.surface_of(WALL, 0.03))
@@ -297,7 +297,7 @@ def test_a_scene_that_is_saved_stands_as_it_stood(small_map, tmp_path, rng):
         (lambda s: s.move("there", np.zeros(3)), "not a rigid"),
         (lambda s: s.remove(["there"]), "no object"),
         (lambda s: s.load("none.scene"), "does not exist"),
-        (lambda s: s.settle(-1), "most is -1"),
+        (lambda s: s.test_waiting(-1), "most is -1"),
     ],
 )
 def test_a_bad_call_is_told_and_changes_nothing(planner, call, told):

@@ -18,7 +18,7 @@ def folder(tmp_path):
     """Return a folder with what the commands write for one robot, cut down."""
     link = {"link": "jib", "spheres": 12, "excess": 0.021, "protrusion": 0.012}
     base = {"link": "foot", "spheres": 3, "excess": 0.9, "protrusion": 0.9}
-    tax = {"edges, cells": {"mean": 0.0834}, "edges, close test": {"mean": None}}
+    overhead = {"edges, cells": {"mean": 0.0834}, "edges, close test": {"mean": None}}
     cpu = {"p50": 2.31e-5, "p99": 4.512e-4}
     parts = {
         "build": {
@@ -28,7 +28,7 @@ def folder(tmp_path):
         "info": {
             "robot": {"joints": ["a", "b"], "moving_spheres": 12},
             "cover": [link | {"moving": True}, base | {"moving": False}],
-            "clearance_tax": tax,
+            "clearance_overhead": overhead,
         },
         "audit": {"violations": 0, "pairs": 200000},
         "run": {

@@ -134,7 +134,7 @@ def test_suggest_agrees_with_a_real_build_and_builds_nothing(odm, tmp_path):
 
 
 def test_info_tells_what_the_map_holds(odm, map_dir):
-    code, text, _ = odm("info", map_dir, "--tax", "--json")
+    code, text, _ = odm("info", map_dir, "--overhead", "--json")
     found, cell_map = json.loads(text), load_map(map_dir)
     assert code == 0 and found["hash"] == cell_map.hash
     assert found["safety"] == cell_map.safety.as_dict()
@@ -148,11 +148,12 @@ def test_info_tells_what_the_map_holds(odm, map_dir):
         for a in view
     )
     assert {row["link"] for row in found["cover"]} == set(cell_map.robot.link_names)
-    code, text, _ = odm("info", map_dir, "--tax")
-    assert code == 0
-    tax = found["clearance_tax"]
-    assert 0 < tax["edges, close test"]["mean"] < tax["edges, cells"]["mean"] < 0.12
-    assert f"from {tax['lines']} approaches" in " ".join(text.split())
+    code, text, said = odm("info", map_dir, "--tax")  # its older name
+    assert code == 0 and "--tax is called --overhead now" in said
+    overhead = found["clearance_overhead"]
+    close, cells = (overhead[f"edges, {by}"]["mean"] for by in ("close test", "cells"))
+    assert 0 < close < cells < 0.12
+    assert f"from {overhead['lines']} approaches" in " ".join(text.split())
     words = ("close test", "rho", "hand", "sticks out [mm]", "floor")
     for word in (*words, cell_map.hash[:12]):
         assert word in text

@@ -283,7 +283,7 @@ def test_what_stood_around_is_recorded_and_heeded_again(cell_map, sweep, tmp_pat
     wedge = np.vstack([0.1 * np.eye(3), np.zeros(3)])
     faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]
     scene.add("wedge", odm.Mesh(wedge, faces), pose)
-    scene.settle()
+    scene.test_waiting()
     record = recorded(loop, cell_map)
     assert [row["name"] for row in record.scene] == ["lamp", "wedge"]
     assert_the_same_again(record, cell_map, tmp_path)

@@ -1,10 +1,10 @@
-"""`odm bench tax`: how much farther than m an arm already blocks, term by term."""
+"""`odm bench overhead`: how much farther than m an arm already blocks, term by term."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 from odm import load_map
-from odm.audit.clearance import ClearanceTax, clearance_tax
+from odm.audit.clearance import ClearanceOverhead, clearance_overhead
 from sim.tables.header import header
 from sim.tables.table import value_row
 
@@ -15,7 +15,7 @@ NOTES = {
     "cells": "a sample blocks its whole cell",
     "mu": "a piece of an edge is inflated; edges only",
 }
-SHARES = (("mean", 0), ("p95", 2))  # of what `ClearanceTax` holds
+SHARES = (("mean", 0), ("p95", 2))  # of what `ClearanceOverhead` holds
 
 
 def run(
@@ -27,7 +27,7 @@ def run(
     short: bool = False,
     tell: Callable[[str], None] | None = None,
 ) -> dict:
-    """Measure the clearance tax of a map; `odm.audit.clearance.ClearanceTax` says how.
+    """Measure what `odm.audit.clearance.ClearanceOverhead` explains.
 
     Args:
         map_dir: Folder of a built map.
@@ -44,22 +44,22 @@ def run(
         lines, edge_lines = min(lines, 100), min(edge_lines, 20)
     cell_map = load_map(map_dir, verify=False)
     (tell or (lambda text: None))(f"{lines} approaches to nodes, {edge_lines} to edges")
-    found = clearance_tax(cell_map, lines, seed, edge_lines)
+    found = clearance_overhead(cell_map, lines, seed, edge_lines)
     setup = {
         "approaches to nodes": found.lines,
         "approaches to edges": found.edge_lines,
         "seed": seed,
-        "clearance m, no tax itself": f"{100 * found.m:g} cm",
+        "clearance m, no overhead itself": f"{100 * found.m:g} cm",
     }
     return {
-        "bench": "tax",
+        "bench": "overhead",
         "header": header(cell_map),
         "setup": setup,
         "rows": _rows(found),
     }
 
 
-def _rows(found: ClearanceTax) -> list[dict]:
+def _rows(found: ClearanceOverhead) -> list[dict]:
     """Return mean and 95 % of each way to ask, then of each term [cm]."""
     rows = []
     for where, prefix in (("nodes", ""), ("edges", "edge_")):

@@ -1,4 +1,4 @@
-"""`odm bench tax` says what a map gives away, by term, beside what is asked."""
+"""`odm bench overhead` says what a map gives away, by term, beside what is asked."""
 
 import json
 
@@ -6,14 +6,14 @@ import pytest
 from small import small_recipe
 
 import odm as planner
-from odm.audit.clearance import TERMS, ClearanceTax
-from sim.bench.core import tax
+from odm.audit.clearance import TERMS, ClearanceOverhead
+from sim.bench.core import overhead
 from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
 def map_dir(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tax")
+    folder = tmp_path_factory.mktemp("overhead")
     return planner.build_map(small_recipe()).save(folder / "arm3")
 
 
@@ -27,8 +27,8 @@ def rows_of(result):
 
 
 def test_the_table_shows_every_way_to_ask_and_every_term(odm, map_dir, tmp_path):
-    file = tmp_path / "tax.json"
-    code, out, _ = odm("bench", "tax", "--map", map_dir, "--short", "--json", file)
+    file = tmp_path / "overhead.json"
+    code, out, _ = odm("bench", "overhead", "--map", map_dir, "--short", "--json", file)
     result = json.loads(file.read_text())
     assert code == 0
     assert result["header"]["map"]["hash"] == planner.load_map(map_dir).hash
@@ -46,19 +46,19 @@ def test_the_table_shows_every_way_to_ask_and_every_term(odm, map_dir, tmp_path)
     assert lines[2].startswith("| nodes, cells: mean | <= 9 cm |")
 
 
-def test_the_same_seed_gives_the_same_tax(map_dir):
-    first, again = (tax.run(map_dir, short=True, seed=4)["rows"] for _ in range(2))
+def test_the_same_seed_gives_the_same_overhead(map_dir):
+    first, again = (overhead.run(map_dir, short=True, seed=4)["rows"] for _ in range(2))
     assert first == again
-    assert first != tax.run(map_dir, short=True, seed=5)["rows"]
+    assert first != overhead.run(map_dir, short=True, seed=5)["rows"]
 
 
 @pytest.mark.parametrize(("cells", "close", "met"), [(0.08, 0.04, 1), (0.1, 0.06, 0)])
 def test_the_means_are_held_against_9_and_5_cm(cells, close, met, map_dir, monkeypatch):
     whole = ((cells, 0.0, 0.2), (close, 0.0, 0.2)) * 2 + ((0.02, 0.0, 0.2),) * 2
     terms = {name: (0.01, 0.01, 0.02) for name in TERMS}
-    known = ClearanceTax(terms, *whole, m=0.01, lines=9, edge_lines=3)
-    monkeypatch.setattr(tax, "clearance_tax", lambda *args: known)
-    rows = rows_of(tax.run(map_dir))
+    known = ClearanceOverhead(terms, *whole, m=0.01, lines=9, edge_lines=3)
+    monkeypatch.setattr(overhead, "clearance_overhead", lambda *args: known)
+    rows = rows_of(overhead.run(map_dir))
     assert rows["edges, cells: mean"]["value"] == pytest.approx(100 * cells)
     assert rows["term mu: p95"]["value"] == pytest.approx(2.0)
     for name in [way for way in WAYS if "shapes" not in way]:
