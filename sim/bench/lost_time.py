@@ -19,7 +19,8 @@ from sim.people.human_motion import HumanMotion
 _EVERY = 10  # frames, of those in which it stands, between two that are asked
 _PACES = {"slowed": (SLOWED, BRAKED), "evading": (RETREATING,)}
 _STANDING = ("taken", "pinned", "no way", "waits")  # names that fit a terminal
-_COLUMNS = ("possible", "by sight", "trips", "detour", *_PACES, *_STANDING)
+_ORACLES = ("possible", "by sight", "stops", "yields")
+_COLUMNS = (*_ORACLES, "trips", "detour", *_PACES, *_STANDING)
 
 
 class PaceWatch:
@@ -45,7 +46,8 @@ def lost_time(
 ) -> dict[str, float]:
     """Return the shares of the time by name, and the trips that were "possible".
 
-    Those "by sight" are of one who sees the person as they are, and not what comes.
+    Those "by sight" are of one who sees the person as they are, and not what comes;
+    who "stops" has to be able to besides, and who "yields" gets out of the way, too.
 
     "trips" is what those made take a robot with nobody about; "detour" the rest of the
     time at full speed: longer ways, more corners, ways begun in vain. It stands since
@@ -73,9 +75,14 @@ def lost_time(
     shares["trips"] = result.trips * trip_s / result.duration_s
     shares["detour"] = 1.0 - sum(shares.values())
     run = (human.capsules, result.duration_s, trip_s)
-    oracles = {"possible": oracle.trips(*run), "by sight": oracle.trips_by_sight(*run)}
+    trips = (
+        oracle.trips(*run),
+        oracle.trips_by_sight(*run),
+        oracle.trips_with_stops(*run),
+        oracle.trips_with_stops(*run, yields=True),
+    )
     whole = result.duration_s / trip_s
-    return shares | {name: trips / whole for name, trips in oracles.items()}
+    return shares | {k: n / whole for k, n in zip(_ORACLES, trips, strict=True)}
 
 
 def _standing(

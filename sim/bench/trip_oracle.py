@@ -10,11 +10,17 @@ all corners are turned at full speed.
 
 A second one sees where the person is, and knows nothing of what comes. It plans past a
 person who stays, twenty times a second, and stops at once where the person has come.
+
+A third one sees no more, and cannot stop at once. It brakes as hard as its joints can,
+and goes on at a speed only if it keeps m until it stands from all places where the
+person may be by then: the bounds are those of the braking test. It may also yield: get
+out of the way of who comes along any straight motion that is free, as a robot does.
 """
 
 import heapq
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +29,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from odm import ReactivePlanner
 from odm.audit.exact import ExactRobot, capsule_obstacles
+from odm.execution.executor import ExecutionSettings
+from odm.execution.threat import Threat, Watcher
 from roadmap.kinematics.forward import difference
 
 _JOINED = 24  # nodes that a configuration is joined to
@@ -33,6 +41,14 @@ _MOST_TESTS = 4000  # of motions, for one way
 _LOOK = 0.05  # [s] who knows nothing of what comes looks so often
 _MOST_AT_A_LOOK = 1000  # of motions, for a way past the person as they are
 _SOONER = 0.95  # another way takes so much less time, or is not taken
+
+# of one who must be able to stop
+_TICK = 0.01  # [s] it says anew how fast it goes
+_STANDS = 1e-6  # share of the full speed
+_PACES = (1.0, 0.8, 0.6, 0.45, 0.3, 0.15)  # shares of the full speed it may go at
+_OUT = 64  # straight motions to nodes, reached soonest, out of the way of who comes
+_AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] who comes is led on by, at their mean velocity
+_PLENTY = 0.12  # [m] a way out that keeps so much more than m need not keep more
 
 PersonAt = Callable[[float], np.ndarray]
 Vertices = tuple[int, ...]
@@ -56,6 +72,21 @@ class _Graph(NamedTuple):
     proved: bool
 
 
+@dataclass
+class _Rider:
+    """One who must be able to stop.
+
+    Attributes:
+        way: Where it is, and the corners ahead [rad or m]; a stop on it is free.
+        speed: Of the full speed on it.
+        out: Whether this way leads out of somebody's way, not to a place.
+    """
+
+    way: list[np.ndarray]
+    speed: float = 0.0
+    out: bool = False
+
+
 class TripOracle:
     """Finds the soonest trips between work places.
 
@@ -70,7 +101,7 @@ class TripOracle:
     ) -> None:
         """Join the places to the roadmap, and measure all ways with nobody about."""
         self.planner, self._exact = planner, ExactRobot(planner.robot)
-        self._speed = speed_scale * planner.robot.max_velocity
+        self._scale, self._speed = speed_scale, speed_scale * planner.robot.max_velocity
         self._m = planner.cell_map.safety.m
         roadmap = planner.cell_map.roadmap
         self._q, self._ways = list(roadmap.nodes), [[] for _ in roadmap.nodes]
@@ -132,6 +163,47 @@ class TripOracle:
         left = self._time(q, self._q[self._places[to]]) / self.way_alone(to)
         return trips + max(0.0, 1.0 - left)
 
+    def trips_with_stops(
+        self, person: PersonAt, seconds: float, trip_s: float, yields: bool = False
+    ) -> float:
+        """Return the trips of one who sees the person as they are, and must brake.
+
+        The other arguments are those of `trips`. It is at full speed at once, and in
+        all corners; it slows down within the joints' accelerations.
+
+        Args:
+            person: Time [s] -> (k, 7) capsules [m].
+            seconds: How long it goes to and fro [s].
+            trip_s: What a trip takes a robot that has nobody about [s].
+            yields: Whether it gets out of the way of who is about to come within m.
+        """
+        watcher, rider = Watcher(), _Rider([self._q[self._places[0]]])
+        trips, to, ahead = 0, 1, list(rider.way)
+        begin = max(trip_s - self.way_alone(to), 0.0)  # to get up speed, and to stop
+        for k in range(round(seconds / _TICK)):
+            now, looks = k * _TICK, k % round(_LOOK / _TICK) == 0
+            rows = person(now)
+            threat = watcher.look(rows, now)
+            if rider.out or len(ahead) < 2:
+                ahead = []
+            if looks:
+                ahead = self._way_by_sight(ahead, rider.way[0], to, rows)
+            if now >= begin and self._rides(rider, ahead, threat, self._m):
+                rider.out = False
+                ahead = rider.way
+                if len(ahead) == 1:
+                    trips, to = trips + 1, (to + 1) % len(self._places)
+                    rider.speed = 0.0
+                    begin = now + _TICK + max(trip_s - self.way_alone(to), 0.0)
+                continue
+            if not (yields and self._gets_out(rider, to, threat, looks)):
+                rider.out = rider.out and rider.speed > _STANDS
+                rider.way, rider.speed = self._after(rider, rider.way, 0.0)
+                if rider.speed >= _STANDS:
+                    ahead = rider.way
+        left = self._time(rider.way[0], self._q[self._places[to]]) / self.way_alone(to)
+        return trips + max(0.0, 1.0 - left)
+
     def leads_on(self, q: np.ndarray, place: int, capsules: np.ndarray) -> bool:
         """Whether a way leads from q (dof,) to a place past a person who stays."""
         return bool(self._past(q, place, capsules, _MOST_TESTS)[1])
@@ -154,6 +226,111 @@ class TripOracle:
             return way
         present = sum(self._time(a, b) for a, b in legs)
         return way if way and time > _SOONER * present else other
+
+    def _gets_out(
+        self, rider: "_Rider", place: int, threat: Threat, looks: bool
+    ) -> bool:
+        """Whether it goes on, or begins, to get out of the way of who comes."""
+        gap, twice = ExecutionSettings().yield_gap, 1.0 / self._scale
+        if rider.out and len(rider.way) > 1:
+            if self._rides(rider, rider.way, threat, gap, twice):
+                return True
+        if not (looks and threat.leads_on):
+            return False
+        q = rider.way[0]
+        coming = threat.likely(0.0, *_AHEAD)
+        if not self._exact.collides(q, capsule_obstacles(coming.capsules), self._m):
+            return False
+        way = self._way_out(q, place, threat)
+        rider.out = bool(way) and self._rides(rider, way, threat, gap, twice)
+        return rider.out
+
+    def _way_out(self, q: np.ndarray, place: int, threat: Threat) -> list[np.ndarray]:
+        """Return the straight motion that keeps most from who comes, or [].
+
+        Of those that keep plenty, it is the one from whose end the place is nearest.
+        """
+        ways = difference(self.planner.robot, q, self.planner.cell_map.roadmap.nodes)
+        needs = (np.abs(ways) / (self._speed / self._scale)).max(axis=1)
+        coming = [capsule_obstacles(threat.likely(t).capsules) for t in _AHEAD]
+        most = self._m + _PLENTY
+
+        def keeps(way: np.ndarray, needed: float) -> float:
+            done = [min(t / max(needed, 1e-9), 1.0) for t in _AHEAD]
+            near = (
+                self._exact.distance(q + way * share, there, cap=most).distance
+                for share, there in zip(done, coming, strict=True)
+            )
+            return min(near)
+
+        stays = keeps(np.zeros_like(q), 1.0)
+        found = []
+        for k in np.argsort(needs, kind="stable")[:_OUT].tolist():
+            kept = keeps(ways[k], needs[k])
+            if kept > stays:
+                found.append((-kept, self._left[place][k], k))
+        for _, _, k in sorted(found):
+            if self.planner.static.motion_free(q, ways[k]):
+                return [q, q + ways[k]]
+        return []
+
+    def _rides(
+        self,
+        rider: "_Rider",
+        way: list[np.ndarray],
+        threat: Threat,
+        gap: float,
+        most: float = 1.0,
+    ) -> bool:
+        """Go along a way at the highest pace from which it can stop; False: at none."""
+        if len(way) < 2:
+            return False
+        there: dict[float, Any] = {}
+        for pace in _PACES:
+            after, speed = self._after(rider, way, pace * most)
+            if self._stops(after, speed, threat, gap, there):
+                rider.way, rider.speed = after, speed
+                return True
+        return False
+
+    def _stops(
+        self,
+        way: list[np.ndarray],
+        speed: float,
+        threat: Threat,
+        gap: float,
+        there: dict[float, Any],
+    ) -> bool:
+        """Whether a stop behind the next tick keeps a gap from where they may be."""
+        t = _TICK
+        while True:
+            if t not in there:
+                room, more = threat.between(t, t)
+                there[t] = None if more else capsule_obstacles(room.capsules)
+            if there[t] is None or self._exact.collides(way[0], there[t], gap):
+                return False
+            if speed < _STANDS or len(way) == 1:
+                return True
+            slows = self._slows(way)
+            passed = min(_STEP, speed / slows)
+            way, _ = self._gone(way, speed * passed - 0.5 * slows * passed**2)
+            speed, t = speed - slows * passed, t + passed
+
+    def _after(
+        self, rider: "_Rider", way: list[np.ndarray], pace: float
+    ) -> tuple[list[np.ndarray], float]:
+        """Return what is left of a way after a tick toward a pace, and the speed."""
+        if len(way) < 2:
+            return way, 0.0
+        speed = max(pace, rider.speed - self._slows(way) * _TICK)
+        return self._gone(way, speed * _TICK)[0], speed
+
+    def _slows(self, way: list[np.ndarray]) -> float:
+        """Return how fast the share of the full speed can fall on a leg [1/s]."""
+        leg = np.abs(difference(self.planner.robot, way[0], way[1]))
+        leg = np.maximum(leg, 1e-12)  # a place may be a node: a leg of no length
+        most = (self.planner.robot.max_acceleration / leg).min()
+        return float(most * (leg / self._speed).max())
 
     def _past(
         self, q: np.ndarray, place: int, capsules: np.ndarray, most: int

@@ -90,6 +90,53 @@ def test_who_sees_the_present_alone_is_stopped_by_who_steps_into_the_way(
     assert 0.0 < trips < 0.6
 
 
+@pytest.mark.parametrize("yields", [False, True])
+def test_who_must_be_able_to_stop_loses_nothing_with_nobody_about(
+    planner, places, oracle, yields
+):
+    way, ticks = straight(planner, places), 0.02  # of each trip, and what it begins in
+    trips = oracle.trips_with_stops(lambda t: NOBODY, 10.0, way, yields)
+    assert 10.0 / (way + ticks) - 0.1 < trips <= 10.0 / way + 1e-9
+
+
+def test_who_must_be_able_to_stop_waits_for_a_place_as_well(planner, places, oracle):
+    at, way = ball(tool(planner, places[1])), straight(planner, places)
+    trips = oracle.trips_with_stops(lambda t: at if t < 5.0 else NOBODY, 10.0, way)
+    assert 5.0 / (way + 0.02) - 0.3 < trips <= 5.0 / way + 0.1
+    assert oracle.trips_with_stops(lambda t: at, 10.0, way) <= 0.0
+
+
+def test_who_must_be_able_to_stop_is_slow_beside_who_may_come(planner, places, oracle):
+    """A person who rests beside the way, just farther than m, may set off."""
+    way, audit = straight(planner, places), exact_audit(planner.robot)
+    legs = [places[0] + (places[1] - places[0]) * k / 50 for k in range(51)]
+    p = tool(planner, 0.5 * (places[0] + places[1]))
+
+    def gap(up):
+        return min(audit(q, ball(p + [0.0, 0.0, up])) for q in legs)
+
+    up = min((k / 500 for k in range(500)), key=lambda up: abs(gap(up) - 0.02))
+    person = ball(p + [0.0, 0.0, up])
+    assert planner.cell_map.safety.m < gap(up) < 0.03
+    by_sight = oracle.trips_by_sight(lambda t: person, 10.0, way)
+    assert oracle.trips_with_stops(lambda t: person, 10.0, way) < 0.9 * by_sight
+
+
+def test_who_yields_is_not_shut_in_by_who_comes(planner, places, oracle):
+    """One is at the next place for 3 s, another comes to where it waits, and stays."""
+    here, there = (tool(planner, q) for q in places)
+    away = here - there
+    away /= np.linalg.norm(away)
+
+    def person(t):
+        come = ball(here + away * max(0.5 - 0.25 * t, 0.0))
+        return np.vstack([ball(there if t < 3.0 else there + [0.0, 0.0, 3.0]), come])
+
+    run = (person, 6.0, straight(planner, places))
+    assert oracle.trips_with_stops(*run) <= 0.0
+    assert 1.0 <= oracle.trips_with_stops(*run, yields=True) < 2.0
+
+
 def test_the_way_of_the_oracle_keeps_m_from_who_stands_in_it(planner, places, oracle):
     middle = 0.5 * (places[0] + places[1])
     person, audit = ball(tool(planner, middle)), exact_audit(planner.robot)
@@ -136,6 +183,7 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
     shares = lost_time(planner, places, human, result, paces, SCALE, trip_s)
     possible, by_sight = shares.pop("possible"), shares.pop("by sight")
     assert 0.0 <= by_sight <= possible <= 1.0
+    assert 0.0 <= shares.pop("stops") <= shares.pop("yields") <= by_sight
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["slowed"] == pytest.approx(30 / 400)
     assert shares["evading"] == pytest.approx(20 / 400)
@@ -146,7 +194,16 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
 
 
 def test_the_table_has_a_row_for_each_motion_with_the_means_of_its_runs():
-    names = ("possible", "by sight", "trips", "detour", "slowed", "evading")
+    names = (
+        "possible",
+        "by sight",
+        "stops",
+        "yields",
+        "trips",
+        "detour",
+        "slowed",
+        "evading",
+    )
     names += ("taken", "pinned", "no way", "waits")
     one = {name: 0.1 for name in names}
     runs = [{"motion": "sweep", "lost": one}, {"motion": "reach", "lost": one}]
