@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
-from odm.close_test._close import displacement
-from roadmap.jit_options import INNER, LEAN, WITHIN_INNER
+from roadmap.jit_options import LEAN, WITHIN_INNER
 
 
 @njit(**WITHIN_INNER)
@@ -114,21 +113,3 @@ def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
             best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
         # rounding must not lift the bound above the truth
         h[i] = best * (1.0 - 1e-12)
-
-
-@njit(**INNER)
-def items_hit(ptr, block, mask, words, out):
-    """Write to `out` which items share a cell with `words`."""
-    for i in range(ptr.shape[0] - 1):
-        out[i] = False
-        for k in range(ptr[i], ptr[i + 1]):
-            if words[block[k]] & mask[k] != 0:
-                out[i] = True
-                break
-
-
-@njit(**INNER)
-def motions_to(q, nodes, ids, continuous, dq):
-    """Write the displacements from q to some nodes to `dq` (k, dof)."""
-    for k in range(ids.shape[0]):
-        displacement(q, nodes[ids[k]], continuous, dq[k])
