@@ -2,10 +2,10 @@
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def copy_row(source, target):
     """Let `target` (n,) hold the numbers of `source` (n,)."""
     for k in range(target.shape[0]):

@@ -23,6 +23,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 
 from roadmap.cache_lock import save_in_turn
+from roadmap.door import give_small_doors
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
@@ -43,6 +44,7 @@ class LoopCompiler(CompilerBase):
         super().__init__(*given)
         if KNOWN:
             self.state.typingctx = LookupContext(self.state.typingctx)
+            give_small_doors(self.state.targetctx)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""

@@ -55,9 +55,15 @@ class LookupContext:
 
 
 def _number(one: types.Type) -> types.Type:
-    """Return the type of a constant whole number or truth value without its value."""
-    constant = isinstance(one, (types.IntegerLiteral, types.BooleanLiteral))
-    return types.unliteral(one) if constant else one
+    """Return the type of a number that a loop is handed: without its value, of 64 bits.
+
+    Numba adds and multiplies signed numbers of fewer bits as such of 64 in any case.
+    Those without a sign stay as they are: with one they would become floats elsewhere.
+    """
+    if isinstance(one, (types.IntegerLiteral, types.BooleanLiteral)):
+        one = types.unliteral(one)
+    is_short = isinstance(one, types.Integer) and one.signed and one.bitwidth < 64
+    return types.int64 if is_short else one
 
 
 class _SharedFlags(Flags):

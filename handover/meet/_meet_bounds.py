@@ -45,7 +45,7 @@ from handover.meet._quality import (
     spatial_cost,
     visibility_cost,
 )
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN_INNER
 
 NO_VALUE = -1.0
 SLACK = 1e-6  # [rad] what arc functions of rounded numbers may be off
@@ -74,7 +74,7 @@ class Bounds(NamedTuple):
     lack: np.ndarray
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def position_bounds(person, hands, cells, bounds):
     """Write bounds.online and bounds.whole.
 
@@ -159,7 +159,7 @@ def most_dexterity(person, x, y, z):
     return most[i, j, k] / 255.0
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def now_turn(person, now):
     """Write the present wrist's direction, hand's rotation and inner angle to now.
 
@@ -184,7 +184,7 @@ def now_turn(person, now):
     now[12] = math.atan2(fore * math.sin(q[3]), upper + fore * math.cos(q[3]))
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def fill_spins(person, pose, bounds):
     """Write bounds.spin and bounds.lack for hands of `pose` (r, g, 12).
 
@@ -265,7 +265,7 @@ def _give(settings, first, last):
     return total
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def grip_bound(person, hands, bounds, one, floor, parts):
     """Return a bound of `hand_value`, UNREACHED where forearm and hand cannot fit.
 
@@ -299,7 +299,7 @@ def grip_bound(person, hands, bounds, one, floor, parts):
     return share * (online_sum(settings, parts) / shares) + rest
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def byte_passes(person, hands, bounds, p, one, floor):
     """Return whether the bounds by place and by byte reach `floor`.
 

@@ -17,7 +17,7 @@ import math
 from numba import njit
 
 from handover.human._human_arm import ARM_SIZE, arm_axes
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN_INNER
 
 Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
 EYE, GAZE, HAS_GAZE = ARM_SIZE + 10, ARM_SIZE + 13, ARM_SIZE + 16
@@ -111,7 +111,7 @@ def safety_cost(obstacles, settings, elbow, wrist, grip):
     return concern / nearest - 1.0
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def square_to_axis(rods, i, point):
     """Return the squared distance of a point (3) from the axis of capsule i [m^2]."""
     x, y, z = point
@@ -126,7 +126,7 @@ def square_to_axis(rods, i, point):
     return px * px + py * py + pz * pz
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def enters(rods, i, a, b):
     """Return whether the line between the points a (3) and b (3) enters capsule i."""
     rx, ry = rods[i, 3] - rods[i, 0], rods[i, 4] - rods[i, 1]
@@ -180,7 +180,7 @@ def _square_between(offset, r, s, rr, ss):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def effort_cost(state, axes):
     """Return the sum of the seven gravity torques, each without its sign.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import BARE, BARE_INNER, FULL, WITHIN_INNER
+from roadmap.jit_options import BARE, BARE_INNER, FULL_INNER, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
@@ -81,7 +81,7 @@ def put_balls(space, first, end, scratch):
                 )
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def place(space, q, scratch):
     """Write where all is that moves, at joints q; what stands, if that is stale."""
     if scratch.stale[0]:
@@ -106,7 +106,7 @@ def beyond(a, b, far):
     return far <= 0.0 or x * x + y * y + z * z >= far * far
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def pair_apart(space, p, need, scratch):
     """Return (lower, upper) bounds of a pair's distance; `need` at most is proved."""
     ga, gb = space.pairs[p, 0], space.pairs[p, 1]
@@ -134,7 +134,7 @@ def pair_apart(space, p, need, scratch):
     return lower, upper
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def parts_apart(space, i, j, need, scratch, row):
     """Return (lower, upper) bounds of two parts' distance; `need` at most is proved."""
     v = scratch.axes[row]
@@ -181,7 +181,7 @@ def arm_of(space, g, scratch):
         arms[j] = math.sqrt(u * u + v * v + w * w) + space.group_ball[g, 3]
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def move_of(space, p, dq, half, scratch):
     """Bound how far a pair moves while the joints move by +- half dq from here [m].
 
@@ -203,7 +203,7 @@ def move_of(space, p, dq, half, scratch):
     return move
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def motion_clear(space, q, dq, tolerance, scratch):
     """Prove that all pairs keep their margins along q + t dq, t in [0, 1].
 

@@ -14,7 +14,7 @@ from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
-from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
+from roadmap.jit_options import BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 
 TABLE = 64  # cells along a joint
@@ -71,7 +71,7 @@ class Touch(NamedTuple):
     frames: np.ndarray
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def touches_itself(touch, q, frames):
     """Say if a configuration is not proved free of self-collision.
 

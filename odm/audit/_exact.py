@@ -143,7 +143,7 @@ def keep_if_nearer(w, rows, n, v, best, kept, v_best):
     return size
 
 
-@njit(**FULL)
+@njit(**FULL_INNER)
 def reduce_simplex(w, n, v_best):
     """Keep the smallest face of the simplex nearest to 0; return its number of rows.
 

@@ -73,7 +73,7 @@ def gap(low, high, at):
     return max(0.0, max(low - at, at - high))
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def mark_ball(center, radius, grid, words):
     """Set the bits of the cells whose cube comes within `radius` of a point (3,).
 

@@ -22,7 +22,7 @@ from odm.obstacles._solids import (
     segments_distance2,
     solid_distance,
 )
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly
 LEAST = 1e-3  # [m] what has less to spare is tested anew
@@ -148,7 +148,7 @@ def line_distance(solids, k, a, c, keep):
     return 2.0 * LEAST
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def displaced(rows, kinds, count, solids):
     """Bound how far any place of the shapes is from where its shape was before [m].
 

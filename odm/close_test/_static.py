@@ -57,7 +57,7 @@ class Still(NamedTuple):
     place_shapes: Shapes  # of this place
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def solid_distance(x, y, z, solid, faces):
     """Return the distance of a point from a solid (16,); inside it is 0, or negative.
 

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from odm._groups import FRAME, array
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER
 
 CAPSULE, BOX, CYLINDER, MESH = 0, 1, 2, 3
 MOST_CUTS = 48  # tangents of a chord; what they leave open is taken for too near
@@ -35,7 +35,7 @@ class Solids(NamedTuple):
     faces: np.ndarray = array("f8", "faces 13", FRAME)
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def solid_gap(solids, k, x, y, z, enough):
     """Return (d, gx, gy, gz): signed distance of a point from solid k, and a tangent.
 
@@ -53,7 +53,7 @@ def solid_gap(solids, k, x, y, z, enough):
     return mesh_gap(row, solids.faces, x, y, z, enough)
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def solid_distance(solids, k, x, y, z, enough):
     """Return the signed distance of a point from solid k; see `solid_gap`."""
     if solids.kind[k] == CAPSULE:
@@ -261,7 +261,7 @@ def segments_distance2(a, u, uu, c, v):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def chord_keeps(solids, k, a, b, need):
     """Return True if all places of the chord a b keep `need` from solid k; proved.
 

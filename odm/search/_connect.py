@@ -49,7 +49,7 @@ class Problem(NamedTuple):
     scratch: tuple  # of the self-collision
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def halton(index, base):
     """Return element `index` of the van der Corput sequence in a base, in [0, 1)."""
     value, share = 0.0, 1.0
@@ -174,7 +174,7 @@ def grow(problem, side, near, q, far):
     return new
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def drop(trees, side, branch):
     """Remove a branch and all that grew from it; the others keep their order."""
     n, kept = trees.count[side], branch
@@ -382,7 +382,7 @@ def leg_passes(problem, q_from, q_to):
     return not moves or passes(problem, q_from, trees.dq)
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def lay_out(trees, i, j, a, b):
     """Let the route lead from corner i over `a` and `b` to corner j + 1."""
     route, n = trees.route, trees.corners[0]

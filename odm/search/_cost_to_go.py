@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from odm.search._astar import pop, push
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER, LEAN
 
 MOST_BUCKETS = 4096
 ROUNDING = 1.0 - 1e-12  # rounding must not lift the bound above the truth
@@ -77,7 +77,7 @@ def lower_costs(graph, node, length, search, h, rounding):
                 size += 1
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def by_buckets(graph, node, length, search, h, width, span):
     """Fill `h` by buckets of `width`: no edge is shorter, none over `span`."""
     head, after = search.heap_e, search.e_from

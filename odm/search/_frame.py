@@ -121,7 +121,7 @@ def begin_shapes(state, given, data, counts, room):
     return n + ODD if odd > 0 or counts[N_OUTSIDE] > counts[N_INSIDE] else n
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def plan(state, points, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 

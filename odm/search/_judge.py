@@ -106,7 +106,7 @@ def where_blocked(state, near, q, dq, blocked_at):
     return view(state, "work").value[0]
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def part_free(state, points, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
     return near_free_again(state, pick_ref(state, points, ref), q, dq)
@@ -295,7 +295,7 @@ def open_goal(state, points, g, most):
     return any_
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def stands_free(state, points, q):
     """Return True if a configuration itself keeps its distance from the points."""
     cloud = view(state, "cloud")

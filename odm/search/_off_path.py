@@ -10,14 +10,14 @@ from numba import njit
 
 from odm.search._state import view
 from roadmap.geometry._segments import nearest_share
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times path_tolerance: farther off by the sum is not on the path
 _STRAIGHT = 1e-9  # sine squared below which two legs are one line: no corner
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def locate_off_path(state, path, first, q, out):
     """Find the segment of a path, from `first` on, that q is off by the least.
 
@@ -46,7 +46,7 @@ def locate_off_path(state, path, first, q, out):
     return best
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def motion_deviation(a, b, share, q, motion_bound):
     """Bound how far any sphere at q is from where the motion from a to b has it [m].
 

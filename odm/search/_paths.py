@@ -41,7 +41,7 @@ def locate_on_path(state, path, first, q, out):
     return best
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def is_on(certificates, k, q):
     """Return True if q is on the certified motion of segment k, but for rounding.
 

@@ -93,7 +93,7 @@ def this_period(state, now):
     return np.int64(math.floor(now * PERIODS / view(state, "rules").history_s[0]))
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def lay_out_recent(state):
     """Lay out the cells that were occupied lately, and those to be wary of; once.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER
 
 
 class Shell(NamedTuple):
@@ -22,7 +22,7 @@ class Shell(NamedTuple):
     frame: np.ndarray  # (12,) pose of its body
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def separation(points, a, b, v, need, s):
     """Bound the distance between two shells from below and above.
 

@@ -2,10 +2,10 @@
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def nearest_share(a, b, p):
     """Return the share of the segment from a to b that is nearest to p, (n,) each."""
     along = 0.0

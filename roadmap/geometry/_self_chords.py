@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, along, separation
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import INNER
 from roadmap.kinematics._forward import body_frames
 
 MAX_DEPTH = 7  # halvings of a motion
@@ -52,7 +52,7 @@ def place_ends(model, q, dq, t, row, c):
             out[3 + k] = a * r[3] + b * r[4] + d * r[5] + f[9 + k]
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def write_sags(model, dq, c):
     """Write how far each pair's points can be from their chords, whole motion [m]."""
     tree_i, tree_f = model.tree_i, model.tree_f

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN, WITHIN_INNER
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN, WITHIN_INNER
 from roadmap.kinematics._six import outer, root_of_determinant, solution
 
 LEVELS = 65535  # steps of a joint's lattice between its limits
@@ -38,7 +38,7 @@ class ChainArrays(NamedTuple):
     length: np.ndarray
 
 
-@njit(**BARE)
+@njit(**BARE_INNER)
 def sine_cosine(x):
     """Return sin(x) and cos(x) for |x| < 1e5, within 2e-16, by additions and products.
 
@@ -272,7 +272,7 @@ def limited_step(chain, q, scale, damping, work):
         q[j] = min(max(value, low), high)
 
 
-@njit(**WITHIN)
+@njit(**WITHIN_INNER)
 def to_lattice(chain, q, code):
     """Write the nearest lattice point of q to `code` (dof,) uint16."""
     for j in range(q.shape[0]):

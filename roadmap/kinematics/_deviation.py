@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import FULL, INNER, LEAN
+from roadmap.jit_options import FULL, INNER
 from roadmap.kinematics._forward import body_frames
 
 # Farthest of a blend from its corner path, in d |w - u|: P of `longest_blend`.
@@ -165,7 +165,7 @@ def longest_blend(cover, corner, u, w, room, most):
     return d, min(off, most)
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def legs_deviation(cover, q_leg, leg, share, off, work):
     """Bound the deviation from a leg of motions that begin off it, to its ends [m].
 
@@ -197,7 +197,7 @@ def legs_deviation(cover, q_leg, leg, share, off, work):
     return worst
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def highest(begin, slope, most):
     """Return the largest (1 - t) min(most, begin + t slope) for t in [0, 1]."""
     if begin >= most:

@@ -4,12 +4,12 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER, LEAN
 
 _SLACK = 1.0 - 1e-6  # ruckig turns back where a length is short by a rounding
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def length_to_change(v_a, v_b, a, j):
     """Return the arc length that the quickest change of speed takes, rest to rest."""
     dv = abs(v_b - v_a)

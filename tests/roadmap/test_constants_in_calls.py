@@ -77,3 +77,22 @@ def sums_up(a):
 def test_a_variable_that_begins_as_a_constant_is_a_number_from_the_start():
     assert sums_up(np.array([1.0, 2.0])) == 3.0
     assert len(entry.signatures) == 1
+
+
+@njit(**INNER | FRESH)
+def twice(k):
+    return 2 * k
+
+
+@njit(**LEAN | FRESH)
+def twice_of_each(short, long, sizes):
+    return twice(short[0]) + twice(long[0]) + twice(np.int16(3)) + twice(sizes[0])
+
+
+def test_a_loop_is_compiled_once_for_whole_numbers_with_sign():
+    short, long = np.array([2**31 - 1], np.int32), np.array([-(2**40)])
+    sizes = np.array([5], np.uint32)
+    expected = 2 * (2**31 - 1) - 2**41 + 6 + 10
+    assert twice_of_each(short, long, sizes) == expected
+    # with a sign one would become a float beside others of 64 bits without
+    assert twice.signatures == [(types.int64,), (types.uint32,)]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from doors import with_door
 from naive_arm import pinocchio_arm
 
 from handover import ArmState, Human, QualitySettings, posture_quality, total_quality
@@ -16,6 +17,10 @@ from handover.meet.quality import first_moments
 from handover.meet.settings import PARTS
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
+
+square_to_axis = with_door(kernel.square_to_axis)
+enters = with_door(kernel.enters)
+effort_cost = with_door(kernel.effort_cost)
 
 SETTINGS = QualitySettings()
 FORWARD = np.radians([90.0, 0, 0, 0, 0, 0, 0])  # the right arm level to the front
@@ -127,10 +132,10 @@ def test_distances_equal_those_of_dense_samples(rng):
         line = a + share * (b - a)
         axis = rod[:3] + share * (rod[3:6] - rod[:3])
         gap = np.linalg.norm(line[:, None] - axis, axis=2).min() - rod[6]
-        cut = kernel.enters(rod[None], 0, tuple(a), tuple(b))
+        cut = enters(rod[None], 0, tuple(a), tuple(b))
         if abs(gap) > 2e-3:
             assert cut == (gap < 0)
-        off = np.sqrt(kernel.square_to_axis(rod[None], 0, tuple(a))) - rod[6]
+        off = np.sqrt(square_to_axis(rod[None], 0, tuple(a))) - rod[6]
         sampled = np.linalg.norm(axis - a, axis=1).min() - rod[6]
         assert off == pytest.approx(sampled, abs=2e-3)
 
@@ -164,7 +169,7 @@ def test_effort_equals_pinocchios_gravity_torques(side, T, rng):
     data = model.createData()
     for q in rng.uniform(ARM_RANGES[:, 0], ARM_RANGES[:, 1], (50, 7)):
         torques = pin.computeGeneralizedGravity(model, data, q)
-        effort = kernel.effort_cost(state, arm_axes(q)) * unit
+        effort = effort_cost(state, arm_axes(q)) * unit
         assert effort == pytest.approx(np.abs(torques).sum(), rel=1e-9)
 
 

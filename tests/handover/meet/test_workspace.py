@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import with_door
 from numba import njit
 from reach_chains import BASE
 from scipy.spatial.transform import Rotation
@@ -23,6 +24,12 @@ from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.reach.robot_cells import robot_cells
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
+
+position_bounds = with_door(bounds.position_bounds)
+now_turn = with_door(bounds.now_turn)
+fill_spins = with_door(bounds.fill_spins)
+grip_bound = with_door(bounds.grip_bound)
+byte_passes = with_door(bounds.byte_passes)
 
 
 def somebody(rng, far=1.3):
@@ -155,20 +162,20 @@ def test_no_bound_is_below_what_it_bounds(meet_of, rng, share, slack):
         meet = meet_of(somebody(rng, 0.8), grasps=6, quality=quality)
         (person, hands, cells), room = meet._scene, meet._scratch
         made = meet._tables.bounds(person, meet._bounds)
-        bounds.position_bounds(person, hands, cells, made)
-        bounds.now_turn(person, made.now)
-        bounds.fill_spins(person, hands.pose, made)
+        position_bounds(person, hands, cells, made)
+        now_turn(person, made.now)
+        fill_spins(person, hands.pose, made)
         values = values_of(person, hands, cells, 6, room)
         for e, g in np.argwhere(values >= 0):
             p = int(np.searchsorted(cells.first, e, "right")) - 1
             one = Candidate(cells.rotation[e], int(g), *cells.points[p])
             n, true = n + 1, values[e, g]
-            grip = bounds.grip_bound(person, hands, made, one, 0.0, room.parts)
+            grip = grip_bound(person, hands, made, one, 0.0, room.parts)
             there = hands.pose[one.rotation, g, 9:] + cells.points[p]
             at = bounds.position_of(person.box, *there)
             place = made.place[at] if at >= 0 else np.inf
             for level in (true, np.nextafter(true, 0)):
-                assert bounds.byte_passes(person, hands, made, p, one, level)
+                assert byte_passes(person, hands, made, p, one, level)
             gaps = np.array([made.whole[p], place, grip]) - true
             closest = np.minimum(closest, gaps)
     assert n > 2000 and (closest > 0).all()

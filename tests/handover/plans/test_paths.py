@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import with_door
 
 import handover
 from handover.grasps.build import GraspSettings
@@ -18,6 +19,12 @@ from handover.plans.prune import prune_grasps
 from handover.plans.settings import PlanSettings
 from odm.obstacles.shapes import Sphere
 from roadmap.transforms import pose_of
+
+place = with_door(_space.place)
+pair_apart = with_door(_space.pair_apart)
+parts_apart = with_door(_space.parts_apart)
+move_of = with_door(_space.move_of)
+motion_clear = with_door(_space.motion_clear)
 
 FEW = GraspSettings(samples=5, rolls=2)
 
@@ -65,7 +72,7 @@ def draws(mover, n, rng):
 def points_at(mover, group, q):
     """Return the corners of a group's parts at joints q, world frame."""
     space, scratch = mover.space, mover.scratch
-    _space.place(space, np.ascontiguousarray(q), scratch)
+    place(space, np.ascontiguousarray(q), scratch)
     found = []
     for i in range(*space.group_span[group]):
         f = scratch.frames[space.part_body[i]]
@@ -88,8 +95,8 @@ def test_no_point_moves_farther_than_its_bound(movers, scene, who):
         dq, half = to - q, float(rng.uniform(0.01, 0.1))
         for group in (2, mover.hand_group):
             p = int(rows[space.pairs[rows, 0] == group][0])
-            _space.place(space, q, mover.scratch)
-            bound = _space.move_of(space, p, dq, half, mover.scratch)
+            place(space, q, mover.scratch)
+            bound = move_of(space, p, dq, half, mover.scratch)
             whole = half * space.reach[p] @ np.abs(dq)
             tight += bound < 0.9 * whole
             here = points_at(mover, group, q)
@@ -108,8 +115,8 @@ def test_what_is_proved_is_free_everywhere_and_of_what_came_before(movers, scene
     for a, b in zip(q[:-1], q[1:], strict=True):
         args = mover.space, a, b - a, TOLERANCE, mover.scratch
         mover.scratch.stale[0] = True
-        fresh = _space.motion_clear(*args)
-        assert _space.motion_clear(*args) == fresh  # the axes of last time
+        fresh = motion_clear(*args)
+        assert motion_clear(*args) == fresh  # the axes of last time
         if fresh[0] >= 0:
             refused += 1
             continue
@@ -128,7 +135,7 @@ def all_apart(space, scratch, p, need):
         for j in range(*space.group_span[space.pairs[p, 1]]):
             row = space.axis_row[p]
             scratch.axes[row] = 0.0
-            low, _ = _space.parts_apart(space, i, j, need, scratch, row)
+            low, _ = parts_apart(space, i, j, need, scratch, row)
             scratch.axes[row] = 0.0
             if low < need - 1e-9:
                 return False
@@ -140,13 +147,13 @@ def test_a_pair_is_as_far_apart_as_all_its_parts(movers, scene):
     mover.put_object(scene.T_world_start)
     space, scratch, near, proved = mover.space, mover.scratch, 0, 0
     for q in draws(mover, 12, rng):
-        _space.place(space, q, scratch)
+        place(space, q, scratch)
         for p in np.flatnonzero(space.margin >= 0.0).tolist():
-            free, _ = _space.pair_apart(space, p, MARGIN, scratch)
+            free, _ = pair_apart(space, p, MARGIN, scratch)
             assert (free >= MARGIN) == all_apart(space, scratch, p, MARGIN)
             near += free < MARGIN
             for need in (0.03, 0.3):
-                if _space.pair_apart(space, p, need, scratch)[0] >= need:
+                if pair_apart(space, p, need, scratch)[0] >= need:
                     assert all_apart(space, scratch, p, need)
                     proved += 1
     assert near > 3

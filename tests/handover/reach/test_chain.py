@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import with_door
 from reach_chains import person_pose, slow_dexterity
 
 from handover import chain_of
@@ -16,6 +17,11 @@ from roadmap.geometry.self_collision import configuration_free
 from roadmap.kinematics import _chain as kernels
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics.forward import jacobian, tool_pose
+
+sine_cosine = with_door(kernels.sine_cosine)
+to_lattice = with_door(kernels.to_lattice)
+
+touches_itself = with_door(touches_itself)
 
 FLAP = """<robot name="flap">
 <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
@@ -85,7 +91,7 @@ def test_the_arm_of_the_tests_is_the_one_that_was_meant(arm, rng):
 
 def test_sine_and_cosine_are_the_library_s(rng):
     for x in [*rng.uniform(-20, 20, 2000), *(np.arange(-8, 9) * np.pi / 4), 0.0]:
-        s, c = kernels.sine_cosine(x)
+        s, c = sine_cosine(x)
         assert abs(s - np.sin(x)) < 3e-16 and abs(c - np.cos(x)) < 3e-16
 
 
@@ -103,7 +109,7 @@ def test_a_sample_can_be_drawn_again_and_lies_within_the_limits(arm):
     assert 0.08 < at_limit < 0.12
     assert abs(drawn.mean() / kernels.LEVELS - 0.5) < 0.02
     kernels.from_lattice(arm.arrays, drawn[7], work.q)
-    kernels.to_lattice(arm.arrays, work.q, again)
+    to_lattice(arm.arrays, work.q, again)
     np.testing.assert_array_equal(again, drawn[7])
 
 

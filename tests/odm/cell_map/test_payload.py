@@ -15,6 +15,7 @@ from carrying import (
     arm_points,
     capsules,
 )
+from doors import with_door
 from naive_cells import free_items
 from small import (
     AWAY,
@@ -35,6 +36,8 @@ from odm.search import _frame as frame
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import PAYLOAD, with_payload
+
+plan = with_door(frame.plan)
 
 
 @pytest.fixture(scope="module")
@@ -225,13 +228,13 @@ def test_attach_compiles_nothing_and_leaves_the_map_alone(cell_map, planner, rng
     planner.attach(BALLS)
     frames(planner, 1, 5)
     planner.detach()
-    known = len(close.motion_clear.signatures), len(frame.plan.signatures)
+    known = len(close.motion_clear.signatures), len(plan.signatures)
     masks = cell_map.arm_cells.code, cell_map.payload.cells.code
     before = [mask.tobytes() for mask in masks]
     planner.attach(BRICK, SHIFT)
     frames(planner, 2, 5)
     planner.detach()
-    assert known == (len(close.motion_clear.signatures), len(frame.plan.signatures))
+    assert known == (len(close.motion_clear.signatures), len(plan.signatures))
     assert before == [mask.tobytes() for mask in masks]
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import with_door
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_cells import (
@@ -22,6 +23,8 @@ from odm.cell_map.sweep import sweep_roadmap
 from odm.obstacles.grid import grid_for
 from roadmap.kinematics.forward import difference
 
+mark_ball = with_door(sweep.mark_ball)
+
 
 @settings(deadline=None, max_examples=60)
 @given(
@@ -32,7 +35,7 @@ def test_a_ball_marks_exactly_the_cells_it_comes_near(center, radius, h):
     origin = np.zeros(3)
     words = np.zeros(blocks.prod(), np.uint64)
     grid = sweep.Grid(origin, h, blocks)
-    assert sweep.mark_ball(np.array(center), radius, grid, words)
+    assert mark_ball(np.array(center), radius, grid, words)
     ids = np.flatnonzero(words)
     found = words_to_cells(ids, words[ids], blocks)
     sure = cells_near_ball(center, radius - 1e-9, origin, h, blocks)
@@ -44,7 +47,7 @@ def test_a_ball_that_leaves_the_grid_is_reported():
     words = np.zeros(8, np.uint64)
     grid = sweep.Grid(np.zeros(3), 0.1, np.full(3, 2))
     for center in ([0.0, 0.4, 0.4], [0.4, 0.79, 0.4], [0.4, 0.4, 0.75]):
-        assert not sweep.mark_ball(np.array(center), 0.06, grid, words)
+        assert not mark_ball(np.array(center), 0.06, grid, words)
 
 
 def test_a_node_sweeps_exactly_the_cells_near_its_spheres(small_map):

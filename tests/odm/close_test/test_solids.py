@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 from naive_cells import centers
 from shapes_drawn import (
     KINDS,
@@ -21,6 +22,10 @@ from odm.close_test.close_test import CloseTest
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._solids import chord_keeps, solid_distance, solid_gap
 from roadmap.kinematics.forward import difference
+
+chord_keeps = with_door(chord_keeps)
+solid_distance = with_door(solid_distance)
+solid_gap = with_door(solid_gap)
 
 NOTHING = np.zeros((0, 3))
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from doors import with_door
 from shapes_drawn import exact_distance
 
 import odm
@@ -12,6 +13,8 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.transforms import pose_of
+
+solid_distance = with_door(solid_distance)
 
 PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}
 BOX = {

@@ -5,11 +5,14 @@ from itertools import product
 
 import numpy as np
 import pytest
+from doors import with_door
 from small import AWAY, HOME, NOBODY, ball_at
 
 import odm
 from odm import PlannerSettings
 from odm.search import _recent as kernels
+
+lay_out_recent = with_door(kernels.lay_out_recent)
 
 RATE = 100
 NO_HISTORY = PlannerSettings(history_s=0.0)
@@ -126,7 +129,7 @@ def cell_at(planner, p):
 def seen(planner, points, now):
     """Take a frame and lay out what was occupied lately: (lately, wary) as sets."""
     planner.step(np.atleast_2d(points), q=HOME, now=now, stamp=now)
-    kernels.lay_out_recent(planner.memory.table)
+    lay_out_recent(planner.memory.table)
     recent = planner.memory.recent
     return cells_of(planner, recent.occupied), cells_of(planner, recent.avoided)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 from naive_cells import centers
 from scipy.spatial.distance import cdist
 from shapes_drawn import draw_shapes, solids_of
@@ -11,6 +12,8 @@ import odm
 from odm.obstacles._solids import solid_distance
 from odm.obstacles.obstacles import together
 from roadmap.kinematics.forward import difference
+
+solid_distance = with_door(solid_distance)
 
 TIMES = (0.12, 0.24, 0.36, 0.48)
 SETS_OFF, WORTH, AMPLE, DIRECTIONS = 0.06, 0.03, 0.12, 24  # as `Retreat` has them

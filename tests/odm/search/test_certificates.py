@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 
 import odm
@@ -11,6 +12,10 @@ from odm.search._off_path import motion_deviation
 from odm.search._paths import is_on
 from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics.forward import sphere_centers
+
+is_on = with_door(is_on)
+motion_deviation = with_door(motion_deviation)
+nearest_share = with_door(nearest_share)
 
 
 def pushed_away(planner, q, toward, frames=120, push=0.003):

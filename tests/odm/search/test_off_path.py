@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 from small import HOME, on_its_way
 
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
+
+locate_off_path = with_door(off_path.locate_off_path)
 
 
 def sum_off(planner, path, q):
@@ -63,9 +66,7 @@ def test_what_is_located_may_go_on_to_both_ends_of_its_segment(small_map, seed):
         off = rng.normal(size=robot.dof)
         q = on + rng.uniform(0.0, 0.05) * off / np.linalg.norm(off)
         told += paths.locate_on_path(m.table, m.path, 0, q, m.robot_state.fraction) >= 0
-        at = int(
-            off_path.locate_off_path(m.table, m.path, 0, q, m.robot_state.fraction)
-        )
+        at = int(locate_off_path(m.table, m.path, 0, q, m.robot_state.fraction))
         if at < 0:
             continue
         located += 1
@@ -109,7 +110,5 @@ def test_a_way_that_turns_back_or_stands_is_no_trouble(small_map):
     way.count[0] = n + 2
     q = way.q[n - 1] + [0.0, 0.0, 0.002]
     for first in range(n + 1):
-        at = int(
-            off_path.locate_off_path(m.table, way, first, q, m.robot_state.fraction)
-        )
+        at = int(locate_off_path(m.table, way, first, q, m.robot_state.fraction))
         assert -1 <= at <= n and np.isfinite(m.robot_state.fraction[0])

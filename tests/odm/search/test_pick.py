@@ -1,6 +1,7 @@
 """The close test of a motion with only the points that lie in the motion's cells."""
 
 import numpy as np
+from doors import with_door
 from scipy.spatial.distance import cdist
 from small import draw_arm, draw_valid
 
@@ -10,6 +11,8 @@ from odm.obstacles._cloud import IS_SORTED, N_LISTED
 from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
+
+part_free = with_door(judge.part_free)
 
 
 def clear_of(planner, q, dq, points):
@@ -36,7 +39,7 @@ def test_what_an_edges_points_call_free_is_free_of_all_points(small_map, planner
         share = rng.uniform(0.0, 0.8)
         begin, rest = a + share * dq, (1.0 - share) * dq
         table = planner.memory.table
-        free = judge.part_free(table, points, EDGE_BASE - edge, begin, rest)
+        free = part_free(table, points, EDGE_BASE - edge, begin, rest)
         assert not free or clear_of(planner, begin, rest, points)
         whole = judge.close_free(table, points, begin, rest)
         assert free or not whole  # fewer points are in the way of nothing more
@@ -60,7 +63,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         if ref < 0:
             continue
         dq = planner.frame.difference(q, goal)
-        free = judge.part_free(planner.memory.table, points, ref, q, dq)
+        free = part_free(planner.memory.table, points, ref, q, dq)
         assert not free or clear_of(planner, q, dq, points)
         seen += 1
     assert seen > 10
@@ -84,7 +87,7 @@ def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner
         for is_sorted in (0, 1):
             if is_sorted:
                 occupancy.sort_points(points, memory.cloud)
-            frees.append(judge.part_free(*ask))
+            frees.append(part_free(*ask))
             assert memory.cloud.counts[IS_SORTED] == is_sorted
             pick = memory.picked
             k = int(pick.counts[N_LISTED])
@@ -104,6 +107,6 @@ def test_points_are_sorted_once_a_frame_asks_for_many_tests(planner, rng):
     memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
     sorted_at = []
     for _ in range(judge.SORTED_AFTER + 2):
-        judge.part_free(memory.table, points, EDGE_BASE, q, q)
+        part_free(memory.table, points, EDGE_BASE, q, q)
         sorted_at.append(int(memory.cloud.counts[IS_SORTED]))
     assert sorted_at == [0] * judge.SORTED_AFTER + [1, 1]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from carrying import BALLS, HIGH
+from doors import with_door
 from naive_cells import centers
 from scipy.spatial.transform import Rotation
 from shapes_drawn import (
@@ -20,6 +21,11 @@ from odm.search import _judge as judge
 from odm.search._slack import RESERVE, SAG
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
+
+part_free = with_door(judge.part_free)
+stands_free = with_door(judge.stands_free)
+
+displaced = with_door(displaced)
 
 MOVING = ("sphere", "capsule", "cylinder", "box")
 STEPS = (-1e-3, 0.0, 1e-3)  # shares of a motion beside a place on it
@@ -78,7 +84,7 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
             table, points = planner.memory.table, planner.points
             begin, rest = q + share * dq, (1.0 - share) * dq
             tests = planner.memory.work.found[TESTS]
-            free = judge.part_free(table, points, NO_ITEM, begin, rest)
+            free = part_free(table, points, NO_ITEM, begin, rest)
             by_slack = planner.memory.work.found[TESTS] == tests
             assert free == judge.close_free(table, points, begin, rest)
             assert free or not by_slack
@@ -95,7 +101,7 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
 def asked(planner, shapes, q, dq):
     """Return what the chords of a motion have to spare from shapes [m], and nearest."""
     planner.step(odm.Obstacles.of(shapes), q=q)
-    judge.part_free(planner.memory.table, planner.points, NO_ITEM, q, dq)
+    part_free(planner.memory.table, planner.points, NO_ITEM, q, dq)
     slacks = planner.memory.slacks
     k = int(slacks.asked.argmax())
     n = slacks.chords[k] if slacks.asked[k] == planner.memory.numbers.frame[0] else 0
@@ -172,7 +178,7 @@ def test_a_place_is_free_as_a_motion_that_does_not_move(planner, rng):
         planner.step(frame, q=q)
         table, points = planner.memory.table, planner.points
         rests = judge.close_free(table, points, q, np.zeros_like(q))
-        assert judge.stands_free(table, points, q) == rests
+        assert stands_free(table, points, q) == rests
         told += rests
     assert 5 < told < 55
 
@@ -189,7 +195,7 @@ def test_another_distance_or_another_hand_forgets(carrying_map):
     def ask():
         planner.step(ball, q=q)
         table, points = planner.memory.table, planner.points
-        assert judge.part_free(table, points, NO_ITEM, q, 0.01 * np.ones_like(q))
+        assert part_free(table, points, NO_ITEM, q, 0.01 * np.ones_like(q))
         assert spares(planner) > 0
 
     ask()
@@ -209,7 +215,7 @@ def test_a_point_beside_the_shapes_is_not_passed_over(planner):
     for k in range(2):
         planner.step(far, q=HOME)
         table = planner.memory.table
-        assert judge.part_free(table, planner.points, NO_ITEM, HOME, dq)
+        assert part_free(table, planner.points, NO_ITEM, HOME, dq)
     at = tool_pose(planner.robot, HOME)[:3, 3]
     planner.step(odm.Obstacles(spheres=far.spheres, points=at[None]), q=HOME)
-    assert not judge.part_free(table, planner.points, NO_ITEM, HOME, dq)
+    assert not part_free(table, planner.points, NO_ITEM, HOME, dq)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 
 from roadmap.geometry import _self_collision as kernels
 from roadmap.geometry._self_chords import write_sags
@@ -13,6 +14,8 @@ from roadmap.geometry.self_collision import (
 )
 from roadmap.kinematics.forward import body_frames
 from roadmap.loading.held_link import extended_collision, with_payload
+
+write_sags = with_door(write_sags)
 
 ROBOTS = ["panda", "gantry", "loaded"]
 BALLS = np.array([[0.0, 0.0, 0.1, 0.05], [0.0, 0.05, 0.2, 0.04]])

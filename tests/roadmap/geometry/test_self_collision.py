@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from doors import with_door
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
@@ -16,6 +17,8 @@ from roadmap.geometry.self_collision import (
     self_collision,
 )
 from roadmap.kinematics.forward import body_frames, difference
+
+separation = with_door(separation)
 
 EYE = np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
+from doors import with_door
 
 from roadmap.kinematics import _deviation as kernels
 from roadmap.kinematics.forward import body_frames, motion_bounds, sphere_centers
@@ -12,6 +13,9 @@ from roadmap.motion.blending import (
     blend_path,
     joint_motion_bounds,
 )
+
+open_legs_deviation = with_door(kernels.legs_deviation)
+highest = with_door(kernels.highest)
 
 
 @pytest.fixture(params=ROBOTS)
@@ -176,7 +180,7 @@ def legs_deviation(robot, q, leg, share, off):
     n, bodies = len(robot.spheres), len(robot.tree_i)
     frames, twist = np.empty((2, bodies, 12))
     work = kernels.DeviationWork(frames, twist, *np.empty((3, bodies)), np.empty(n))
-    return kernels.legs_deviation(cover_of(robot), q, leg, share, off, work)
+    return open_legs_deviation(cover_of(robot), q, leg, share, off, work)
 
 
 @pytest.mark.parametrize("size", [0.003, 0.05])
@@ -221,5 +225,5 @@ def test_the_highest_place_of_the_bound_is_found(rng):
     t = np.linspace(0.0, 1.0, 20001)
     for begin, slope, most in rng.uniform(0.0, 3.0, (300, 3)):
         seen = ((1.0 - t) * np.minimum(most, begin + t * slope)).max()
-        assert np.isclose(kernels.highest(begin, slope, most), seen, atol=1e-3)
-        assert kernels.highest(begin, slope, most) >= seen - 1e-12
+        assert np.isclose(highest(begin, slope, most), seen, atol=1e-3)
+        assert highest(begin, slope, most) >= seen - 1e-12

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from doors import with_door
 from moving import DT, check_limits, draw_path
 
 import roadmap
@@ -13,6 +14,8 @@ from roadmap.kinematics.forward import sphere_centers
 from roadmap.motion._timing import length_to_change
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import Motion
+
+length_to_change = with_door(length_to_change)
 
 
 def sampled(motion):
