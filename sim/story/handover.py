@@ -35,7 +35,7 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
-from odm.frame.last_phase import gripper_links
+from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
@@ -185,9 +185,12 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
+        if not self._give:
+            _check_grasps(self.planner, grasps, meet.obj.capsules)
         index = self.targets.finder.index
         thing = None if self._give else self._carried
-        self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
+        beside = meet.obj.capsules, s.room
+        self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
         self._taken: Reach | None = None
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._put = self._T_tool_object  # where it was put between the fingers
@@ -711,7 +714,8 @@ class Handover:
         held = self._T_tool_object if self.holding else None
         grasps = self._reaches.T_tool_object if held is None else held[None]
         index = self.targets.finder.index
-        return Reaches(self.planner, index, grasps, self.settings.back)
+        beside = self._obj.capsules, self.settings.room
+        return Reaches(self.planner, index, grasps, self.settings.back, None, *beside)
 
     def _reach_otherwise(self) -> None:
         """Go to the object's place with another grasp or arm: this one is blocked.
@@ -909,6 +913,8 @@ class Handover:
         reaches = self._reaches
         if T is None:
             return self._go(seen, q, [self._rest])
+        if seen.object_speed < s.still_speed and self._is_between(T):
+            return self._stand(seen, q)  # it is put between the fingers: none leaves
         slow = seen.object_speed < 4.0 * s.still_speed
         moved = self._object_moved(T) and slow and self.state == table.APPROACH
         if moved:
@@ -992,6 +998,31 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_grasps(
+    planner: ReactivePlanner, grasps: np.ndarray, capsules: np.ndarray
+) -> None:
+    """Refuse an object that the hand itself is too near to, however it is grasped."""
+    robot, links = planner.robot, planner.cover().links
+    pads = planner.settings.finger_pads
+    keeps = gripper_links(robot) - set(pads)
+    which = [name in keeps for name in links]
+    if not any(which):
+        return
+    q = 0.5 * (robot.lower + robot.upper)  # wherever it is: only the hand counts
+    balls = cover_balls(robot, q)[robot.moving][which]
+    T = tool_pose(robot, q)
+    gaps = [ball_gaps(balls, moved_rods(capsules, T @ grasp)) for grasp in grasps]
+    gap = max(float(one.min()) for one in gaps)
+    if gap < GRIPPER_KEEPS:
+        hand = links[int(np.flatnonzero(which)[gaps[0].min(axis=1).argmin()])]
+        raise BadInput(
+            f"{hand} is {1e3 * gap:.0f} mm from the object where it is grasped, but "
+            f"must keep {1e3 * GRIPPER_KEEPS:.0f} mm, since the pads alone may touch "
+            "it; give a grasp T_tool_object that holds it farther out along the "
+            "tool's z (HeldObject.held_by)"
         )
 
 
