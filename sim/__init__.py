@@ -4,7 +4,7 @@ __all__ = ["Handover", "PhasePlanner", "StoryFrame", "StorySettings", "Viewer"]
 _HOMES = {
     "Handover": "sim.story.handover",
     "PhasePlanner": "sim.story.phase",
-    "StoryFrame": "sim.story.handover",
+    "StoryFrame": "sim.story.frame",
     "StorySettings": "sim.story.settings",
     "Viewer": "sim.view",
 }

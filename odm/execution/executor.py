@@ -555,7 +555,7 @@ class Executor:
             self._go_on_slowly(threat)
             return
         self._keep_limit(threat)
-        if self._stop_free(self.motion, self.t, threat):
+        if self._may_go(self.motion, self.t, threat):
             self._try_faster(threat)
             self.state = SLOWED if self._level else MOVING
             return
@@ -563,7 +563,7 @@ class Executor:
         self._level = min(self._level + 1, _LEVELS - 1)
         scale = float(self.scales[self._level])
         slower = self._timed.rescaled(self.motion, self.t, scale)
-        if self._stop_free(slower, 0.0, threat):
+        if self._may_go(slower, 0.0, threat):
             self._take(slower)
             self.state = SLOWED
             return
@@ -612,13 +612,13 @@ class Executor:
         if self._level >= self._least_level:
             return
         slower = self._rescaled(self._least_level)
-        if self._stop_free(slower, 0.0, threat):
+        if self._may_go(slower, 0.0, threat):
             self._take(slower)
             self._level, self.reason = self._least_level, "slower, near the person"
 
     def _go_on_slowly(self, threat: Moving) -> None:
         slow = self._rescaled(_LEVELS - 1)
-        if self._stop_free(slow, 0.0, threat):
+        if self._may_go(slow, 0.0, threat):
             self._take(slow)
             self._level, self.state = _LEVELS - 1, SLOWED
         else:
@@ -641,7 +641,7 @@ class Executor:
             return
         self._tried = self._frame
         faster = self._rescaled(self._level - 1)
-        if self._stop_free(faster, 0.0, threat, _LOOK_AHEAD):
+        if self._may_go(faster, 0.0, threat, _LOOK_AHEAD):
             self._take(faster)
             self._level -= 1
             self.reason = self.reason if self._level else ""
@@ -651,6 +651,24 @@ class Executor:
             self._level = 0
             self._take(self._rescaled(0))
         self.state, self.reason = MOVING, ""
+
+    def _may_go(
+        self, motion: Motion, t: float, threat: Moving, delay: float = 0.0
+    ) -> bool:
+        """Whether a stop passes; if it leads away from who is near, as a retreat's.
+
+        A robot that stands too near to somebody is not safer there than on its way
+        from them. So that may use up the clearance but for `yield_gap`.
+        """
+        if self._stop_free(motion, t, threat, delay):
+            return True
+        if self.off or not isinstance(threat, Threat):
+            return False
+        begin, stop = self._stop_behind(motion, t)
+        if not self._test.leads_away(motion, t, begin, stop, threat):
+            return False
+        closer = max(self._clearance - self.settings.yield_gap, 0.0)
+        return self._stop_free(motion, t, threat.as_lately(), closer=closer)
 
     def _stop_free(
         self,

@@ -7,10 +7,17 @@ all times of it (design, step 7; `odm.execution.threat` proves that they do).
 import math
 from typing import Any
 
-from odm.execution.threat import Moving
+import numpy as np
+
+from odm.execution.threat import Moving, Threat
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls
 from roadmap.motion.motion import Motion
 
 _SLICE = 0.04  # a motion is tested in pieces of this length [s]
+_PLACES = 4  # of a way, at which it is asked who is near
+_NEAR = 0.01  # [m] beyond m: the close test's own share is less
+_ROUNDING = 1e-9  # [m]
 
 
 class BrakingTest:
@@ -58,6 +65,41 @@ class BrakingTest:
         if not self._clear(motion, t, begin, 0.0, threat, closer):
             return False
         return self._clear(stop, 0.0, stop.duration, before, threat, closer)
+
+    def leads_away(
+        self, motion: Motion, t: float, begin: float, stop: Motion, threat: Threat
+    ) -> bool:
+        """Whether the way to the end of a stop comes nearer to nobody who is near.
+
+        Each sphere of the cover is compared with each part of the person, who is where
+        they are expected in the middle of the time, grown by how far they may come: of
+        all pairs that are near anywhere, none may come nearer from place to place. This
+        tells which motions are a way out; that none of them is touched is `passes`.
+
+        Args:
+            motion: The motion in use.
+            t: The present time on it [s].
+            begin: When the stop begins, on the same clock [s].
+            stop: The stop on the same path.
+            threat: The person.
+        """
+        there, more = threat.between(0.0, max(begin - t, 0.0) + stop.duration)
+        static = getattr(
+            self.planner, "static", None
+        )  # it may answer `blocked_leg` alone
+        if static is None or not math.isfinite(more) or not len(there.capsules):
+            return False
+        robot = static.robot
+        near = self.planner.cell_map.safety.m + _NEAR
+        before = None
+        for s in np.linspace(motion.place(t), stop.length, _PLACES):
+            balls = cover_balls(robot, motion.path.at(s)[0])[robot.moving]
+            gaps = ball_gaps(balls, there.capsules)
+            nearer = before is not None and gaps < before - _ROUNDING
+            if (nearer & (gaps < near)).any():
+                return False
+            before = gaps
+        return True
 
     def _clear(
         self,

@@ -11,11 +11,11 @@ from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
 from roadmap.transforms import pose_of
+from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
 from sim.story.cases import HOLDER, StoryCase, StorySetup, in_reach, setup_of
 from sim.story.cases import story_wrench as whole_wrench
 from sim.story.grasping import box_of
-from sim.story.partner import PartnerTraits
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
 PLACES_XY = ((0.38, -0.42), (0.20, -0.46), (0.53, -0.33))  # where they stand [m]

@@ -17,9 +17,9 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
+from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
 from sim.story.grasping import box_of, is_valid, quarter_turns, straight_back
-from sim.story.partner import PartnerTraits
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]

@@ -12,8 +12,8 @@ from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, write_gif
 from sim.draw.style import AMBER, FAINT, INK, RED, TEAL
 from sim.draw.viewpoint import Camera, clearest, framed
+from sim.people.partner import ARMS
 from sim.record.run_record import RunRecord
-from sim.story.partner import ARMS
 
 _COLOURS = {
     "fetch": FAINT,

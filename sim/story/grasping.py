@@ -11,12 +11,15 @@ from odm.frame.freedom import check_valid
 from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
+from roadmap.geometry.gaps import ball_gaps, moved_rods
+from roadmap.kinematics.forward import cover_balls
 from roadmap.transforms import rotation_rpy
 
 SEEDS, KEPT = 6, 4  # near nodes to begin from, for each grasp; pairs that are kept
 _STEPS = 40  # of the inverse kinematics
 _STRAIGHT = 0.9  # [rad] a joint moves no more from before the object to it
 _TOLERANCE = 1e-3  # [m], [rad]
+_LENGTHS, _MORE = 3, 0.002  # ways back that are tried for room; beyond what lacks [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +28,18 @@ class Reach:
 
     Attributes:
         q: (dof,) at the object [rad or m].
-        q_before: (dof,) `back` before it, along the tool's z.
+        q_before: (dof,) `back` or more before it, along the tool's z.
         T_tool_object: (4, 4) how the object is held there.
         grasp: Which of the grasps that is.
+        room: How much more than the clearance the cover keeps from the object at
+            `q_before` [m].
     """
 
     q: np.ndarray
     q_before: np.ndarray
     T_tool_object: np.ndarray
     grasp: int = 0
+    room: float = np.inf
 
 
 def quarter_turns(T_tool_object: np.ndarray) -> np.ndarray:
@@ -88,6 +94,11 @@ class Reaches:
         back: Distance before the object [m].
         thing: The object as `odm.carried_object` makes it, if it is to be taken away
             from there: robot and scenery must leave room for it; None: it stays.
+        rods: (k, 7) the object's capsules, object frame [m]; None: none to keep from.
+        room: What the cover is to keep from those before the object, besides the
+            clearance [m]: beside an object on the brink of it the robot creeps. The
+            way back is longer where it has to be; who lacks room all the same comes
+            last.
 
     Attributes:
         found: What is known at the present pose.
@@ -100,9 +111,12 @@ class Reaches:
         grasps: np.ndarray,
         back: float,
         thing: object = None,
+        rods: np.ndarray | None = None,
+        room: float = 0.0,
     ) -> None:
         """Know nothing."""
         self.planner, self.index, self.back = planner, index, back
+        self._rods, self._room = rods, room
         self.T_tool_object = np.array(grasps)
         self._held: list[StaticTest] = []  # the robot with it, for each grasp
         if thing is not None:
@@ -110,6 +124,7 @@ class Reaches:
             self._held = [made(thing, grasp) for grasp in self.T_tool_object]
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
         self.found: list[Reach] = []
+        self._tight: list[Reach] = []  # those that lack room
         self._queue: list[tuple[int, int | np.ndarray]] = []  # grasp; seed, or which
         self._nodes: dict[int, np.ndarray] = {}
         self._T: np.ndarray | None = None
@@ -127,6 +142,7 @@ class Reaches:
         """
         near = [(r.grasp, r.q) for r in self.found[:2]]
         self._T, self.found, self._nodes = np.array(T_base_object), [], {}
+        self._tight = []
         n = range(len(self._T_object_tool))
         seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
         seeds += [(g, np.array(q)) for g in n]
@@ -138,6 +154,18 @@ class Reaches:
         if self._T is None or self.over:
             return False
         g, k = self._queue.pop(0)
+        return self._start(g, k) or self._take_tight()
+
+    def _take_tight(self) -> bool:
+        """Take those that lack room, once there are no others and will be none."""
+        if self._queue or self.found or not self._tight:
+            return False
+        self._tight.sort(key=lambda reach: -reach.room)
+        self.found, self._tight = self._tight[:KEPT], []
+        return True
+
+    def _start(self, g: int, k: int | np.ndarray) -> bool:
+        """Begin at a configuration, or at the k-th of the nodes near a grasp."""
         if isinstance(k, np.ndarray):
             found = self._try(g, k)
             if found:  # the others would mostly find it again
@@ -156,6 +184,7 @@ class Reaches:
     def drop(self, reach: Reach) -> None:
         """Leave one out: it is blocked."""
         self.found = [r for r in self.found if r is not reach]
+        self._take_tight()
 
     def moved_to(self, reach: Reach, T_base_object: np.ndarray) -> np.ndarray | None:
         """Return (dof,) with the same grasp where the object is now, near the old."""
@@ -169,15 +198,44 @@ class Reaches:
         planner = self.planner
         T = self._T @ self._T_object_tool[grasp]
         for q in _ik(planner, T, seed):
-            known = [np.abs(planner.frame.difference(q, r.q)).max() for r in self.found]
+            others = self.found + self._tight
+            known = [np.abs(planner.frame.difference(q, r.q)).max() for r in others]
             if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
                 continue
-            before = straight_back(planner, T, q, self.back)
+            before, room = self._before(T, q)
             if before is not None and self._can_leave(grasp, q, before):
-                T_tool_object = self.T_tool_object[grasp]
-                self.found.append(Reach(q, before, T_tool_object, grasp))
-                return True
+                reach = Reach(q, before, self.T_tool_object[grasp], grasp, room)
+                tight = room < self._room
+                (self._tight if tight else self.found).append(reach)
+                return not tight
         return False
+
+    def _before(self, T: np.ndarray, q: np.ndarray) -> tuple[np.ndarray | None, float]:
+        """Return (dof,) before a grasp at T (4, 4), and what room it has there [m].
+
+        As far as it needs for its room; where no way is so long, with the most of it.
+        """
+        best, most, far = None, -np.inf, self.back
+        for _ in range(_LENGTHS):
+            before = straight_back(self.planner, T, q, far)
+            if before is None:
+                break
+            room = self._room_at(before)
+            if room > most:
+                best, most = before, room
+            if room >= self._room:
+                break
+            far += self._room - room + _MORE
+        return best, most
+
+    def _room_at(self, q: np.ndarray) -> float:
+        """Return what the cover keeps from the object besides the clearance [m]."""
+        if self._rods is None:
+            return np.inf
+        robot = self.planner.robot
+        balls = cover_balls(robot, q)[robot.moving]
+        gaps = ball_gaps(balls, moved_rods(self._rods, self._T))
+        return float(gaps.min()) - self.planner.keep
 
     def _can_leave(self, grasp: int, q: np.ndarray, before: np.ndarray) -> bool:
         """Whether the straight way back is free with the object in the hand."""

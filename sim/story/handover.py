@@ -11,14 +11,12 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from numbers import Real
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
 from handover.human.body import Part
-from handover.human.human import Human
 from handover.targets.allowance import (
     JOIN,
     LOOK_OUT,
@@ -37,7 +35,7 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
-from odm.frame.last_phase import gripper_links
+from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
@@ -45,10 +43,11 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
-from roadmap.ranges import check_kind
 from roadmap.transforms import check_pose
+from sim.people.partner import ARMS
 from sim.story import machine as table
 from sim.story.comfort import shunned
+from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     KEPT,
     Reach,
@@ -58,7 +57,6 @@ from sim.story.grasping import (
     straight_back,
 )
 from sim.story.machine import Machine, StoryEvent
-from sim.story.partner import ARMS
 from sim.story.phase import PhasePlanner
 from sim.story.pull import PullDetector
 from sim.story.settings import StorySettings
@@ -69,7 +67,6 @@ _TRACKED = 0.004  # [m] the straight motion follows an object that has moved by 
 _TESTS = 2  # of `improve` in a frame at most, and of a robot on its way
 _ON_ITS_WAY = 1
 _BRAKED_EVERY = 4  # frames of a braked robot, after which it looks for grasps
-_RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 _GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
@@ -81,64 +78,7 @@ _AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
 _LATE_S = 0.08  # [s] and no later than so, before the step
 _NOWHERE = np.zeros((0, 7))
-_SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
-
-
-@dataclass(frozen=True, eq=False)
-class StoryFrame:
-    """What is seen and felt in one frame.
-
-    Capsules, a time or a measured q that are not finite are those of a sensor that
-    fails: the robot stops, says so, and goes on when they are finite again.
-
-    Attributes:
-        now: Time [s], of any clock.
-        human: The person, world frame.
-        wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
-        opened: Whether the fingers are open, as measured.
-        holds: Whether there is something between closed fingers, as measured.
-        T_base_object: (4, 4) where the object is seen [m]; None, or not finite: not
-            seen.
-        q: (dof,) measured configuration; None: where the set-point is.
-        capsules: (k, 7) the person as the planner is to see them, base frame [m];
-            None: `human.capsules()`, for a base in the world's origin.
-        labels: (k,) `handover.Part` of each; None: `human.labels`.
-
-    Raises:
-        BadInput: Another shape or kind, or not one label for each capsule.
-    """
-
-    now: float
-    human: Human
-    wrench: np.ndarray | None = None
-    opened: bool = True
-    holds: bool = False
-    T_base_object: np.ndarray | None = None
-    q: np.ndarray | None = None
-    capsules: np.ndarray | None = None
-    labels: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse what is no frame; take lists for arrays."""
-        check_kind("now", self.now, Real, "give the time in seconds")
-        nobody = "where nobody is seen, any with capsules=np.zeros((0, 7))"
-        check_kind("human", self.human, Human, f"give a handover.Human; {nobody}")
-        for name, shape in _SHAPES.items():
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _numbers(name, self, shape))
-        if self.T_base_object is not None:
-            object.__setattr__(self, "T_base_object", _as_pose(self.T_base_object))
-        parts = self.human.labels if self.labels is None else np.asarray(self.labels)
-        if self.labels is not None:
-            object.__setattr__(self, "labels", parts)
-        rows = self.human.labels if self.capsules is None else self.capsules
-        if self.capsules is not None or self.labels is not None:
-            if parts.shape != (len(rows),):
-                raise BadInput(
-                    f"there are {len(rows)} capsules and {parts.size} labels, but each "
-                    "capsule must have one; give both"
-                )
 
 
 class Command(NamedTuple):
@@ -245,9 +185,12 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
+        if not self._give:
+            _check_grasps(self.planner, grasps, meet.obj.capsules)
         index = self.targets.finder.index
         thing = None if self._give else self._carried
-        self._reaches = Reaches(self.planner, index, grasps, s.back, thing)
+        beside = meet.obj.capsules, s.room
+        self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
         self._taken: Reach | None = None
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._put = self._T_tool_object  # where it was put between the fingers
@@ -412,7 +355,7 @@ class Handover:
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
         dt = self._passed(frame.now)
-        rows, labels = _person_of(frame)
+        rows, labels = frame.person()
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
@@ -771,7 +714,8 @@ class Handover:
         held = self._T_tool_object if self.holding else None
         grasps = self._reaches.T_tool_object if held is None else held[None]
         index = self.targets.finder.index
-        return Reaches(self.planner, index, grasps, self.settings.back)
+        beside = self._obj.capsules, self.settings.room
+        return Reaches(self.planner, index, grasps, self.settings.back, None, *beside)
 
     def _reach_otherwise(self) -> None:
         """Go to the object's place with another grasp or arm: this one is blocked.
@@ -969,6 +913,8 @@ class Handover:
         reaches = self._reaches
         if T is None:
             return self._go(seen, q, [self._rest])
+        if seen.object_speed < s.still_speed and self._is_between(T):
+            return self._stand(seen, q)  # it is put between the fingers: none leaves
         slow = seen.object_speed < 4.0 * s.still_speed
         moved = self._object_moved(T) and slow and self.state == table.APPROACH
         if moved:
@@ -1039,49 +985,6 @@ def _are_same(goals: list[np.ndarray], others: list[np.ndarray]) -> bool:
     return [id(q) for q in goals] == [id(q) for q in others]
 
 
-def _person_of(frame: StoryFrame) -> tuple[np.ndarray, np.ndarray]:
-    """Return the person's capsules (k, 7), base frame [m], and their labels (k,)."""
-    human = frame.human
-    rows = human.capsules() if frame.capsules is None else frame.capsules
-    return rows, human.labels if frame.labels is None else frame.labels
-
-
-def _numbers(name: str, frame: StoryFrame, shape: tuple[int, ...]) -> np.ndarray:
-    """Return what a frame has by a name as an array of a shape; -1: any length."""
-    given = getattr(frame, name)
-    try:
-        numbers = np.asarray(given, float)
-    except (TypeError, ValueError):
-        numbers = np.zeros(())
-    if len(shape) != numbers.ndim or any(
-        n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)
-    ):
-        shown = given if numbers.ndim == 0 else f"of shape {numbers.shape}"
-        wanted = ", ".join("k" if n < 0 else str(n) for n in shape)
-        raise BadInput(f"{name} is {shown!s:.40}, but must be numbers ({wanted})")
-    return numbers
-
-
-def _as_pose(T: np.ndarray) -> np.ndarray | None:
-    """Return a measured pose (4, 4), exactly rigid; None where it is not finite."""
-    if not np.isfinite(T).all():
-        return None
-    off = float(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max())
-    wrong = off > _OFF_RIGID or (T[3] != (0.0, 0.0, 0.0, 1.0)).any()
-    if wrong or np.linalg.det(T[:3, :3]) < 0.0:
-        raise BadInput(
-            f"T_base_object is no pose: its rotation is off by {off:.2g} (limit "
-            f"{_OFF_RIGID:g}), its last row is {T[3].tolist()} and must be 0, 0, 0, 1, "
-            "and mirroring is not allowed; give None where the object is not seen"
-        )
-    if off < _RIGID:
-        return T
-    u, _, v = np.linalg.svd(T[:3, :3])
-    near = np.array(T)
-    near[:3, :3] = u @ v
-    return near
-
-
 def _holding(reason: str) -> SimpleNamespace:
     nowhere = np.zeros((0, 0))
     return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
@@ -1095,6 +998,31 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_grasps(
+    planner: ReactivePlanner, grasps: np.ndarray, capsules: np.ndarray
+) -> None:
+    """Refuse an object that the hand itself is too near to, however it is grasped."""
+    robot, links = planner.robot, planner.cover().links
+    pads = planner.settings.finger_pads
+    keeps = gripper_links(robot) - set(pads)
+    which = [name in keeps for name in links]
+    if not any(which):
+        return
+    q = 0.5 * (robot.lower + robot.upper)  # wherever it is: only the hand counts
+    balls = cover_balls(robot, q)[robot.moving][which]
+    T = tool_pose(robot, q)
+    gaps = [ball_gaps(balls, moved_rods(capsules, T @ grasp)) for grasp in grasps]
+    gap = max(float(one.min()) for one in gaps)
+    if gap < GRIPPER_KEEPS:
+        hand = links[int(np.flatnonzero(which)[gaps[0].min(axis=1).argmin()])]
+        raise BadInput(
+            f"{hand} is {1e3 * gap:.0f} mm from the object where it is grasped, but "
+            f"must keep {1e3 * GRIPPER_KEEPS:.0f} mm, since the pads alone may touch "
+            "it; give a grasp T_tool_object that holds it farther out along the "
+            "tool's z (HeldObject.held_by)"
         )
 
 

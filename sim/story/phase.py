@@ -7,7 +7,9 @@ may touch the receiving hand, of a receive the finger pads the object
 An object that somebody pushes against a robot that waits for it is no part of the
 person: a retreat may begin within its clearance, and even in touch with the cover,
 as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
-a retreat keeps what it always keeps.
+a retreat keeps what it always keeps. And on the way a motion keeps the whole clearance
+from the object where it is, but `OBJECT_KEEPS` from where it can be by the end of a
+stop: else a robot that stands a little beyond the clearance hardly moves beside it.
 
 An object that the robot fetches or puts down touches what it stands on. So a straight
 motion to its place and back may bring what is held, and nothing else, to the scenery;
@@ -23,6 +25,8 @@ from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
+
+OBJECT_KEEPS = 0.005  # [m] from wherever what is held out can be while the robot stops
 
 
 class PhasePlanner:
@@ -65,10 +69,21 @@ class PhasePlanner:
         extra: float = 0.0,
         points: Obstacles | None = None,
     ) -> int | None:
-        """Return the first blocked leg; see `ReactivePlanner.blocked_leg`."""
-        if self.phase is None or points is None:
-            if self.offered and points is not None and extra < -1e-9:
+        """Return the first blocked leg while the robot stops.
+
+        See `ReactivePlanner.blocked_leg`; `points` hold who is there meanwhile.
+        """
+        if self.phase is None and self.offered and points is not None:
+            if extra < -1e-9:
                 return self._leg_of_retreat(path, extra, points)
+            return self._leg_beside(path, extra, points)
+        return self._leg(path, extra, points)
+
+    def _leg(
+        self, path: np.ndarray, extra: float, points: Obstacles | None
+    ) -> int | None:
+        """Return the first blocked leg by the rules of the phase."""
+        if self.phase is None or points is None:
             return self.planner.blocked_leg(path, extra, points)
         times = len(points) // max(1, len(self.classes))  # several moments at once
         points.shape_classes = (
@@ -80,16 +95,34 @@ class PhasePlanner:
         self, path: np.ndarray, extra: float, points: Obstacles
     ) -> int | None:
         """Return the first leg that is no way out: clearance was taken off."""
-        n = len(points) // max(1, len(self.classes))
-        rows = points.capsules.reshape(n, -1, 7)
-        people = rows[:, : -self.offered].reshape(-1, 7)
-        leg = self.planner.blocked_leg(path, extra, Obstacles(capsules=people))
+        people, there = self._parted(points)
+        leg = self.planner.blocked_leg(path, extra, people)
         if leg is not None:
             return leg
-        there = Obstacles(capsules=rows[:, -self.offered :].reshape(-1, 7))
         there.shape_classes[:] = OBJECT
         told = (path, extra, there, "receive")
         return self.planner.blocked_leg(*told, escape=True)
+
+    def _leg_beside(
+        self, path: np.ndarray, extra: float, points: Obstacles
+    ) -> int | None:
+        """Return the first leg on which it could be touched by what is held out.
+
+        Or by which it comes nearer than m to where the person can be.
+        """
+        people, there = self._parted(points)
+        closer = max(self.planner.cell_map.safety.m - OBJECT_KEEPS, 0.0)
+        told = (people, extra), (there, extra - closer)
+        legs = [self.planner.blocked_leg(path, more, who) for who, more in told]
+        return min((leg for leg in legs if leg is not None), default=None)
+
+    def _parted(self, points: Obstacles) -> tuple[Obstacles, Obstacles]:
+        """Return the person, and what is held out, at each moment that is told."""
+        n = len(points) // max(1, len(self.classes))
+        rows = points.capsules.reshape(n, -1, 7)
+        parts = rows[:, : -self.offered], rows[:, -self.offered :]
+        people, there = (Obstacles(capsules=part.reshape(-1, 7)) for part in parts)
+        return people, there
 
     def evasion(
         self,
@@ -148,4 +181,4 @@ class PhasePlanner:
             still = planner.carrier.bare
         if still.why(q, dq) is not None:
             return False
-        return self.blocked_leg(np.array([q, q + dq]), 0.0, there) is None
+        return self._leg(np.array([q, q + dq]), 0.0, there) is None

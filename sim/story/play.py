@@ -14,12 +14,13 @@ from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
+from sim.people.partner import Partner
 from sim.story import machine as table
 from sim.story.cases import StoryCase, StorySetup, in_reach
+from sim.story.frame import StoryFrame
 from sim.story.grasping import box_of
-from sim.story.handover import CLOSED, Command, Handover, StoryFrame
+from sim.story.handover import CLOSED, Command, Handover
 from sim.story.machine import StoryEvent
-from sim.story.partner import Partner
 from sim.story.phase import PhasePlanner
 from sim.story.settings import StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force

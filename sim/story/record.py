@@ -14,7 +14,8 @@ from sim.record.check import BadRecord
 from sim.record.recorder import PACES, versions
 from sim.record.run_record import STORY, RunRecord
 from sim.story.cases import StorySetup
-from sim.story.handover import Handover, StoryFrame
+from sim.story.frame import StoryFrame
+from sim.story.handover import Handover
 from sim.story.machine import TABLES
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.settings import StorySettings

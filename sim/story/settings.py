@@ -60,7 +60,11 @@ class StorySettings:
             hangs beside it, at the person's side, does not come. 0: any hand that near;
             above, a hand that waits beside where the object will be is never there.
         gone: It has gone away again when it is farther than this [m].
-        back: Length of the straight motions to an object and away from it [m].
+        back: Length of the straight motions to an object and away from it [m]; they
+            are longer where `room` asks for it.
+        room: What the robot keeps from an object before which it waits, besides its
+            clearance [m]. 0.02: more than the 13 mm that a hand may come in the 80 ms
+            of a stop; with 4 mm it creeps for as long as it is patient.
         follow: The robot follows an object that has moved by this [m].
         still_speed: An object that goes on slower than this, to and fro left out, is
             held still [m/s].
@@ -90,6 +94,7 @@ class StorySettings:
     comes: float = 0.0
     gone: float = 0.40
     back: float = 0.10
+    room: float = 0.02
     follow: float = 0.02
     still_speed: float = 0.10
     between: float = 0.02
@@ -127,6 +132,7 @@ class StorySettings:
         ranges |= {name: (0.001, 3600.0, "s") for name in times}
         ranges["between_rad"] = (0.001, np.pi, "rad")
         ranges |= {"still_speed": (0.001, 10.0, "m/s"), "comes": (0.0, 2.0, "m")}
+        ranges["room"] = (0.0, 1.0, "m")
         check_settings(self, ranges)
         if self.gone < self.near:
             raise BadInput(

@@ -13,6 +13,7 @@ from odm import CellMap
 from sim.draw.world import SimulatorMissing
 from sim.loop.run_result import percentiles
 from sim.people.mocap import MocapSettings, load_mocap
+from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
@@ -20,7 +21,6 @@ from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
-from sim.story.partner import PartnerTraits, RecordedPartner
 from sim.story.play import StoryMoment, StoryPlay, StoryResult, play
 from sim.story.record import StoryRecorder
 from sim.story.rehearsal import rehearse

@@ -28,10 +28,10 @@ from sim.maintenance.cases import (
 )
 from sim.maintenance.play import MaintenancePlay, play_cycle, trouble_of
 from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
+from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
 from sim.story.handover import Handover
-from sim.story.partner import Partner, RecordedPartner
 from sim.story.play import StoryPlay, StoryResult
 from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest

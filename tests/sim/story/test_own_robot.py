@@ -15,10 +15,11 @@ from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.threat import ThreatSettings, Watcher
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import tool_pose
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.transforms import pose_of
 from sim.story.grasping import Reaches, straight_back
-from sim.story.handover import Step
+from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
@@ -443,6 +444,97 @@ def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
     story, states = receive(maps, lambda story: True, before=0.0)
     assert states == ["close", "retreat", "put_down", "kept"]
     assert story.outcome == "handed over" and story.events[0].signal == "between"
+
+
+def test_it_waits_before_an_object_with_room_to_spare(maps):
+    """8 mm beyond the clearance it crept before it, braked, until its time was up."""
+    story, states = receive(maps, lambda story: True, back=0.006)
+    assert states == ["wait", "close", "retreat", "put_down", "kept"]
+    found, T = story._reaches.found, story._reaches._T
+    assert min(reach.room for reach in found) >= story.settings.room == 0.02
+    robot = story.planner.robot
+    for reach in found:
+        T_before = T @ np.linalg.inv(reach.T_tool_object)
+        far = np.linalg.norm((T_before - tool_pose(robot, reach.q_before))[:3, 3])
+        assert story.settings.back < far < 0.1  # longer, by what its room asks for
+    story, _ = story_of(maps, "receive", back=0.006, room=0.0)
+    story._reaches.begin(T, found[0].q)
+    assert 0.0 < story._reaches.found[0].room < 0.01
+
+
+def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
+    story, _ = story_of(maps, "receive")
+    T = story.targets.finder.index.T_base_tool[0] @ story._T_tool_object
+    look = story._reaches
+    rooms = iter([0.004, 0.001, 0.03])
+    look._before = lambda T, q: (q, next(rooms, 0.002))
+    look._can_leave = lambda *told: True
+    look.begin(T, story._rest)
+    while not look.over and not look.found:
+        look.work()
+    assert [reach.room for reach in look.found] == [0.03]
+    look.begin(T, story._rest)
+    while not look.over:
+        look.work()
+    assert look.found and {reach.room for reach in look.found} == {0.002}
+
+
+def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(maps):
+    story, _ = story_of(maps, "receive")
+    planner, capsules = story.planner, story._obj.capsules
+    _check_grasps(planner, story.grasps, capsules)  # the flange is the pad
+    settings = SimpleNamespace(finger_pads=())
+    bare = SimpleNamespace(robot=planner.robot, cover=planner.cover, settings=settings)
+    into, far = np.array(story.grasps), np.array(story.grasps)
+    into[:, 2, 3], far[:, 2, 3] = 0.03, 0.5
+    _check_grasps(bare, far, capsules)
+    with pytest.raises(
+        BadInput, match=r"flange is -?\d+ mm .* must keep 10 mm.*held_by"
+    ):
+        _check_grasps(bare, into, capsules)
+
+
+def test_who_receives_is_asked_about_the_grasp_before_the_first_frame(
+    maps, monkeypatch
+):
+    asked = []
+    home = "sim.story.handover._check_grasps"
+    monkeypatch.setattr(home, lambda planner, grasps, rods: asked.append(grasps))
+    story_of(maps, "give")
+    assert not asked
+    story, _ = story_of(maps, "receive")
+    assert np.array_equal(asked[0], story.grasps)
+
+
+def test_beside_what_is_held_out_a_stop_keeps_off_it_but_not_by_the_whole_clearance(
+    maps,
+):
+    story, human = story_of(maps, "receive")
+    view, q = story.view, story.executor.set_point.q
+    T = tool_pose(story.planner.robot, q)
+    story.update(sim.StoryFrame(0.0, human, None, T_base_object=FAR @ T))
+    robot, m = story.planner.robot, story.planner.cell_map.safety.m
+    people, far = human.capsules(), np.array([[0.0, 0.0, 9.0, 0.0, 0.0, 9.0, 0.01]])
+    balls = cover_balls(robot, q)[robot.moving]
+    tip = balls[np.argmax((balls[:, :3] - T[:3, 3]) @ T[:3, 2] + balls[:, 3])]
+    free = {}
+    for gap in (0.5 * m - 0.001, 0.5 * m + 0.002, m + 0.005):
+        at = tip[:3] + (tip[3] + 0.02 + gap) * T[:3, 2]
+        rod = np.array([[*at, *at, 0.02]])
+        least = ball_gaps(balls, rod).min()
+        assert least == pytest.approx(gap)
+        for who, rows in (("object", (people, rod)), ("person", (people, far))):
+            rows = np.vstack([rows[0], np.repeat(rows[1], view.offered, axis=0)])
+            if who == "person":
+                rows[0] = rod
+            there = odm.Obstacles(capsules=rows)
+            stop = view.blocked_leg(q[None], 0.0, there) is None
+            way = view.line_free(q, q, there)
+            free[who, round(1e3 * gap)] = stop, way
+    assert m == pytest.approx(0.01)
+    assert free["object", 4] == free["person", 4] == (False, False)
+    assert free["object", 7] == (True, False) and free["person", 7] == (False, False)
+    assert free["object", 15] == free["person", 15] == (True, True)
 
 
 def test_an_object_pushed_against_the_hand_is_left_and_never_pressed(maps):

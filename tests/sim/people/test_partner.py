@@ -7,7 +7,7 @@ from handover import Human, wrench
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap
 from roadmap.transforms import pose_of
-from sim.story.partner import Partner, PartnerTraits
+from sim.people.partner import Partner, PartnerTraits
 from sim.story.request import DemoRequest
 
 OBJ = wrench()

@@ -1,0 +1,113 @@
+"""A robot that moves away from who is near is not braked for them as one that comes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import odm
+from odm.execution.executor import BRAKED, Executor
+from odm.execution.threat import Threat, ThreatSettings
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls
+
+START = np.array([0.0, 0.6, 0.0])
+AWAY, NEARER = np.array([0.8, 0.6, 0.0]), np.array([-0.8, 0.6, 0.0])
+
+
+class Beside:
+    """A small arm that stands, a ball beside its tip, and a path it is to follow."""
+
+    def __init__(self, small_map, gap, end, settings=None):
+        self.planner = odm.ReactivePlanner(small_map)
+        robot = self.robot = small_map.robot
+        self.executor = Executor(robot, self.planner, START, 0.01, settings)
+        here, there = (cover_balls(robot, q)[robot.moving] for q in (START, AWAY))
+        tip = here[-1]
+        out = there[-1, :3] - tip[:3]
+        self.out = out / np.linalg.norm(out)
+        # the ball is behind the tip, seen from where AWAY leads to
+        self.radius = 0.05
+        self.place = tip[:3] - (tip[3] + self.radius + gap) * self.out
+        self.velocity = np.zeros(3)
+        self.path = np.array([START, end])
+
+    def gap(self):
+        robot = self.robot
+        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
+        return float(ball_gaps(balls, self.ball()).min())
+
+    def ball(self):
+        return np.array([[*self.place, *self.place, self.radius]])
+
+    def threat(self):
+        rates = np.tile(self.velocity, (1, 2, 1))
+        return Threat(self.ball(), rates, np.zeros(1), 0.0, ThreatSettings())
+
+    def frame(self):
+        """Go on along the path for a frame, whatever the planner would say."""
+        commit = self.executor.commit()
+        path = np.vstack([commit.q[None], self.path[1:]])
+        answer = SimpleNamespace(status="following", path=path, reason="")
+        self.executor.update(answer, commit, self.threat())
+        self.executor.advance()
+
+
+def far_after(scene, frames):
+    for _ in range(frames):
+        scene.frame()
+    return float(np.abs(scene.executor.set_point.q - START).max())
+
+
+def test_it_gets_away_from_who_stands_just_beyond_its_clearance(small_map):
+    m = small_map.safety.m
+    scene = Beside(small_map, m + 0.002, AWAY)
+    assert scene.gap() == pytest.approx(m + 0.002)
+    assert far_after(scene, 150) > 0.3
+    assert scene.gap() > 0.1
+
+
+def test_it_comes_no_nearer_to_who_stands_just_beyond_its_clearance(small_map):
+    scene = Beside(small_map, small_map.safety.m + 0.002, NEARER)
+    assert far_after(scene, 150) < 0.01
+    assert scene.executor.state == BRAKED
+
+
+def test_which_way_leads_away_is_told_by_every_sphere_that_is_near(small_map):
+    leads = {}
+    for gap in (0.012, 0.4):
+        for name, end in (("away", AWAY), ("nearer", NEARER)):
+            scene = Beside(small_map, gap, end)
+            executor = scene.executor
+            answer = SimpleNamespace(status="following", path=scene.path, reason="")
+            executor.update(answer, executor.commit(), None)
+            begin, stop = executor._stop_behind(executor.motion, 0.05)
+            how = (executor.motion, 0.05, begin, stop, scene.threat())
+            leads[gap, name] = executor._test.leads_away(*how)
+    assert leads == {
+        (0.012, "away"): True,
+        (0.012, "nearer"): False,
+        (0.4, "away"): True,
+        (0.4, "nearer"): True,  # nobody is near
+    }
+
+
+def test_who_comes_after_it_as_hard_as_they_may_touches_it_only_once_it_stands(
+    small_map,
+):
+    """Their acceleration is what is assumed of them; the robot stops before."""
+    most, worst = ThreatSettings().acceleration, np.inf
+    for begins in (0, 5, 10, 15, 20, 30):
+        scene = Beside(small_map, small_map.safety.m + 0.002, AWAY)
+        for k in range(120):
+            scene.frame()
+            if k >= begins:
+                scene.velocity = scene.velocity + 0.01 * most * scene.out
+                scene.place = scene.place + 0.01 * scene.velocity
+            moves = np.abs(scene.executor.set_point.dq).max() > 1e-3
+            if moves:
+                worst = min(worst, scene.gap())
+            if scene.gap() <= 0.0:
+                break
+        assert scene.gap() <= 0.0  # they did catch up with it
+    assert 0.0 < worst < small_map.safety.m
