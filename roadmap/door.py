@@ -7,9 +7,11 @@ and writes where it lies into the group; the door calls it for each.
 """
 
 from types import MethodType
+from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import types
+from numba.core import cgutils
 from numba.core.base import BaseContext
 from numba.core.callwrapper import PyCallWrapper
 from numba.core.pythonapi import NativeValue, PythonAPI
@@ -31,8 +33,8 @@ def give_small_doors(context: BaseContext) -> None:
 
 def _create(
     context: BaseContext,
-    library: object,
-    fndesc: object,
+    library: Any,
+    fndesc: Any,
     env: object,
     call_helper: object,
     release_gil: bool = False,
