@@ -12,7 +12,10 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.base import BaseContext
 from numba.core.callwrapper import PyCallWrapper
+from numba.core.codegen import JITCodeLibrary
+from numba.core.funcdesc import FunctionDescriptor
 from numba.core.pythonapi import NativeValue, PythonAPI
+from numba.core.types.containers import BaseTuple
 from numba.np.numpy_support import as_dtype
 
 _TAKE = "roadmap.take_array"
@@ -31,8 +34,8 @@ def give_small_doors(context: BaseContext) -> None:
 
 def _create(
     context: BaseContext,
-    library: object,
-    fndesc: object,
+    library: JITCodeLibrary,
+    fndesc: FunctionDescriptor,
     env: object,
     call_helper: object,
     release_gil: bool = False,
@@ -74,7 +77,7 @@ class _Taking(PythonAPI):
             size = ir.Constant(self.py_ssize_t, as_dtype(typ.dtype).itemsize)
             there = builder.bitcast(place, self.voidptr)
             return builder.call(self._take(), (obj, there, size))
-        if not isinstance(typ, types.BaseTuple):
+        if not isinstance(typ, BaseTuple):
             native = super().to_native_value(typ, obj)
             builder.store(native.value, place)
             return native.is_error
@@ -119,6 +122,6 @@ class _Taking(PythonAPI):
 
 def _is_plain(typ: types.Type) -> bool:
     """Return True for arrays and numbers, and tuples of them: nothing to tidy up."""
-    if isinstance(typ, types.BaseTuple):
+    if isinstance(typ, BaseTuple):
         return all(map(_is_plain, typ))
     return isinstance(typ, _MEMBERS)
