@@ -146,8 +146,10 @@ class Decision:
         return said
 
     def _join_start(self) -> bool:
-        self.joined = self.attacher.join_start() or self.joined
-        return self.joined
+        """Join q by its first motions; return whether it has some now."""
+        done = self.attacher.join_start()
+        self.joined = self.joined or done
+        return done
 
     def join_more(self, most: int) -> bool:
         """Join start and goals of a frame without a path to more nodes.
