@@ -358,6 +358,7 @@ class InteractionWorkspace:
     def _targets(self, entries: np.ndarray, grasps: np.ndarray) -> list[Target]:
         n = len(entries)
         out = kernels.Described(*(np.empty((n, k)) for k in (7, 5, 3)))
+        grasps = np.asarray(grasps, np.int64)
         kernels.describe(self._scene, entries, grasps, self._scratch, out)
         keys = self._keys[entries]
         T_tool = np.zeros((n, 4, 4))

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from handover.reach import _rotations as kernels
-from roadmap.arrays import frozen
+from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 
 # Cells of the family: 12 k^2 pixels for the tool's z axis, 6 k rolls about it.
@@ -86,7 +86,7 @@ class RotationGrid:
                 "mirror; normalise them"
             )
         out = np.empty(len(stack), np.int32)
-        flat = np.ascontiguousarray(stack.reshape(-1, 9))
+        flat = writable(stack.reshape(-1, 9))
         kernels.rotation_cells(flat, self.n_side, self.n_roll, self.pixel_frames, out)
         return out if R.ndim == 3 else out[0]
 

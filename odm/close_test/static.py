@@ -168,6 +168,7 @@ class StaticTest:
 
     def why(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say what the motion q + t dq runs into, or None where it is free."""
+        q, dq = writable(q), writable(dq)
         text = self.touches_itself(q, dq)
         if text is not None:
             return text

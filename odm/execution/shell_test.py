@@ -23,7 +23,7 @@ import numpy as np
 
 from odm.execution._shell_test import hulls_apart
 from odm.execution.threat import Threat
-from roadmap.arrays import frozen
+from roadmap.arrays import frozen, writable
 from roadmap.kinematics import _forward as kernels
 from roadmap.motion.motion import Motion
 from roadmap.robot.robot import Robot
@@ -44,7 +44,9 @@ class _Shells:
         which = np.concatenate([*rows, np.zeros(0, int)])
         self.points = frozen(robot.shell_points[which], np.float64)
         self.body = frozen(np.repeat(body, sizes)[which], np.int32)
-        self.reach = frozen(robot.shell_reach[these], np.float64)
+        # of one type with those of the close test, so that no loop is compiled twice
+        self.tree = writable(robot.tree_i), writable(robot.tree_f)
+        self.reach = writable(robot.shell_reach[these])
         # of each hull: its vertices at q0, then at q1
         self.ptr = 2 * np.r_[0, np.cumsum(sizes[these])].astype(np.int64)
         n = len(which)
@@ -60,13 +62,11 @@ class _Shells:
 
     def sweep(self, q0: np.ndarray, q1: np.ndarray) -> bool:
         """Place all vertices at both ends of a piece; return whether they are known."""
-        robot = self.robot
         for q, rows in ((q0, self._at_0), (q1, self._at_1)):
-            q = np.ascontiguousarray(q)
-            kernels.body_frames(robot.tree_i, robot.tree_f, q, self._frames)
+            kernels.body_frames(*self.tree, writable(q), self._frames)
             kernels.place_points(self._frames, self.body, self.points, self._placed)
             self.swept[rows] = self._placed
-        tree = robot.tree_i, robot.tree_f, self.reach
+        tree = *self.tree, self.reach
         dq = np.ascontiguousarray(q1 - q0)
         kernels.motion_bounds(*tree, dq, self._rates, self.first, self.second)
         return bool(np.isfinite(self.swept).all() and np.isfinite(self.second).all())

@@ -368,7 +368,8 @@ class Watcher:
             age: Age of the capsules [s].
         """
         capsules = np.array(capsules, np.float64)
-        self._follow(capsules[:, :6].reshape(-1, 2, 3), now)
+        ends = np.ascontiguousarray(capsules[:, :6])  # one layout, one compiled loop
+        self._follow(ends.reshape(-1, 2, 3), now)
         self._measure(now)
         sure = self._count >= _CONFIRMED
         rates, error = self._rates, self._slack  # others in the next frame

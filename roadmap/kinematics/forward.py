@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from roadmap.arrays import writable
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics.joint_tree import JointTree
@@ -125,7 +126,7 @@ def motion_per_joint(
 
 def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
     frames = np.empty((len(robot.tree_i), 12))
-    q = np.ascontiguousarray(q, dtype=np.float64)
+    q = writable(q)
     kernels.body_frames(robot.tree_i, robot.tree_f, q, frames)
     return frames
 

@@ -332,7 +332,8 @@ def _carry(cell_map: CellMap) -> None:
     planner = ReactivePlanner(cell_map, settings=PlannerSettings(point_capacity=64))
     start, goal = _two_nodes(planner)
     planner.set_goals([goal])
-    planner.attach(np.array([[0.12, 0.0, 0.0, 0.03]]))
+    box = Box(np.full(3, 0.04), pose_of((0.12, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    planner.attach(box)  # its cover is chosen and proved, too
     planner.set_base(look_at([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]))
     for extra in (0.0, 0.02):
         planner.set_extra_clearance(extra)
@@ -446,9 +447,11 @@ def _meet(reach: "ReachMap") -> None:
     human = Human().placed(0.8, 0, np.pi)
     meet = InteractionWorkspace(reach, human, wrench(), 1, settings)
     for target in meet.best(1):
-        meet.rated([target.key])
         meet.remove(target)
+    meet.rated([0])  # wherever the hand is: so coarse a map may know no target
     meet.build()
+    coarser = replace(settings, cell=0.25)
+    InteractionWorkspace(reach, human, wrench(), 1, coarser)
 
 
 def _hand_over() -> None:
