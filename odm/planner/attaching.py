@@ -547,22 +547,30 @@ class Attacher:
         self._later[int(m.goals.count[1])] = nodes
         self._rounds = _START_ROUNDS
         if not self._goes_straight():
-            self.join_start()
+            self.join_start(at_once=True)
 
     @property
     def can_wait_for_cells(self) -> bool:
         """Whether the frame has shapes alone, whose close test costs little."""
-        asks = self.frame.memory.rules.close_test_connections.item() > 0
-        return asks and self.frame.heeded == 0  # else cells alone decide
+        return self._asks_close_test and self.frame.heeded == 0
 
-    def join_start(self) -> bool:
+    @property
+    def _asks_close_test(self) -> bool:
+        """Whether searches ask the close test of motions; else cells alone decide."""
+        return self.frame.memory.rules.close_test_connections.item() > 0
+
+    def join_start(self, at_once: bool = False) -> bool:
         """Join the start by its first motions, if it has none; True: now it has.
 
         Where all the nodes that are tried are refused, others wait for the next call.
+        The cells of these motions wait for `sweep_cells`, beside points, too, unless
+        the start is new (`at_once`): they take longer than all else of a frame.
         """
         starts = self.frame.memory.start_connections
         if not self.lacks_start:
             return False
+        if not at_once and self._asks_close_test:
+            self.is_bare = True
         rounds, self._rounds = self._rounds, 1
         for _ in range(rounds):
             self.start_waits = self._more_of_start(_START_AT_ONCE) > 0

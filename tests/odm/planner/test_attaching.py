@@ -1,6 +1,7 @@
 """Starts and goals get a few motions at once, and the others when there is time."""
 
 import numpy as np
+import pytest
 from small import AWAY, HOME, NOBODY, draw_arm
 
 import odm
@@ -74,13 +75,16 @@ def test_no_frame_that_has_a_path_waits_for_more_motions(small_map):
     assert planner.memory.start_connections.count[0] == 8
 
 
-def test_a_start_whose_straight_motion_is_blocked_gets_its_cells_later(small_map):
-    """Beside shapes; the frame is answered by the close test of its motions."""
+@pytest.mark.parametrize("kind", ["shapes", "points"])
+def test_a_start_whose_straight_motion_is_blocked_gets_its_cells_later(small_map, kind):
+    """The frame is answered by the close test of its motions."""
     planner = odm.ReactivePlanner(small_map, settings=PLAIN)
     planner.set_goals([AWAY])
     m, middle = planner.memory, tool_pose(small_map.robot, 0.5 * (HOME + AWAY))[:3, 3]
     away = odm.Obstacles(spheres=np.array([[0.0, 0.0, 9.0, 0.1]]))
     ball = odm.Obstacles(spheres=np.array([[*middle, 0.03]]))
+    if kind == "points":
+        away, ball = np.array([[0.0, 0.0, 9.0]]), middle[None]
     assert planner.step(away, q=HOME).stage == "straight"
     assert m.start_connections.count[0] == 0
     answer = planner.step(ball, q=HOME)  # in this very frame
