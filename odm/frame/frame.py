@@ -331,17 +331,9 @@ class Frame:
         """Mark the frame's points anew: verdicts about them are void."""
         if len(self.points) > len(self.memory.cloud.where):
             self.grow_clouds(2 * len(self.points))
-        self.look_at(self.points)
-
-    def look_at(self, points: np.ndarray) -> None:
-        """Mark other points than the frame's; the frame's own go back to these.
-
-        The close test goes on to heed the frame's shapes.
-        """
-        heeded = len(points)
-        if points is self.points:  # those of the frame before, while room is made
-            heeded = min(heeded, self.heeded)
-        kernels.take_points(self.memory.table, points, heeded)
+        # while room is made the points may be those of the frame before
+        heeded = min(len(self.points), self.heeded)
+        kernels.take_points(self.memory.table, self.points, heeded)
 
     def grow_clouds(self, capacity: int) -> None:
         """Let clouds hold that many points or more; the frame's stay marked."""
@@ -349,7 +341,7 @@ class Frame:
         memory.owner.check()
         grid, capacity = self.cell_map.grid, max(capacity, len(memory.cloud.where))
         exchange(memory, {n: grid.new_cloud(capacity) for n in ("cloud", "picked")})
-        self.look_at(self.points)
+        self.mark()
 
     def _buffer_for(self, n: int) -> np.ndarray:
         """Let `points` be an array (n, 3) of our own, and return it to be filled."""

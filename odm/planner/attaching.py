@@ -397,8 +397,8 @@ class Attacher:
         looked = waiting[leads_on][:looks]
         if not len(looked):
             return 0, 0
-        table, points = self.frame.memory.table, self.frame.points
-        n = judge.clear_nodes(table, points, q, looked, len(looked), self._chosen)
+        table = self.frame.memory.table
+        n = judge.clear_nodes(table, q, looked, len(looked), self._chosen)
         free = self._chosen[:n].copy()
         others = waiting[~np.isin(waiting, looked)]
         blocked = looked[~np.isin(looked, free)]
@@ -591,7 +591,7 @@ class Attacher:
         """Return whether the frame leaves the motion from the start to a goal free."""
         frame, q = self.frame, self.q_attached
         dq = frame.difference(q, goal)
-        return judge.close_free(frame.memory.table, frame.points, q, dq)
+        return judge.close_free(frame.memory.table, q, dq)
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
@@ -754,8 +754,8 @@ class Attacher:
         """
         frame = self.frame
         ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
-        table, points = frame.memory.table, frame.points
-        n = judge.clear_nodes(table, points, q, ids, _MOVING_NODES, self._chosen)
+        table = frame.memory.table
+        n = judge.clear_nodes(table, q, ids, _MOVING_NODES, self._chosen)
         good, refused = [], []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])

@@ -466,7 +466,7 @@ class ReactivePlanner:
         times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
-        said = self.decision.decide(frame.points, q, now)
+        said = self.decision.decide(q, now)
         if said % _SEGMENT > _PLANNED:
             return self._beyond(q, said, times, closed, now)
         return self._say(q, said, times, closed)

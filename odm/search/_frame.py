@@ -32,7 +32,7 @@ from odm.search._judge import (
 )
 from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
-from odm.search._state import view
+from odm.search._state import show, view
 from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 
@@ -52,9 +52,11 @@ def take_points(state, points, heeded):
     """Begin a frame: forget the old points, mark the new; return how many are bad.
 
     The close test heeds the first `heeded` of them; the others are samples of shapes,
-    which it knows as they are.
+    which it knows as they are. All loops take the points from the group `seen`, so
+    they must stay where they are until the next frame.
     """
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
+    show(state, "seen", points)
     clear(cloud)
     mark_more(points, 0, heeded, cloud)
     cloud.counts[N_HEEDED] = heeded
@@ -122,7 +124,7 @@ def begin_shapes(state, given, data, counts, room):
 
 
 @njit(**INNER)
-def plan(state, points, starts, start_vertex, most, last):
+def plan(state, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 
     With costs to all of them. Of motions whose cells are occupied the close test is
@@ -135,7 +137,7 @@ def plan(state, points, starts, start_vertex, most, last):
     leaves = True  # the start may be left by one of its motions
     avoid_history = view(state, "numbers").avoid_history[0] == 1
     for g in range(goals.count[0] if joint else last):
-        straight = judge_direct(state, points, g)
+        straight = judge_direct(state, g)
         # one that is to be wary of is but a path among others
         if straight and not joint:
             if not (
@@ -153,12 +155,12 @@ def plan(state, points, starts, start_vertex, most, last):
             continue
         entry = -1
         if any_start and can_enter:
-            entry = a_star(state, points, starts, g)
+            entry = a_star(state, starts, g)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
         if entry < 0:
-            offered = offer(state, points, starts, g, any_start, can_enter, most)
+            offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
                 return False
             if offered == NO_ENTRY:
@@ -168,7 +170,7 @@ def plan(state, points, starts, start_vertex, most, last):
                 continue
             any_start = True
             if offered == SEARCH:
-                entry = a_star(state, points, starts, g)
+                entry = a_star(state, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
         if entry >= 0 and write_path(state, starts, entry, start_vertex):
             take_shortcuts(state)
@@ -177,7 +179,7 @@ def plan(state, points, starts, start_vertex, most, last):
         return False
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, points, starts, np.int64(-1))  # compiled once, as an int64
+    entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
     if entry >= 0 and write_path(state, starts, entry, start_vertex):
         take_shortcuts(state)
         return True
@@ -185,24 +187,24 @@ def plan(state, points, starts, start_vertex, most, last):
 
 
 @njit(**INNER)
-def offer(state, points, starts, g, any_start, can_enter, most):
+def offer(state, starts, g, any_start, can_enter, most):
     """Offer motions whose cells are occupied to the search; see SEARCH and its like.
 
     `any_start`, `can_enter`: there is a motion from the start, or into goal g, whose
     cells are free.
     """
-    if not any_start and not stands_free(state, points, view(state, "robot_state").q):
+    if not any_start and not stands_free(state, view(state, "robot_state").q):
         return HOPELESS
     if not can_enter:
-        if not stands_free(state, points, view(state, "goals").q[g]):
+        if not stands_free(state, view(state, "goals").q[g]):
             return NO_ENTRY
-        if not open_goal(state, points, g, most):
+        if not open_goal(state, g, most):
             return NO_ENTRY
     if not any_start:
         return SEARCH if offer_starts(state, starts, most) > 0 else NO_EXIT
     if not can_enter:
         return SEARCH
-    opened = open_goal(state, points, g, most)
+    opened = open_goal(state, g, most)
     opened = offer_starts(state, starts, most) > 0 or opened
     return SEARCH if opened else NOTHING
 
