@@ -48,7 +48,7 @@ class PathTest:
             )
         unknown = not math.isfinite(extra)
         if points is None:
-            points, classes = frame.points[: frame.heeded], frame.classes
+            points, classes = frame.points[: frame.n_given], frame.classes
             solids, kinds = frame.solids, frame.solid_classes
             unknown = unknown or frame.trouble is not None
         else:

@@ -65,7 +65,7 @@ class Obstacles:
         BadInput: An array of another shape, or a name or class too many.
     """
 
-    # no others: a name with a slip, written to each frame, would be heeded by nobody
+    # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
         "_meshes", "_points", "_size", "_views", "classes", "counts", "data", "labels",
         "poses", "shape_classes",

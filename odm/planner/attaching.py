@@ -553,7 +553,7 @@ class Attacher:
     def can_wait_for_cells(self) -> bool:
         """Whether the frame has shapes alone, whose close test costs little."""
         asks = self.frame.memory.rules.close_test_connections.item() > 0
-        return asks and self.frame.heeded == 0  # else cells alone decide
+        return asks and self.frame.n_given == 0  # else cells alone decide
 
     def join_start(self) -> bool:
         """Join the start by its first motions, if it has none; True: now it has.

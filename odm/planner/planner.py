@@ -462,7 +462,7 @@ class ReactivePlanner:
         if self.attacher.is_stale:
             self.attacher.forget_all()
         marked = frame.take(points, covering_radius, rounding, stamp, now)
-        shapes = frame.obstacles is not None and frame.heeded == 0
+        shapes = frame.obstacles is not None and frame.n_given == 0
         times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
@@ -775,7 +775,7 @@ class ReactivePlanner:
 
     @property
     def held_by(self) -> str | None:
-        """How what is attached is heeded: "payload layer", "close test", or None."""
+        """What tests the attached object: "payload layer", "close test", or None."""
         if self.frame.thing is None:
             return None
         return CLOSE_TEST if self.cell_map.payload is None else LAYER

@@ -5,20 +5,19 @@ from numba import njit
 
 from odm.obstacles._cloud import (
     N_BAD,
-    N_HEEDED,
+    N_GIVEN,
     N_INSIDE,
     N_LISTED,
     N_OCCUPIED,
     N_OUTSIDE,
 )
-from odm.obstacles._occupancy import clear, mark_more
+from odm.obstacles._occupancy import clear, dilate_points, mark_more
 from odm.obstacles._solid_samples import (
     FINE,
     lay_patterns,
     take_solids,
     write_samples,
 )
-from odm.obstacles._world_frame import dilate_points
 from odm.search._astar import a_star
 from odm.search._items import sign_frame
 from odm.search._judge import (
@@ -48,20 +47,20 @@ ODD = 1 << 40  # added to the number of points where these cannot be used as the
 
 
 @njit(**LEAN)
-def take_points(state, points, heeded):
+def take_points(state, points, n_given):
     """Begin a frame: forget the old points, mark the new; return how many are bad.
 
-    The close test heeds the first `heeded` of them; the others are samples of shapes,
-    which it knows as they are. All loops take the points from the group `seen`, so
+    The close test counts the first `n_given` of them; the others are samples of shapes,
+    whose exact distance it takes. All loops take the points from the group `seen`, so
     they must stay where they are until the next frame.
     """
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
     show(state, "seen", points)
     clear(cloud)
-    mark_more(points, 0, heeded, cloud)
-    cloud.counts[N_HEEDED] = heeded
+    mark_more(points, 0, n_given, cloud)
+    cloud.counts[N_GIVEN] = n_given
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
-    mark_more(points, heeded, points.shape[0], cloud)
+    mark_more(points, n_given, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
     sign_frame(cloud, view(state, "graph").region, view(state, "search").signature)
@@ -93,7 +92,7 @@ def begin_shapes(state, given, data, counts, room):
 
     Args:
         state: The table.
-        given: (n, 3) points that the close test heeds.
+        given: (n, 3) points that count in the close test.
         data: Rows of the shapes; see `take_solids`.
         counts: (5,) how many there are of each kind.
         room: (m, 3) where all points go.
@@ -128,8 +127,9 @@ def plan(state, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 
     With costs to all of them. Of motions whose cells are occupied the close test is
-    asked about `most` at either end. Where numbers.heed is 1, cells that are to be wary
-    of cost a toll. Returns True and writes the path `found_path` when one was found.
+    asked about `most` at either end. Where numbers.avoid_history is 1, cells where the
+    obstacles have lately been cost a toll. Returns True where a path was found; it is
+    `found_path`.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = any_start = False

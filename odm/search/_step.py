@@ -2,7 +2,7 @@
 
 `respond` is the one call of a frame whose points were taken. It tests the candidate
 that waits, else the path in use, and searches only where neither is free. A hand that
-trembles comes and goes over the same place, so a search heeds where the obstacles have
+trembles comes and goes over the same place, so a search avoids where the obstacles have
 lately been (`_recent.py`). That only ranks ways: what is free, and what blocks the way
 in use, is decided by the frame's own points alone.
 """
