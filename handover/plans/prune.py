@@ -189,7 +189,7 @@ class Looked:
         i = int(np.searchsorted(self.use, grasp))
         if listed.verdict[i] == kernels.UNKNOWN:
             self._stand_again()
-            kernels.settle(mover.space, self._grasper.arm, listed, i, mover.scratch)
+            kernels.judge(mover.space, self._grasper.arm, listed, i, mover.scratch)
         return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
 
     def all(self) -> Executed:
@@ -197,7 +197,7 @@ class Looked:
         listed, mover = self._listed, self._grasper.mover
         if (listed.verdict == kernels.UNKNOWN).any():
             self._stand_again()
-            kernels.settle_all(mover.space, self._grasper.arm, listed, mover.scratch)
+            kernels.judge_all(mover.space, self._grasper.arm, listed, mover.scratch)
         verdict, rank = listed.verdict, listed.rank
         free = np.flatnonzero(verdict == kernels.FREE)
         order = free[np.argsort(-rank[free], kind="stable")]

@@ -128,8 +128,7 @@ def plan(state, starts, start_vertex, most, last):
 
     With costs to all of them. Of motions whose cells are occupied the close test is
     asked about `most` at either end. Where numbers.avoid_history is 1, cells where the
-    obstacles have lately been cost a toll. Returns True where a path was found; it is
-    `found_path`.
+    obstacles have lately been cost a toll. True where `found_path` is a path.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = any_start = False

@@ -77,7 +77,6 @@ _LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
 _AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
 _LATE_S = 0.08  # [s] and no later than so, before the step
-_NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
