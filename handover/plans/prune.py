@@ -1,7 +1,7 @@
 """Algorithm 1 of [Huaman2014]: which grasps an arm can execute, and how.
 
-A grasp is tested when its turn comes, the most dexterous first: who takes the best one
-pays for few tests, and who asks for all gets what testing all at once would have given.
+A grasp is tested when its turn comes, the most dexterous first. So the best one costs
+few tests, and a caller that asks for all gets the same as from testing all at once.
 """
 
 from collections.abc import Callable, Iterator

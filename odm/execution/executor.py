@@ -338,9 +338,9 @@ class Executor:
     def locate(self, q: np.ndarray) -> None:
         """Tell where the robot is measured to be now; before `commit`, if at all.
 
-        Off its set-point by more than the tracking share of m leaves, it stops. At rest
-        and held still for a tenth of a second, it takes q for its set-point: it may
-        differ then from the one before. In between it takes no answer.
+        A robot that is off its set-point by more than the tracking share of m allows is
+        stopped. Once it has stood still there for a tenth of a second, q becomes its
+        set-point. Until then no answer of the planner is taken.
 
         Args:
             q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.

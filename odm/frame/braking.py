@@ -1,4 +1,4 @@
-"""Beside a person who moves: is the path up to the stop free of where they may be?"""
+"""Whether a path up to the stop is free of all places where the person may be."""
 
 import math
 

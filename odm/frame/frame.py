@@ -566,7 +566,7 @@ class Frame:
         return self.memory.cloud
 
     def nearest(self, q: np.ndarray) -> Near:
-        """Return what of the frame is nearest at q, by how much it must keep."""
+        """Return the point or shape with the least distance to spare from q."""
         q, test = np.ascontiguousarray(q), self.close_test
         found = Near(math.inf, self.keep, None, None, -1)
         for cloud, solids, keep in (

@@ -144,7 +144,7 @@ class Connector:
         return bool((corners[:, None] == self.found.vertex.ravel()).any())
 
     def improve(self, budget: int) -> int:
-        """Go on searching for the frame that was held; return whether it found a path.
+        """Go on with the search of a frame that held; return whether it has a path.
 
         The next frame takes it, if it is free then. `budget` counts motions.
         """

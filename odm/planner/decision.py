@@ -96,12 +96,12 @@ class Decision:
 
     @property
     def waits(self) -> bool:
-        """Whether paths that is free only now are not taken now."""
+        """Whether a path that is free only now has to wait for more frames."""
         return self._numbers.frames_to_persist.item() > 0
 
     @property
     def patience(self) -> int:
-        """Frames that such a path must be there after one was blocked."""
+        """Frames in a row that a path must be free, after another was blocked."""
         return 0 if self._always else self._patience
 
     def see(self, q: np.ndarray, now: float | None) -> None:
