@@ -224,8 +224,9 @@ class Executor:
     def limit_speed(self, share: float) -> None:
         """Use no more than this share of the full speed from the next frame on.
 
-        The fastest level within it is taken, the slowest one where there is none. It is
-        calm that this brings: that the robot can stop is tested with or without it.
+        The fastest level within it is taken, the slowest one where there is none. This
+        is for the comfort of people: that the robot can stop is tested with or without
+        it.
 
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.

@@ -596,7 +596,7 @@ class Attacher:
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
 
-        Of a bare start those alone that the frame leaves free: cells calm.
+        Where the start has no cells yet, only motions that this frame leaves free.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.

@@ -493,11 +493,11 @@ class Handover:
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
-        calm = gripped and not self._pull.pulls
+        unpulled = gripped and not self._pull.pulls
         empty = self.fingers == CLOSED and not frame.holds and not self.holding
         checks |= {
             "held": over and gripped,
-            "free": over and self._lasts("free", calm, seen.dt, s.pull.hold_s),
+            "free": over and self._lasts("free", unpulled, seen.dt, s.pull.hold_s),
             "missed": self._passed_grip() and empty,
             "away": over,
             "away_holding": over and self.holding,
