@@ -71,7 +71,7 @@ def check_classes(classes: object, n: int) -> np.ndarray | None:
 def as_floats(name: str, values: object) -> np.ndarray:
     """Return values as a float64 array that compiled loops take: writeable, aligned.
 
-    What is such an array comes back as it is.
+    An array that is one already comes back as it is.
 
     Raises:
         BadInput: Rows of unequal length, or anything but real numbers.

@@ -50,7 +50,7 @@ def check_number(
 def check_kind(
     name: str, value: object, kinds: type | tuple[type, ...], remedy: str
 ) -> None:
-    """Refuse what is no such thing, such as a path where a map is wanted.
+    """Refuse a value of another class, such as a path where a map is wanted.
 
     Raises:
         BadInput: Names what was given, and the remedy.

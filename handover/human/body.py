@@ -115,7 +115,7 @@ class BodySizes:
 
 @dataclass(frozen=True, eq=False)
 class UpperBody:
-    """Which capsules a person has whose joints `present` are known, and where.
+    """Capsules of a person of whom only some joints (`present`) are known.
 
     An arm needs shoulder, elbow and hand, else it is left out. Torso and head need
     the neck or both shoulders; what else is missing is placed by `sizes`, upright. A

@@ -250,7 +250,8 @@ class InteractionWorkspace:
     def rated(self, keys: Sequence[int]) -> list[Target | None]:
         """Return the targets of some cells with their quality now, in order of `keys`.
 
-        None: removed, no cell of this workspace, or nobody can take the object there.
+        A target is None where the cell was removed or is none of this workspace, or
+        where no person can take the object there.
         """
         at, value, grasp = self._rate(keys)
         good = np.flatnonzero(value >= 0)

@@ -195,7 +195,7 @@ def is_open(space, arm, listed, i, scratch):
 
 
 @njit(**BARE)
-def settle(space, arm, listed, i, scratch):
+def judge(space, arm, listed, i, scratch):
     """Find out whether grasp i is free, and its most dexterous free joints."""
     if not listed.handed[i]:
         test_hand(space, arm, listed, i, scratch)
@@ -249,12 +249,12 @@ def next_free(space, arm, listed, told, scratch):
         if listed.rank[best] == 1e300 and listed.handed[best]:
             is_open(space, arm, listed, best, scratch)
             continue
-        settle(space, arm, listed, best, scratch)
+        judge(space, arm, listed, best, scratch)
 
 
 @njit(**BARE)
-def settle_all(space, arm, listed, scratch):
-    """Settle every grasp that is not settled yet."""
+def judge_all(space, arm, listed, scratch):
+    """Find out of every grasp whether it is free, where that is not known yet."""
     for i in range(listed.rank.shape[0]):
         if listed.verdict[i] == UNKNOWN:
-            settle(space, arm, listed, i, scratch)
+            judge(space, arm, listed, i, scratch)

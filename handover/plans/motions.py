@@ -1,4 +1,4 @@
-"""From a tuple of H to motions: who moves how, proved over their whole length.
+"""From a tuple of H to the motions of both partners, proved over their whole length.
 
 What is cheap comes first: straight lines, fingers that close or open, lifts. Only where
 all of those are free are paths searched between them. What does not depend on the whole

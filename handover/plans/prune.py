@@ -1,7 +1,7 @@
 """Algorithm 1 of [Huaman2014]: which grasps an arm can execute, and how.
 
-A grasp is tested when its turn comes, the most dexterous first: who takes the best one
-pays for few tests, and who asks for all gets what testing all at once would have given.
+A grasp is tested when its turn comes, the most dexterous first. So the best one costs
+few tests, and a caller that asks for all gets the same as from testing all at once.
 """
 
 from collections.abc import Callable, Iterator
@@ -189,7 +189,7 @@ class Looked:
         i = int(np.searchsorted(self.use, grasp))
         if listed.verdict[i] == kernels.UNKNOWN:
             self._stand_again()
-            kernels.settle(mover.space, self._grasper.arm, listed, i, mover.scratch)
+            kernels.judge(mover.space, self._grasper.arm, listed, i, mover.scratch)
         return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
 
     def all(self) -> Executed:
@@ -197,7 +197,7 @@ class Looked:
         listed, mover = self._listed, self._grasper.mover
         if (listed.verdict == kernels.UNKNOWN).any():
             self._stand_again()
-            kernels.settle_all(mover.space, self._grasper.arm, listed, mover.scratch)
+            kernels.judge_all(mover.space, self._grasper.arm, listed, mover.scratch)
         verdict, rank = listed.verdict, listed.rank
         free = np.flatnonzero(verdict == kernels.FREE)
         order = free[np.argsort(-rank[free], kind="stable")]

@@ -137,9 +137,9 @@ def witness_precision(
 ) -> float:
     """Return the share of marked cells whose witness proves them reached.
 
-    The witness is made again and judged apart from what made it: its joints are within
-    their limits, its tool is in the cell by numpy's arithmetic, and its links are
-    apart by the planner's own test where the chain has its robot.
+    Each witness is made again and judged by code that did not make it: its joints are
+    within their limits, its tool is in the cell by numpy's arithmetic, and its links
+    are apart by the planner's own test where the chain has its robot.
     """
     tell = progress or (lambda stage, done, total: None)
     chain = chain or reach.chain

@@ -65,7 +65,7 @@ class NodeIndex:
     def within(
         self, T_base_tool: np.ndarray, distance: float, angle: float, k: int = 4
     ) -> list[int]:
-        """Return at most k nodes whose tool is that near a pose, nearest first.
+        """Return at most k nodes whose tool is near enough to a pose, nearest first.
 
         Args:
             T_base_tool: (4, 4) [m].

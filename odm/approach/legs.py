@@ -46,7 +46,7 @@ class LegTest:
         if 8 * grid.n_blocks <= LARGEST_GRID:
             halved = WorkspaceGrid(grid.origin, grid.h / 2, 2 * grid.blocks)
         self._sorted = SortedCloud(halved)
-        self.cloud = self._sorted.of(frame.points[: frame.heeded])
+        self.cloud = self._sorted.of(frame.points[: frame.n_given])
         self._fine: FineTest | None = None
         self._last_phase = LastPhase(frame, halved)
         self.phase: str | None = None
@@ -68,7 +68,7 @@ class LegTest:
         With a phase, what may touch what is as `odm.frame.last_phase` says.
         """
         frame, self.phase = self.frame, phase
-        points = frame.points[: frame.heeded]
+        points = frame.points[: frame.n_given]
         self.cloud = self._sorted.of(points)
         if phase is not None:
             self._last_phase.look(

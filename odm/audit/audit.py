@@ -48,7 +48,7 @@ class Auditor:
 
     @cached_property
     def sharp(self) -> np.ndarray:
-        """(n,) True for the obstacles whose samples give nothing away."""
+        """(n,) True for obstacles whose samples lie rho behind the point that meets."""
         return np.array([s.family in SHARP for s in self.specimens])
 
     @cached_property

@@ -59,7 +59,7 @@ class ExactRobot:
 
     Args:
         robot: The robot.
-        base: Count the links that never move, too; the maps do not heed them.
+        base: Count the links that never move, too; the maps leave them out.
     """
 
     def __init__(self, robot: Robot, base: bool = False) -> None:

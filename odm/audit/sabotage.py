@@ -70,7 +70,7 @@ def part_of(roadmap: Roadmap, nodes: int) -> Roadmap:
 
 
 def most_needed_sphere(robot: Robot) -> tuple[int, float]:
-    """Return the moving sphere whose loss bares most of the solids.
+    """Return the moving sphere without which most of the solids is uncovered.
 
     Returns:
         Its index in `robot.spheres`, and the largest depth by which the surface of a

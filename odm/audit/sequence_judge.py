@@ -71,7 +71,7 @@ class World:
             planner.scene.add(f"box {k}", box)
 
     def shapes(self) -> list[Shape]:
-        """Return what of the obstacles is told as shapes, base frame."""
+        """Return those obstacles that the planner is given as shapes, base frame."""
         if self.mode not in SHAPES:
             return []
         rods = self.capsules if self.mode == "shapes" else self.capsules[:0]

@@ -214,7 +214,7 @@ class Sequence:
         self.q = self.inside(self.q + push)
 
     def jump(self) -> None:
-        """Stand somewhere else: the robot was moved while nobody looked."""
+        """Stand somewhere else: the robot was moved between two frames."""
         self.q = self.draw_valid()
 
     def wait(self) -> None:

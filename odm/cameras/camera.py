@@ -78,7 +78,7 @@ class DepthCamera:
         return 1.0 / min(self.fx, self.fy)
 
     def thinnest(self, depth_m: float) -> float:
-        """Return the thickness of what no gap between rays can hide at a depth [m].
+        """Return how thick a thing must be so that no gap between rays hides it [m].
 
         A ball of that diameter, and so a union of such balls, meets a ray through the
         centre of a pixel wherever it is in view, even if single pixels have no

@@ -56,8 +56,9 @@ class PayloadLayer:
 class CellMap:
     """Everything the planner needs, frozen; made by `build_map`, read by `load_map`.
 
-    A map that was loaded pickles by its folder: who unpickles it loads it from there,
-    and is refused where another map lies there by now. A copy of a map is the map.
+    A map that was loaded is pickled as the path of its folder. To unpickle it loads the
+    map from there, and is refused where the folder holds another map by now. A copy of
+    a map is the map.
 
     Attributes:
         robot: The robot.

@@ -7,7 +7,7 @@ sphere along it, so points in other cells cannot be in its way.
 import numpy as np
 from numba import njit
 
-from odm.obstacles._cloud import IS_SORTED, N_HEEDED, N_INSIDE, N_LISTED, N_OCCUPIED
+from odm.obstacles._cloud import IS_SORTED, N_GIVEN, N_INSIDE, N_LISTED, N_OCCUPIED
 from odm.obstacles._occupancy import begin_box, put_point, unpacked
 from roadmap.jit_options import INNER
 
@@ -48,7 +48,7 @@ def pick_points(pick, cloud, points):
 
     Where the cloud is sorted only the points of the picked blocks are looked at.
     """
-    n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_HEEDED]
+    n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_GIVEN]
     pick.counts[N_INSIDE] = 0
     pick.counts[IS_SORTED] = 1
     pick.counts[N_LISTED] = 0
@@ -91,7 +91,7 @@ def pick_unsorted(pick, cloud, points):
     start, slot, box = pick.start, pick.slot, pick.box
     for k in range(n_picked + 1):
         start[k] = 0
-    where, words, hits = cloud.where[: cloud.counts[N_HEEDED]], pick.words, pick.where
+    where, words, hits = cloud.where[: cloud.counts[N_GIVEN]], pick.words, pick.where
     # each point is written down, and the next one over it unless its cell is picked
     found = np.uint64(0)
     for i in range(np.uint64(where.shape[0])):

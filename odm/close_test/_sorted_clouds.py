@@ -5,7 +5,7 @@ from numba import njit
 from odm.obstacles._cloud import (
     IS_SORTED,
     N_BAD,
-    N_HEEDED,
+    N_GIVEN,
     N_INSIDE,
     N_LISTED,
     N_OCCUPIED,
@@ -50,7 +50,7 @@ def lay_out(points, cloud):
             words[b] = 1
         where[i] = b << 6
     cloud.counts[N_OCCUPIED] = cloud.counts[N_LISTED] = n_occupied
-    cloud.counts[N_HEEDED] = points.shape[0]
+    cloud.counts[N_GIVEN] = points.shape[0]
     cloud.counts[N_INSIDE] = points.shape[0] - bad
     cloud.counts[N_BAD] = bad
     sort_points(points, cloud)

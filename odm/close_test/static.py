@@ -16,7 +16,6 @@ from odm.close_test.arm import arm_of
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles import _world_frame as layers
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid, grid_for
@@ -263,7 +262,7 @@ class StaticTest:
         points = writable(np.asarray(points, float).reshape(-1, 3))
         occupancy.mark_points(points, cloud)
         if extra > 0.0:
-            layers.dilate_points(points, extra, cloud)
+            occupancy.dilate_points(points, extra, cloud)
         if cloud.counts[3]:
             raise BadInput(
                 f"{cloud.counts[3]} scenery points are NaN or infinite; remove them"

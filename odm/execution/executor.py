@@ -224,8 +224,9 @@ class Executor:
     def limit_speed(self, share: float) -> None:
         """Use no more than this share of the full speed from the next frame on.
 
-        The fastest level within it is taken, the slowest one where there is none. It is
-        calm that this brings: that the robot can stop is tested with or without it.
+        The fastest level within it is taken, the slowest one where there is none. This
+        is for the comfort of people: that the robot can stop is tested with or without
+        it.
 
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
@@ -338,9 +339,9 @@ class Executor:
     def locate(self, q: np.ndarray) -> None:
         """Tell where the robot is measured to be now; before `commit`, if at all.
 
-        Off its set-point by more than the tracking share of m leaves, it stops. At rest
-        and held still for a tenth of a second, it takes q for its set-point: it may
-        differ then from the one before. In between it takes no answer.
+        A robot that is off its set-point by more than the tracking share of m allows is
+        stopped. Once it has stood still there for a tenth of a second, q becomes its
+        set-point. Until then no answer of the planner is taken.
 
         Args:
             q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.

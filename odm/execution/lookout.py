@@ -1,8 +1,9 @@
-"""When a robot should retreat from who comes, before it cannot any more.
+"""When a robot should retreat from a person who comes, while it still can.
 
 A robot that has braked stands, and a person who does not look walks into it. So the
-person is extrapolated over a short time, at the mean velocity: if that blocks the
-robot's motion, and the place where it could stop as well, it asks for an evasion.
+person is extrapolated over a short time, at the mean velocity. Where the person would
+then block the robot's motion and the place where the robot could stop, the lookout asks
+for an evasion.
 """
 
 from typing import Any

@@ -41,10 +41,11 @@ class BrakingTest:
         closer: float = 0.0,
         off: float = 0.0,
     ) -> bool:
-        """Whether the path to the end of a stop is free at the times it is gone along.
+        """Whether the path to a stop is free at the times at which the robot is on it.
 
-        First as a whole, against where the person can be at any time of it, which is
-        enough while nobody is near; then in pieces by time.
+        The whole path is tested first, against all places where the person can be until
+        the robot stands: enough while nobody is near. Then it is tested in pieces by
+        time.
 
         Args:
             motion: The motion in use.
@@ -69,12 +70,13 @@ class BrakingTest:
     def leads_away(
         self, motion: Motion, t: float, begin: float, stop: Motion, threat: Threat
     ) -> bool:
-        """Whether the way to the end of a stop comes nearer to nobody who is near.
+        """Whether the robot comes nearer to no near person until it stands.
 
         Each sphere of the cover is compared with each part of the person, who is where
         they are expected in the middle of the time, grown by how far they may come: of
         all pairs that are near anywhere, none may come nearer from place to place. This
-        tells which motions are a way out; that none of them is touched is `passes`.
+        tells which motions lead away; whether they touch the person is what `passes`
+        tells.
 
         Args:
             motion: The motion in use.

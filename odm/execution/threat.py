@@ -174,11 +174,12 @@ class Threat:
         return np.arange(len(self.capsules)) if self.rows is None else self.rows
 
     def as_lately(self) -> "Threat":
-        """Return the same of a person who speeds up as they lately did, at least.
+        """Return the same of a person who speeds up at least as much as of late.
 
         Each change of velocity from frame to frame counts, `rise` times; with `noise`
-        each over 60 ms, as far as the noise shows it. What is more than plausible is a
-        fault and no person. Who does not do more than the settings say is as before.
+        each over 60 ms, as far as the noise shows it. A change beyond what is plausible
+        is a fault of the sensor and does not count. A person who keeps within the
+        settings is bounded as before.
         """
         seen = np.array([ends[self.rows_of_past] for _, ends in self.past])
         s = self.settings

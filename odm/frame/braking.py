@@ -1,4 +1,4 @@
-"""Beside a person who moves: is the path up to the stop free of where they may be?"""
+"""Whether a path up to the stop is free of all places where the person may be."""
 
 import math
 
@@ -48,7 +48,7 @@ class PathTest:
             )
         unknown = not math.isfinite(extra)
         if points is None:
-            points, classes = frame.points[: frame.heeded], frame.classes
+            points, classes = frame.points[: frame.n_given], frame.classes
             solids, kinds = frame.solids, frame.solid_classes
             unknown = unknown or frame.trouble is not None
         else:

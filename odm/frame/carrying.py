@@ -18,7 +18,7 @@ from roadmap.transforms import check_pose
 
 
 class Carrier:
-    """Exchanges what a hand holds, and what that makes of the tables.
+    """Exchanges what the hand holds, and the rows of the table that depend on it.
 
     The map's payload layer is merged with the arm's once. From then on a payload in
     hand means other rows in the planner's table: cell lists of arm and envelope, and

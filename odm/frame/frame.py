@@ -88,7 +88,8 @@ class Frame:
         q: (dof,) where the robot is.
         points: (n, 3) of the last frame, base frame [m]; copied. The samples of its
             shapes follow the points that were given.
-        heeded: How many points were given; samples only mark cells.
+        n_given: How many of the points were given; the rest are samples of shapes,
+            which only mark cells.
         obstacles: The shapes of the last frame; None where it had points alone.
         classes: (n,) of these points, or None.
         keep_from_points, keep_from_shapes: What is nearer to a sphere is too near [m].
@@ -124,7 +125,7 @@ class Frame:
         self.memory.patterns.base_world[:] = self.base_world
         self._nothing = grid.new_cloud(0)
         self.obstacles: Obstacles | None = None
-        self.heeded = 0
+        self.n_given = 0
         # the arrays that came last, as they were found good: they need no second look
         self._taken, self._taken_shape = self._nothing.xyz, (-1,)
         self._asked: np.ndarray | None = self.q
@@ -226,7 +227,7 @@ class Frame:
             self.set_sampling(covering_radius, rounding)
         if self.obstacles is not None:
             return self._take_shapes(points, stamp, now)
-        self.heeded = len(points)
+        self.n_given = len(points)
         if len(points) > len(self.memory.cloud.where):
             self.grow_clouds(2 * len(points))
         buffer = self.points
@@ -250,7 +251,7 @@ class Frame:
             memory = self.memory
         if self.watch.seen_inside and self.watch.points_inside is self.points:
             self._buffer = 1 - self._buffer
-        self.heeded = len(points)
+        self.n_given = len(points)
         room, now_seen, trouble = self._buffers[self._buffer], self.points, None
         table, data, counts = memory.table, obstacles.data, obstacles.counts
         n, odd = kernels.begin_shapes(table, points, data, counts, room), False
@@ -318,12 +319,12 @@ class Frame:
             exchange(memory, dict(zip(("solids", "patterns"), larger, strict=True)))
             write_meshes(obstacles, *larger)
 
-    def replace(self, points: np.ndarray, heeded: int | None = None) -> None:
+    def replace(self, points: np.ndarray, n_given: int | None = None) -> None:
         """Let (n, 3) points be the frame's, which no new frame has brought.
 
-        Of these the close test heeds the first `heeded`; None: as many as before.
+        The close test counts the first `n_given` of them; None: as many as before.
         """
-        self.heeded = self.heeded if heeded is None else heeded
+        self.n_given = self.n_given if n_given is None else n_given
         self._buffer_for(len(points))[...] = points
         self.mark()
 
@@ -331,17 +332,9 @@ class Frame:
         """Mark the frame's points anew: verdicts about them are void."""
         if len(self.points) > len(self.memory.cloud.where):
             self.grow_clouds(2 * len(self.points))
-        self.look_at(self.points)
-
-    def look_at(self, points: np.ndarray) -> None:
-        """Mark other points than the frame's; the frame's own go back to these.
-
-        The close test goes on to heed the frame's shapes.
-        """
-        heeded = len(points)
-        if points is self.points:  # those of the frame before, while room is made
-            heeded = min(heeded, self.heeded)
-        kernels.take_points(self.memory.table, points, heeded)
+        # while room is made the points may be those of the frame before
+        n_given = min(len(self.points), self.n_given)
+        kernels.take_points(self.memory.table, self.points, n_given)
 
     def grow_clouds(self, capacity: int) -> None:
         """Let clouds hold that many points or more; the frame's stay marked."""
@@ -349,7 +342,7 @@ class Frame:
         memory.owner.check()
         grid, capacity = self.cell_map.grid, max(capacity, len(memory.cloud.where))
         exchange(memory, {n: grid.new_cloud(capacity) for n in ("cloud", "picked")})
-        self.look_at(self.points)
+        self.mark()
 
     def _buffer_for(self, n: int) -> np.ndarray:
         """Let `points` be an array (n, 3) of our own, and return it to be filled."""
@@ -379,7 +372,7 @@ class Frame:
         sampled = [np.nan if value is None else value for value in self.sampled]
         return {
             "points": self.points.copy(),
-            "heeded": np.array(self.heeded),
+            "heeded": np.array(self.n_given),
             **self._save_solids(),
             "classes": np.zeros(0) if self.classes is None else self.classes.copy(),
             "trouble": np.array(self.trouble or ""),
@@ -394,14 +387,14 @@ class Frame:
         self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
         self.q[:] = saved["q"]
         classes = saved["classes"]
-        heeded = int(saved["heeded"])
-        self.classes = classes.copy() if len(classes) == heeded else None
+        n_given = int(saved["heeded"])  # as files have called it
+        self.classes = classes.copy() if len(classes) == n_given else None
         self.trouble = str(saved["trouble"]) or None
         told = [None if np.isnan(value) else value for value in saved["sampled"]]
         self.set_sampling(*told)
         self.memory.numbers.frame[0] -= 1  # which marking adds
         self._load_solids(saved)
-        self.replace(saved["points"], heeded)
+        self.replace(saved["points"], n_given)
         self.direct.clear()
         self.memory.direct.frame[:] = saved["counted_in"]
 
@@ -469,7 +462,7 @@ class Frame:
 
         Where there are shapes alone, which need no covering radius, it is less.
         """
-        bare = self.heeded == 0 and self.memory.solids.count.item() > 0
+        bare = self.n_given == 0 and self.memory.solids.count.item() > 0
         return self.keep_from_shapes if bare else self.keep_from_points
 
     @property
@@ -573,7 +566,7 @@ class Frame:
         return self.memory.cloud
 
     def nearest(self, q: np.ndarray) -> Near:
-        """Return what of the frame is nearest at q, by how much it must keep."""
+        """Return the point or shape with the least distance to spare from q."""
         q, test = np.ascontiguousarray(q), self.close_test
         found = Near(math.inf, self.keep, None, None, -1)
         for cloud, solids, keep in (

@@ -63,7 +63,7 @@ def is_free(
         text = f"the last frame could not be used: {frame.trouble}"
         return Freedom(False, "frame", text)
     if phase is not None:
-        points = frame.points[: frame.heeded]
+        points = frame.points[: frame.n_given]
         last_phase.look(phase, points, frame.classes, frame.solids, frame.solid_classes)
         hit = last_phase.hit(frame.cover(), ends[0], dq)
         if hit is None:

@@ -1,13 +1,13 @@
 """The last phase: what the hand may touch when it gives or receives.
 
 The search avoids all points with all layers. The last centimetres are proved by the
-close test alone, and there a class of points is heeded by layers:
+close test alone, and there a class of points counts for some layers only:
 
 * give: of `contact` points, the receiving hand, the payload may touch any;
 * receive: of `object` points, what is about to be grasped, the finger pads may;
 * the rest of the gripper keeps `GRIPPER_KEEPS` from them, the arm its whole clearance.
 
-All other points are heeded as ever: by the arm, the gripper and the payload.
+All other points count as ever: for the arm, the gripper and the payload.
 """
 
 import numpy as np

@@ -12,7 +12,6 @@ from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.static import Place, StaticTest
 from odm.frame import _place as kernels
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles import _world_frame as layers
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import MESH, Solids
@@ -334,5 +333,5 @@ class PlaceItems:
         points = np.ascontiguousarray(points)
         occupancy.mark_points(points, cloud)
         if static.extra > 0.0:
-            layers.dilate_points(points, static.extra, cloud)
+            occupancy.dilate_points(points, static.extra, cloud)
         return cloud

@@ -6,7 +6,7 @@ person who stands there does, too, so two things tell them apart (decision 0029)
 
 * most points are farther away than anything in a robot's cell ever is, or
 * all points are outside, though so short a time ago some were deeper inside than anyone
-  gets out of the grid in that time. Who has had the time may have left.
+  gets out of the grid in that time. A person who has had that time may have left.
 """
 
 import math

@@ -30,4 +30,4 @@ class Cloud(NamedTuple):
 
 
 N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, IS_SORTED = 0, 1, 2, 3, 4
-N_HEEDED, N_LISTED = 5, 6
+N_GIVEN, N_LISTED = 5, 6

@@ -8,7 +8,7 @@ from numba import njit
 from odm.obstacles._cloud import (
     IS_SORTED,
     N_BAD,
-    N_HEEDED,
+    N_GIVEN,
     N_INSIDE,
     N_LISTED,
     N_OCCUPIED,
@@ -31,13 +31,13 @@ def mark_points(points, cloud):
     for k in range(cloud.counts.shape[0]):
         cloud.counts[k] = 0
     mark_more(points, 0, points.shape[0], cloud)
-    cloud.counts[N_HEEDED] = points.shape[0]
+    cloud.counts[N_GIVEN] = points.shape[0]
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
 
 
 @njit(**INNER)
 def mark_more(points, begin, end, cloud):
-    """Mark the cells of points[begin:end], too; the close test does not heed them."""
+    """Mark the cells of points[begin:end], too, for the test by cells alone."""
     flat, where = points.reshape(-1)[3 * begin : 3 * end], cloud.where[begin:end]
     outside, bad = find_cells(flat, where, cloud.origin, cloud.h, cloud.shape)
     words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
@@ -108,6 +108,71 @@ def find_cells(flat, where, origin, h, shape):
     return outside, bad
 
 
+@njit(**INNER)
+def add_cell(b, bit, cloud):
+    """Occupy a cell."""
+    if cloud.words[b] == 0:
+        count = cloud.counts[N_OCCUPIED]
+        cloud.occupied[count] = b
+        cloud.slot[b] = count
+        cloud.counts[N_OCCUPIED] = count + 1
+    cloud.words[b] |= np.uint64(1) << np.uint64(bit)
+
+
+@njit(**LEAN)
+def dilate_points(points, extra, cloud):
+    """Occupy every cell whose cube comes within `extra` of a marked frame's points.
+
+    A point outside the grid, but as near as that, counts as one of the nearest cell:
+    it is inside from here on.
+    """
+    inv = 1.0 / cloud.h
+    r = extra * inv + 1e-9
+    ox, oy, oz = cloud.origin[0], cloud.origin[1], cloud.origin[2]
+    ny, nz = cloud.shape[1], cloud.shape[2]
+    tx, ty, tz = 4 * cloud.shape[0], 4 * ny, 4 * nz
+    for i in range(points.shape[0]):
+        x = (points[i, 0] - ox) * inv
+        y = (points[i, 1] - oy) * inv
+        z = (points[i, 2] - oz) * inv
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            continue
+        gx = max(0.0, max(-x, x - tx))
+        gy = max(0.0, max(-y, y - ty))
+        gz = max(0.0, max(-z, z - tz))
+        if gx * gx + gy * gy + gz * gz > r * r:
+            continue
+        if cloud.where[i] < 0:
+            ix = min(max(int(math.floor(x)), 0), tx - 1)
+            iy = min(max(int(math.floor(y)), 0), ty - 1)
+            iz = min(max(int(math.floor(z)), 0), tz - 1)
+            b = ((ix >> 2) * ny + (iy >> 2)) * nz + (iz >> 2)
+            bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
+            add_cell(b, bit, cloud)
+            cloud.where[i] = (b << 6) | bit
+            cloud.counts[N_OUTSIDE] -= 1
+            cloud.counts[N_INSIDE] += 1
+        x0, x1 = max(int(math.floor(x - r)), 0), min(int(math.floor(x + r)), tx - 1)
+        y0, y1 = max(int(math.floor(y - r)), 0), min(int(math.floor(y + r)), ty - 1)
+        for ix in range(x0, x1 + 1):
+            dx = max(0.0, max(ix - x, x - ix - 1.0))
+            for iy in range(y0, y1 + 1):
+                dy = max(0.0, max(iy - y, y - iy - 1.0))
+                rest = r * r - dx * dx - dy * dy
+                if rest < 0.0:
+                    continue
+                w = math.sqrt(rest)
+                z0 = max(int(math.floor(z - w)), 0)
+                z1 = min(int(math.floor(z + w)), tz - 1)
+                column = ((ix >> 2) * ny + (iy >> 2)) * nz
+                row = ((ix & 3) << 4) | ((iy & 3) << 2)
+                for iz in range(z0, z1 + 1):
+                    add_cell(column + (iz >> 2), row | (iz & 3), cloud)
+    # a point from outside is in a block that was added last
+    cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
+    return cloud.counts[N_BAD]
+
+
 @njit(**LEAN)
 def count_beyond(points, limit):
     """Return how many of points (n, 3) have a coordinate larger than `limit`."""
@@ -134,7 +199,7 @@ def deepest(points, cloud):
 @njit(**LEAN)
 def sort_points(points, cloud):
     """Lay the marked points out by block, once a frame and only when asked for."""
-    n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_HEEDED]
+    n_occupied, n_points = cloud.counts[N_LISTED], cloud.counts[N_GIVEN]
     start, slot, order = cloud.start, cloud.slot, cloud.order
     where = cloud.where[:n_points]
     for k in range(n_occupied + 1):

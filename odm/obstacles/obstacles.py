@@ -65,7 +65,7 @@ class Obstacles:
         BadInput: An array of another shape, or a name or class too many.
     """
 
-    # no others: a name with a slip, written to each frame, would be heeded by nobody
+    # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
         "_meshes", "_points", "_size", "_views", "classes", "counts", "data", "labels",
         "poses", "shape_classes",
@@ -415,7 +415,7 @@ def some_of(solids: Solids, chosen: np.ndarray) -> Solids:
 
 
 def together(groups: Sequence[Solids]) -> tuple[Solids, np.ndarray]:
-    """Return the shapes of all groups, copied, and (groups + 1,) whose they are."""
+    """Return copies of all groups' shapes, and (groups + 1,) where each begins."""
     counts = [group.count.item() for group in groups]
     ptr = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     pairs = list(zip(groups, counts, strict=True))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odm.obstacles import _world_frame as layers
+from odm.obstacles._world_frame import place
 from roadmap.arrays import frozen
 from roadmap.transforms import check_pose
 
@@ -40,7 +40,7 @@ class WorldFrame:
         if n > len(self._room):
             self._room = np.zeros((2 * n, 3))
         out = self._room[:n]
-        layers.place(p_world, self.T_base_world, out)
+        place(p_world, self.T_base_world, out)
         return out
 
     def pose(self, T_world: np.ndarray) -> np.ndarray:

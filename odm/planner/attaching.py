@@ -397,8 +397,8 @@ class Attacher:
         looked = waiting[leads_on][:looks]
         if not len(looked):
             return 0, 0
-        table, points = self.frame.memory.table, self.frame.points
-        n = judge.clear_nodes(table, points, q, looked, len(looked), self._chosen)
+        table = self.frame.memory.table
+        n = judge.clear_nodes(table, q, looked, len(looked), self._chosen)
         free = self._chosen[:n].copy()
         others = waiting[~np.isin(waiting, looked)]
         blocked = looked[~np.isin(looked, free)]
@@ -552,7 +552,7 @@ class Attacher:
     @property
     def can_wait_for_cells(self) -> bool:
         """Whether the frame has shapes alone, whose close test costs little."""
-        return self._asks_close_test and self.frame.heeded == 0
+        return self._asks_close_test and self.frame.n_given == 0
 
     @property
     def _asks_close_test(self) -> bool:
@@ -599,12 +599,12 @@ class Attacher:
         """Return whether the frame leaves the motion from the start to a goal free."""
         frame, q = self.frame, self.q_attached
         dq = frame.difference(q, goal)
-        return judge.close_free(frame.memory.table, frame.points, q, dq)
+        return judge.close_free(frame.memory.table, q, dq)
 
     def _attach_direct(self, known: np.ndarray | None = None) -> None:
         """Sweep the straight motions from the attached start to the goals.
 
-        Of a bare start those alone that the frame leaves free: cells calm.
+        Where the start has no cells yet, only motions that this frame leaves free.
 
         known: (g,) references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
@@ -762,8 +762,8 @@ class Attacher:
         """
         frame = self.frame
         ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
-        table, points = frame.memory.table, frame.points
-        n = judge.clear_nodes(table, points, q, ids, _MOVING_NODES, self._chosen)
+        table = frame.memory.table
+        n = judge.clear_nodes(table, q, ids, _MOVING_NODES, self._chosen)
         good, refused = [], []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])

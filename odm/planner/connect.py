@@ -144,7 +144,7 @@ class Connector:
         return bool((corners[:, None] == self.found.vertex.ravel()).any())
 
     def improve(self, budget: int) -> int:
-        """Go on searching for the frame that was held; return whether it found a path.
+        """Go on with the search of a frame that held; return whether it has a path.
 
         The next frame takes it, if it is free then. `budget` counts motions.
         """
@@ -177,7 +177,7 @@ class Connector:
             self._root, self.looked = b"", 0
             self.trees.count[0] = 0
         # before all that it takes to search: most frames that hold end here
-        if not ends_free(frame.memory.table, frame.points):
+        if not ends_free(frame.memory.table):
             self._asked = -1
             return False
         if q != self._root:
@@ -186,9 +186,7 @@ class Connector:
                 return False
             self._root = q
         static = frame.static
-        problem = kernels.Problem(
-            frame.memory.table, frame.points, static.still(), static.scratch()
-        )
+        problem = kernels.Problem(frame.memory.table, static.still(), static.scratch())
         if not kernels.plant(problem):
             self._asked = -1
             return False
@@ -277,7 +275,7 @@ class Connector:
     def _from(self, k: int, rank: int, q: np.ndarray, joins: bool) -> FoundPath | None:
         """Return found path k, or the rest of it with a leg from q; None: not free."""
         frame, found, n = self.frame, self.found, self.found.count.item(k)
-        first = kernels.free_from(frame.memory.table, frame.points, k)
+        first = kernels.free_from(frame.memory.table, k)
         if first < 0:
             return None
         vertex, corners = found.vertex[k, :n], found.q[k, :n]

@@ -96,12 +96,12 @@ class Decision:
 
     @property
     def waits(self) -> bool:
-        """Whether paths that is free only now are not taken now."""
+        """Whether a path that is free only now has to wait for more frames."""
         return self._numbers.frames_to_persist.item() > 0
 
     @property
     def patience(self) -> int:
-        """Frames that such a path must be there after one was blocked."""
+        """Frames in a row that a path must be free, after another was blocked."""
         return 0 if self._always else self._patience
 
     def see(self, q: np.ndarray, now: float | None) -> None:
@@ -109,31 +109,29 @@ class Decision:
         self.only_seen = True
         step.notice(self._memory.table, q, _NO_TIME if now is None else now)
 
-    def decide(self, points: np.ndarray, q: np.ndarray, now: float | None) -> int:
+    def decide(self, q: np.ndarray, now: float | None) -> int:
         """Answer a frame that can be used: what `respond` returns."""
         attacher, self.only_seen, self.joined = self.attacher, False, False
         if self.new_goals or (attacher.without_cells and not self.path.followed):
             self._join_ahead(q)
         now = _NO_TIME if now is None else now
-        said = step.respond(self._memory.table, points, q, now)
+        said = step.respond(self._memory.table, q, now)
         code = said % _SEGMENT
         if code <= _PLANNED:
             return said
-        return self._decide(said, code, points, q, now)
+        return self._decide(said, code, q, now)
 
-    def _decide(
-        self, said: int, code: int, points: np.ndarray, q: np.ndarray, now: float
-    ) -> int:
+    def _decide(self, said: int, code: int, q: np.ndarray, now: float) -> int:
         """Join q to what it needs, and answer again."""
         if code == step.OFF_PATH:
-            said, code = self._beside(points, q, now)
+            said, code = self._beside(q, now)
         joined = code == step.NOT_ATTACHED and self._join(NOT_JOINED, q)
         if joined:
-            said, code = self._again(points, q, now)
+            said, code = self._again(q, now)
         if code == step.NO_PATH and self._may_lead_on():
             again = not joined and self.attacher.lacks_start  # once a frame
             if self._join(NO_PATH, q) or (again and self._join_start()):
-                said, code = self._again(points, q, now)
+                said, code = self._again(q, now)
         if code == step.BETTER:
             ago = self.frame.number - self._looked
             if ago <= step.BETTER_EVERY and self.robot == STANDS:
@@ -142,7 +140,7 @@ class Decision:
             # are no nodes
             self._join(BETTER_GOAL, q)
             self._numbers.wish[0] = 1
-            said = step.respond(self._memory.table, points, q, now)
+            said = step.respond(self._memory.table, q, now)
         return said
 
     def _join_start(self) -> bool:
@@ -172,20 +170,19 @@ class Decision:
     def again(self, now: float | None) -> int:
         """Answer the frame anew: what `respond` returns; `now` as in `decide`."""
         q, now = self._memory.robot_state.q, _NO_TIME if now is None else now
-        return self._again(self.frame.points, q, now)[0]
+        return self._again(q, now)[0]
 
     def _may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""
-        table, points = self._memory.table, self.frame.points
-        return len(self.attacher.goals) > 0 and ends_free(table, points)
+        return len(self.attacher.goals) > 0 and ends_free(self._memory.table)
 
-    def _again(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
-        said = step.respond(self._memory.table, points, q, now)
+    def _again(self, q: np.ndarray, now: float) -> tuple[int, int]:
+        said = step.respond(self._memory.table, q, now)
         if said % step.SEGMENT == step.OFF_PATH:
-            return self._beside(points, q, now)
+            return self._beside(q, now)
         return said, said % step.SEGMENT
 
-    def _beside(self, points: np.ndarray, q: np.ndarray, now: float) -> tuple[int, int]:
+    def _beside(self, q: np.ndarray, now: float) -> tuple[int, int]:
         """Test the motions from q, beside its segment, and answer.
 
         Of the candidate first, then of the path in use, if that is not free.
@@ -193,7 +190,7 @@ class Decision:
         for _ in range(2):
             waits = self._numbers.candidate.item() and not self._always
             (self.attacher.candidate if waits else self.path).certify_off_path(q)
-            said = step.respond(self._memory.table, points, q, now)
+            said = step.respond(self._memory.table, q, now)
             if said % step.SEGMENT != step.OFF_PATH:
                 break
         return said, said % step.SEGMENT
@@ -223,8 +220,7 @@ class Decision:
 
     def sees_better_goal(self) -> bool:
         """Return whether a goal of better rank keeps its distance from the points."""
-        table, points = self._memory.table, self.frame.points
-        return bool(step.better_goal_stands_clear(table, points))
+        return bool(step.better_goal_stands_clear(self._memory.table))
 
     def _join(self, case: str, q: np.ndarray, robot: str | None = None) -> bool:
         """Join q to the roadmap as `JOIN` says; return whether it was."""

@@ -94,7 +94,7 @@ class Improver:
     def _look(self, ahead: np.ndarray | None) -> int:
         """Search a better path than the one in use; return 1 where it is offered."""
         frame = self.frame
-        found = bool(step.offer_better(frame.memory.table, frame.points))
+        found = bool(step.offer_better(frame.memory.table))
         if found and ahead is not None and self.candidate.locate(ahead)[0] < 0:
             self.candidate.withdraw()  # the path up to there stays
             return 0

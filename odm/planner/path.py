@@ -188,7 +188,7 @@ class PathInUse:
 
 
 class CandidatePath(PathInUse):
-    """What improves the path in use between frames: a path for the next frame to test.
+    """A changed copy of the path in use, made between frames; the next frame tests it.
 
     At first it is the path in use, segment by segment; changes are made to it. Only a
     frame that finds it free makes it the path in use, which is kept until then.

@@ -179,11 +179,11 @@ class ReactivePlanner:
         return self._memory
 
     def take_over(self) -> None:
-        """Make the planner this thread's own, while no call of it runs elsewhere.
+        """Let this thread use the planner, while no call of it runs in another thread.
 
-        From then on the thread that had it is refused, until it takes it over again.
-        Whoever hands a planner on sees to it that its last call has ended: nothing
-        here waits for that.
+        From then on the thread that used the planner before is refused, until that
+        thread takes it over again. The caller must see to it that the last call there
+        has ended: nothing here waits for it.
         """
         self._memory.owner.take_over()
 
@@ -462,11 +462,11 @@ class ReactivePlanner:
         if self.attacher.is_stale:
             self.attacher.forget_all()
         marked = frame.take(points, covering_radius, rounding, stamp, now)
-        shapes = frame.obstacles is not None and frame.heeded == 0
+        shapes = frame.obstacles is not None and frame.n_given == 0
         times, closed = (begun, marked), closed or labels is not None or shapes
         if frame.trouble is not None:
             return self._hold(times, closed, frame.trouble)
-        said = self.decision.decide(frame.points, q, now)
+        said = self.decision.decide(q, now)
         if said % _SEGMENT > _PLANNED:
             return self._beyond(q, said, times, closed, now)
         return self._say(q, said, times, closed)
@@ -606,10 +606,10 @@ class ReactivePlanner:
         """Better the path between two frames; return how many changes were found.
 
         Call it after the answer was sent. It looks for a better goal and a shorter
-        path, and makes the path in use quicker. What it finds is a candidate: the next
-        frame takes it if it is free then, and else goes on as before. After a frame
-        that was held for want of a path it goes on searching for one instead, and
-        returns 1 where it found one.
+        path, and makes the path in use quicker. A path that was found is a candidate:
+        the next frame takes that path if it is free then, and otherwise goes on as
+        before. After a frame that held because there was no path, `improve` goes on
+        with that search instead, and returns 1 where a path was found.
 
         Args:
             budget: Tests of motions and searches at most. Same frames and budgets, same
@@ -775,7 +775,7 @@ class ReactivePlanner:
 
     @property
     def held_by(self) -> str | None:
-        """How what is attached is heeded: "payload layer", "close test", or None."""
+        """What tests the attached object: "payload layer", "close test", or None."""
         if self.frame.thing is None:
             return None
         return CLOSE_TEST if self.cell_map.payload is None else LAYER

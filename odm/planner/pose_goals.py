@@ -73,9 +73,9 @@ class GoalReport:
 class PoseGoals:
     """Turns tool poses into goals.
 
-    Descents start from the roadmap nodes whose tools are nearest to the pose: they
-    keep clear of the robot itself and of the recipe's scenery, and so mostly does what
-    is reached from them in few steps. Where the frame's obstacles are known, solutions
+    Descents start from the roadmap nodes whose tools are nearest to the pose: such a
+    node keeps clear of the robot itself and of the recipe's scenery, and a solution a
+    few steps away mostly does, too. Where the frame's obstacles are known, solutions
     that stand clear of them come first; then those with the least way from the robot.
 
     Args:

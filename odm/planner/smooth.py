@@ -4,10 +4,10 @@ A roadmap leads over its nodes, which lie where chance put them. A straight moti
 one point of the path to another may replace what lies between (Geraerts and Overmars
 2007, shortcut), or a corner is pulled towards the straight line past it. What is gained
 is counted in time: of the legs at the joints' speed, and of the corners, in which the
-joints must change their speeds. Near who moves a robot is slowed, so that new legs keep
-more distance from points than they must, unless they save much. They keep their cells
-with them, so that later frames judge them as they judge an edge, and are not where the
-obstacles have lately been.
+joints must change their speeds. Near a person who moves the robot is slowed. So new
+legs keep more distance from points than they must, unless they save much time. They
+keep their cells with them, so that later frames judge them as they judge an edge, and
+are not where the obstacles have lately been.
 """
 
 from typing import NamedTuple

@@ -124,7 +124,7 @@ def add_starts(state, starts, h, low, high):
 
 
 @njit(**INNER)
-def verify(state, points, starts, entry, only):
+def verify(state, starts, entry, only):
     """Return FREE where the motion of an entry and its vertex are; BLOCKED, HOPELESS.
 
     The node is asked first: its verdict settles all the entries that lead into it.
@@ -140,14 +140,14 @@ def verify(state, points, starts, entry, only):
         g, a = v - n, -2 - ref
         if search.e_from[entry] < 0 or goals.memo[g, a] != 4 * frame + MAYBE:
             return FREE
-        if goal_motion_clear(state, points, g, a):
+        if goal_motion_clear(state, g, a):
             return FREE
         return BLOCKED if can_enter(state, g) or only < 0 else HOPELESS
     if ref <= EDGE_BASE:
         return FREE if item_free(state, n + EDGE_BASE - ref) else BLOCKED
     k = -2 - ref
     if starts.memo[k] == 4 * frame + MAYBE:
-        start_clear(state, points, starts, k)
+        start_clear(state, starts, k)
     return FREE if starts.memo[k] == 4 * frame + FREE else BLOCKED
 
 
@@ -319,7 +319,7 @@ def flood(state, starts, low, high):
 
 
 @njit(**INNER)
-def a_star(state, points, starts, only):
+def a_star(state, starts, only):
     """Search from the robot by its start motions to goal `only` (-1: any, with costs).
 
     starts.memo holds the frame's verdict of each start motion: free, or maybe, then
@@ -354,7 +354,7 @@ def a_star(state, points, starts, only):
         v = search.e_node[entry]
         if search.done[v] == run:
             continue
-        verdict = verify(state, points, starts, entry, only)
+        verdict = verify(state, starts, entry, only)
         if verdict == HOPELESS:
             numbers.exhausted[0] = 0
             break

@@ -44,7 +44,6 @@ class Problem(NamedTuple):
     """What motions are tested against."""
 
     state: np.ndarray  # the planner's table
-    points: np.ndarray  # (n, 3) of the frame
     still: Still
     scratch: tuple  # of the self-collision
 
@@ -129,7 +128,7 @@ def work_done(problem):
 @njit(**INNER)
 def passes(problem, q, dq):
     """Return whether a motion within the limits passes all other tests."""
-    if not close_free(problem.state, problem.points, q, dq):
+    if not close_free(problem.state, q, dq):
         return False
     view(problem.state, "trees").static[0] += 1
     return motion_free(problem.still, q, dq, problem.scratch)
@@ -142,7 +141,7 @@ def certify(problem, q, dq, q_to):
     Both ends are within limits, so all of it is. The end is looked at first: most
     motions of a search that are blocked are blocked there.
     """
-    return stands_free(problem.state, problem.points, q_to) and passes(problem, q, dq)
+    return stands_free(problem.state, q_to) and passes(problem, q, dq)
 
 
 @njit(**INNER)
@@ -204,11 +203,11 @@ def is_still_free(problem, side, branch):
     if trees.seen[side, branch] == now:
         return True
     end = trees.q[side, branch]
-    free = stands_free(problem.state, problem.points, end)
+    free = stands_free(problem.state, end)
     if free and parent >= 0:
         begin = trees.q[side, parent]
         displacement(begin, end, robot.continuous, trees.dq)
-        free = close_free(problem.state, problem.points, begin, trees.dq)
+        free = close_free(problem.state, begin, trees.dq)
     if free:
         trees.seen[side, branch] = now
     else:
@@ -238,7 +237,7 @@ def add_root(problem, side, q, parent):
     new = trees.count[side]
     if new == trees.parent.shape[1]:
         return False
-    if not stands_free(problem.state, problem.points, q):
+    if not stands_free(problem.state, q):
         return False
     copy_row(q, trees.q[side, new])
     trees.parent[side, new] = parent
@@ -446,7 +445,7 @@ def merge(problem):
 
 
 @njit(**LEAN)
-def free_from(state, points, k):
+def free_from(state, k):
     """Return the corner from which found path k is free to its end; -1: from none.
 
     Where only its last corner is left, that is none.
@@ -458,9 +457,7 @@ def free_from(state, points, k):
         ref, begin = found.ref[k, first - 1], found.q[k, first - 1]
         for j in range(begin.shape[0]):
             robot.dq[j] = found.q[k, first, j] - begin[j]
-        if not ref_free(state, ref) and not part_free(
-            state, points, ref, begin, robot.dq
-        ):
+        if not ref_free(state, ref) and not part_free(state, ref, begin, robot.dq):
             break
         first -= 1
     return first if first < last else -1

@@ -5,20 +5,19 @@ from numba import njit
 
 from odm.obstacles._cloud import (
     N_BAD,
-    N_HEEDED,
+    N_GIVEN,
     N_INSIDE,
     N_LISTED,
     N_OCCUPIED,
     N_OUTSIDE,
 )
-from odm.obstacles._occupancy import clear, mark_more
+from odm.obstacles._occupancy import clear, dilate_points, mark_more
 from odm.obstacles._solid_samples import (
     FINE,
     lay_patterns,
     take_solids,
     write_samples,
 )
-from odm.obstacles._world_frame import dilate_points
 from odm.search._astar import a_star
 from odm.search._items import sign_frame
 from odm.search._judge import (
@@ -32,7 +31,7 @@ from odm.search._judge import (
 )
 from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
-from odm.search._state import view
+from odm.search._state import show, view
 from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 
@@ -48,18 +47,20 @@ ODD = 1 << 40  # added to the number of points where these cannot be used as the
 
 
 @njit(**LEAN)
-def take_points(state, points, heeded):
+def take_points(state, points, n_given):
     """Begin a frame: forget the old points, mark the new; return how many are bad.
 
-    The close test heeds the first `heeded` of them; the others are samples of shapes,
-    which it knows as they are.
+    The close test counts the first `n_given` of them; the others are samples of shapes,
+    whose exact distance it takes. All loops take the points from the group `seen`, so
+    they must stay where they are until the next frame.
     """
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
+    show(state, "seen", points)
     clear(cloud)
-    mark_more(points, 0, heeded, cloud)
-    cloud.counts[N_HEEDED] = heeded
+    mark_more(points, 0, n_given, cloud)
+    cloud.counts[N_GIVEN] = n_given
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
-    mark_more(points, heeded, points.shape[0], cloud)
+    mark_more(points, n_given, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
     sign_frame(cloud, view(state, "graph").region, view(state, "search").signature)
@@ -91,7 +92,7 @@ def begin_shapes(state, given, data, counts, room):
 
     Args:
         state: The table.
-        given: (n, 3) points that the close test heeds.
+        given: (n, 3) points that count in the close test.
         data: Rows of the shapes; see `take_solids`.
         counts: (5,) how many there are of each kind.
         room: (m, 3) where all points go.
@@ -122,12 +123,12 @@ def begin_shapes(state, given, data, counts, room):
 
 
 @njit(**INNER)
-def plan(state, points, starts, start_vertex, most, last):
+def plan(state, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.
 
     With costs to all of them. Of motions whose cells are occupied the close test is
-    asked about `most` at either end. Where numbers.heed is 1, cells that are to be wary
-    of cost a toll. Returns True and writes the path `found_path` when one was found.
+    asked about `most` at either end. Where numbers.avoid_history is 1, cells where the
+    obstacles have lately been cost a toll. True where `found_path` is a path.
     """
     goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
     judged = any_start = False
@@ -135,7 +136,7 @@ def plan(state, points, starts, start_vertex, most, last):
     leaves = True  # the start may be left by one of its motions
     avoid_history = view(state, "numbers").avoid_history[0] == 1
     for g in range(goals.count[0] if joint else last):
-        straight = judge_direct(state, points, g)
+        straight = judge_direct(state, g)
         # one that is to be wary of is but a path among others
         if straight and not joint:
             if not (
@@ -153,12 +154,12 @@ def plan(state, points, starts, start_vertex, most, last):
             continue
         entry = -1
         if any_start and can_enter:
-            entry = a_star(state, points, starts, g)
+            entry = a_star(state, starts, g)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
         if entry < 0:
-            offered = offer(state, points, starts, g, any_start, can_enter, most)
+            offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
                 return False
             if offered == NO_ENTRY:
@@ -168,7 +169,7 @@ def plan(state, points, starts, start_vertex, most, last):
                 continue
             any_start = True
             if offered == SEARCH:
-                entry = a_star(state, points, starts, g)
+                entry = a_star(state, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
         if entry >= 0 and write_path(state, starts, entry, start_vertex):
             take_shortcuts(state)
@@ -177,7 +178,7 @@ def plan(state, points, starts, start_vertex, most, last):
         return False
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, points, starts, np.int64(-1))  # compiled once, as an int64
+    entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
     if entry >= 0 and write_path(state, starts, entry, start_vertex):
         take_shortcuts(state)
         return True
@@ -185,24 +186,24 @@ def plan(state, points, starts, start_vertex, most, last):
 
 
 @njit(**INNER)
-def offer(state, points, starts, g, any_start, can_enter, most):
+def offer(state, starts, g, any_start, can_enter, most):
     """Offer motions whose cells are occupied to the search; see SEARCH and its like.
 
     `any_start`, `can_enter`: there is a motion from the start, or into goal g, whose
     cells are free.
     """
-    if not any_start and not stands_free(state, points, view(state, "robot_state").q):
+    if not any_start and not stands_free(state, view(state, "robot_state").q):
         return HOPELESS
     if not can_enter:
-        if not stands_free(state, points, view(state, "goals").q[g]):
+        if not stands_free(state, view(state, "goals").q[g]):
             return NO_ENTRY
-        if not open_goal(state, points, g, most):
+        if not open_goal(state, g, most):
             return NO_ENTRY
     if not any_start:
         return SEARCH if offer_starts(state, starts, most) > 0 else NO_EXIT
     if not can_enter:
         return SEARCH
-    opened = open_goal(state, points, g, most)
+    opened = open_goal(state, g, most)
     opened = offer_starts(state, starts, most) > 0 or opened
     return SEARCH if opened else NOTHING
 

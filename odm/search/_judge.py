@@ -26,6 +26,15 @@ SORTED_AFTER = 2  # close tests in a frame: then to sort its points costs less
 
 
 @njit(**INNER)
+def sorted_cloud(state):
+    """Return the frame's points laid out for the close test: once a frame."""
+    cloud = view(state, "cloud")
+    if cloud.counts[IS_SORTED] == 0:
+        sort_points(view(state, "seen").points, cloud)
+    return cloud
+
+
+@njit(**INNER)
 def place_free(state, cloud, q):
     """Return True if a configuration keeps its distance from points and shapes."""
     view(state, "stats").close[0] += 1
@@ -33,12 +42,9 @@ def place_free(state, cloud, q):
 
 
 @njit(**LEAN)
-def close_free(state, points, q, dq):
+def close_free(state, q, dq):
     """Run the close test of a motion against all of the frame's points."""
-    cloud = view(state, "cloud")
-    if cloud.counts[IS_SORTED] == 0:
-        sort_points(points, cloud)
-    return near_free(state, cloud, q, dq)
+    return near_free(state, sorted_cloud(state), q, dq)
 
 
 @njit(**INNER)
@@ -56,7 +62,7 @@ def pick_item(picked, words, graph, item):
 
 
 @njit(**INNER)
-def pick_ref(state, points, ref):
+def pick_ref(state, ref):
     """Return the points inside the cells of a motion's item: all that can block it.
 
     An edge's cells are those of its list and of its two nodes. Without an item, all
@@ -67,11 +73,9 @@ def pick_ref(state, points, ref):
     if cloud.counts[N_LISTED] == 0:
         return cloud  # shapes alone
     if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
-        if cloud.counts[IS_SORTED] == 0:
-            sort_points(points, cloud)
-        return cloud
-    if cloud.counts[IS_SORTED] == 0 and view(state, "stats").close[0] >= SORTED_AFTER:
-        sort_points(points, cloud)
+        return sorted_cloud(state)
+    if view(state, "stats").close[0] >= SORTED_AFTER:
+        sorted_cloud(state)
     picked = view(state, "picked")
     forget_cells(picked)
     if ref >= 0:
@@ -85,7 +89,7 @@ def pick_ref(state, points, ref):
         a, b = np.int64(graph.edges[edge, 0]), np.int64(graph.edges[edge, 1])
         for item in (n + edge, a, b):
             pick_item(picked, cloud.words, graph, item)
-    pick_points(picked, cloud, points)
+    pick_points(picked, cloud, view(state, "seen").points)
     return picked
 
 
@@ -107,9 +111,9 @@ def where_blocked(state, near, q, dq, blocked_at):
 
 
 @njit(**INNER)
-def part_free(state, points, ref, q, dq):
+def part_free(state, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
-    return near_free_again(state, pick_ref(state, points, ref), q, dq)
+    return near_free_again(state, pick_ref(state, ref), q, dq)
 
 
 @njit(**INNER)
@@ -123,7 +127,7 @@ def ref_free(state, ref):
 
 
 @njit(**INNER)
-def rest_free(state, points, path, segment, q):
+def rest_free(state, path, segment, q):
     """Test what is left of a path from q on its `segment`; return the bad one or -1.
 
     From off the segment the motion to its end is no part of what was certified: no
@@ -143,7 +147,7 @@ def rest_free(state, points, path, segment, q):
         begin = q if k == segment else path.q[k]
         for j in range(q.shape[0]):
             robot.dq[j] = path.q[k + 1, j] - begin[j]
-        if not part_free(state, points, ref, begin, robot.dq):
+        if not part_free(state, ref, begin, robot.dq):
             return k
     return -1
 
@@ -203,11 +207,11 @@ def can_leave(state, starts):
 
 
 @njit(**INNER)
-def start_clear(state, points, starts, k):
+def start_clear(state, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
     robot, nodes = view(state, "robot_state"), view(state, "graph").nodes
     displacement(robot.q, nodes[starts.node[k]], robot.continuous, robot.dq)
-    near = pick_ref(state, points, starts.ref[k])
+    near = pick_ref(state, starts.ref[k])
     blocked_at = where_blocked(state, near, robot.q, robot.dq, starts.blocked_at[k])
     starts.blocked_at[k] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
@@ -216,7 +220,7 @@ def start_clear(state, points, starts, k):
 
 
 @njit(**LEAN)
-def clear_nodes(state, points, q, ids, most, kept):
+def clear_nodes(state, q, ids, most, kept):
     """Write to `kept` the nodes of `ids` that q can go to in this frame, in order.
 
     For a robot that moves: at most `most` of them. A node counts where its cells are
@@ -230,7 +234,7 @@ def clear_nodes(state, points, q, ids, most, kept):
         if not item_free(state, ids[k]):
             continue
         displacement(q, nodes[ids[k]], robot.continuous, robot.dq)
-        if close_free(state, points, q, robot.dq):
+        if close_free(state, q, robot.dq):
             kept[n] = ids[k]
             n += 1
     return n
@@ -257,12 +261,12 @@ def can_enter(state, g):
 
 
 @njit(**INNER)
-def goal_motion_clear(state, points, g, a):
+def goal_motion_clear(state, g, a):
     """Run the close test of attachment a of goal g; its verdict is remembered."""
     goals, robot = view(state, "goals"), view(state, "robot_state")
     q = view(state, "graph").nodes[goals.node[g, a]]
     displacement(q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, points, goals.ref[g, a])
+    near = pick_ref(state, goals.ref[g, a])
     blocked_at = where_blocked(state, near, q, robot.dq, goals.blocked_at[g, a])
     goals.blocked_at[g, a] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
@@ -271,7 +275,7 @@ def goal_motion_clear(state, points, g, a):
 
 
 @njit(**INNER)
-def open_goal(state, points, g, most):
+def open_goal(state, g, most):
     """Look for a blocked motion into g that the close test finds free; True if any.
 
     Up to `most` are tested until one is free; those after it are marked MAYBE, and
@@ -291,36 +295,33 @@ def open_goal(state, points, g, most):
             if any_:
                 goals.memo[g, a] = 4 * frame + MAYBE
             else:
-                any_ = goal_motion_clear(state, points, g, a)
+                any_ = goal_motion_clear(state, g, a)
     return any_
 
 
 @njit(**INNER)
-def stands_free(state, points, q):
+def stands_free(state, q):
     """Return True if a configuration itself keeps its distance from the points."""
-    cloud = view(state, "cloud")
-    if cloud.counts[IS_SORTED] == 0:
-        sort_points(points, cloud)
-    return place_free(state, cloud, q)
+    return place_free(state, sorted_cloud(state), q)
 
 
 @njit(**LEAN)
-def ends_free(state, points):
+def ends_free(state):
     """Return whether the robot can stand where it is, and at one of the goals.
 
     Else no search helps.
     """
     goals = view(state, "goals")
-    if not stands_free(state, points, view(state, "robot_state").q):
+    if not stands_free(state, view(state, "robot_state").q):
         return False
     for g in range(goals.count[0]):
-        if stands_free(state, points, goals.q[g]):
+        if stands_free(state, goals.q[g]):
             return True
     return False
 
 
 @njit(**INNER)
-def judge_direct(state, points, g):
+def judge_direct(state, g):
     """Test the straight motion to goal g: its cells, then the close test."""
     goals, robot = view(state, "goals"), view(state, "robot_state")
     frame, ref = view(state, "numbers").frame[0], goals.direct_ref[g]
@@ -331,7 +332,7 @@ def judge_direct(state, points, g):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
     displacement(robot.q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, points, ref)
+    near = pick_ref(state, ref)
     blocked_at = where_blocked(
         state, near, robot.q, robot.dq, goals.direct_blocked_at[g]
     )

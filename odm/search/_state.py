@@ -33,6 +33,16 @@ EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attac
 LOST = -100  # number of a frame that is long over
 
 
+class Seen(NamedTuple):
+    """What the frame shows, as it came: the frame owns this array, not the memory.
+
+    Its row of the table is written anew by each frame; see `show`.
+    """
+
+    # the points that were given, then the samples of shapes
+    points: np.ndarray = array("f8", "seen 3", FRAME)
+
+
 class Graph(NamedTuple):
     """The roadmap's neighbours and what never changes about its items."""
 
@@ -393,7 +403,8 @@ class Groups:
 
     arm: Arm
     work: Work
-    cloud: Cloud  # the frame's points
+    seen: Seen  # the frame's points as they came
+    cloud: Cloud  # the same by block
     solids: Solids  # the frame's shapes
     patterns: Patterns  # what their samples are made from
     picked: Cloud  # those of them inside the cells of one motion
@@ -482,6 +493,28 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
         return context.make_tuple(builder, result, values)
 
     return result(table, name), codegen
+
+
+@intrinsic
+def show(typingctx, table, name, array):  # noqa: ANN001, ANN201
+    """Let a group that is one array be this array, which the caller keeps alive."""
+    if not isinstance(name, types.StringLiteral):
+        return None
+    kind, first = KINDS[name.literal_value], first_row(name.literal_value)
+    (field,) = declared(kind).values()
+    if array != _member(field, None):
+        return None
+
+    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+        rows = make_array(signature.args[0])(context, builder, args[0]).data
+        given = make_array(signature.args[2])(context, builder, args[2])
+        at = builder.ptrtoint(given.data, cgutils.intp_t)
+        row = [at, *cgutils.unpack_tuple(builder, given.shape)]
+        for k, number in enumerate(row, _WIDTH * first):
+            builder.store(number, builder.gep(rows, [cgutils.intp_t(k)]))
+        return context.get_dummy_value()
+
+    return types.void(table, name, array), codegen
 
 
 def _member(field, block):  # noqa: ANN001, ANN202

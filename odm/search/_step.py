@@ -2,7 +2,7 @@
 
 `respond` is the one call of a frame whose points were taken. It tests the candidate
 that waits, else the path in use, and searches only where neither is free. A hand that
-trembles comes and goes over the same place, so a search heeds where the obstacles have
+trembles comes and goes over the same place, so a search avoids where the obstacles have
 lately been (`_recent.py`). That only ranks ways: what is free, and what blocks the way
 in use, is decided by the frame's own points alone.
 """
@@ -153,7 +153,7 @@ def note_move(state, q):
 
 
 @njit(**INNER)
-def judge(state, points, q):
+def judge(state, q):
     """Judge the path in use: FOLLOWING, a trouble's code, or LOOK for a new path.
 
     With LOOK numbers.where is the segment that q is on, -1 for none. With BESIDE it is
@@ -172,7 +172,7 @@ def judge(state, points, q):
     always = view(state, "rules").always[0] == 1
     if numbers.candidate[0] != 0 and not always:
         kind = numbers.candidate[0]
-        if take_candidate(state, points, q):
+        if take_candidate(state, q):
             return FOLLOWING if kind == EDITED else PLANNED
         if numbers.candidate[0] != 0:
             return OFF_PATH
@@ -193,7 +193,7 @@ def judge(state, points, q):
             return OFF_PATH
     if where < 0 or always or path.count[1] < 0:
         return REPLAN
-    if rest_free(state, points, path, where, q) >= 0:
+    if rest_free(state, path, where, q) >= 0:
         return REPLAN
     numbers.rest[0] = 1
     numbers.segment[0] = where
@@ -208,7 +208,7 @@ def drop_candidate(state):
 
 
 @njit(**INNER)
-def take_candidate(state, points, q):
+def take_candidate(state, q):
     """Let the candidate be the path in use where q is on it and it is free; True if so.
 
     It has one chance. Only where q is beside its segment numbers.where it still waits:
@@ -233,7 +233,7 @@ def take_candidate(state, points, q):
         if not is_off_path_known(view(state, "off_path"), better, where, q):
             numbers.candidate[0], numbers.where[0] = kind, where
             return False
-    if rest_free(state, points, better, where, q) >= 0:
+    if rest_free(state, better, where, q) >= 0:
         drop_candidate(state)
         return False
     copy_path(better, view(state, "path"))
@@ -248,13 +248,13 @@ def take_candidate(state, points, q):
 
 
 @njit(**LEAN)
-def better_goal_stands_clear(state, points):
+def better_goal_stands_clear(state):
     """Return True if a goal of better rank keeps its distance from the points."""
     goals = view(state, "goals")
     if view(state, "numbers").joint_costs[0] == 1:  # then none is better by its rank
         return False
     for g in range(view(state, "path").count[1]):
-        if stands_free(state, points, goals.q[g]):
+        if stands_free(state, goals.q[g]):
             return True
     return False
 
@@ -282,7 +282,7 @@ def is_attached(robot):
 
 
 @njit(**INNER)
-def search_path(state, points, last):
+def search_path(state, last):
     """Search a path from the robot to goals 0 to last - 1; True: in `found_path`."""
     goals, robot = view(state, "goals"), view(state, "robot_state")
     numbers, path = view(state, "numbers"), view(state, "path")
@@ -301,7 +301,7 @@ def search_path(state, points, last):
     numbers.avoid_history[0] = 1 if keeps_history(state) else 0
     if numbers.avoid_history[0] == 1:
         lay_out_recent(state)
-    found = plan(state, points, starts, start_vertex, budget, last)
+    found = plan(state, starts, start_vertex, budget, last)
     numbers.avoid_history[0] = 0
     return found
 
@@ -314,7 +314,7 @@ def keeps_history(state):
 
 
 @njit(**INNER)
-def replan(state, points):
+def replan(state):
     """Take a new path after `judge` said LOOK: PLANNED or NO_PATH.
 
     Where the last path that was free only now was blocked, the next one must be there
@@ -322,7 +322,7 @@ def replan(state, points):
     is not taken.
     """
     numbers, found_path = view(state, "numbers"), view(state, "found_path")
-    found = search_path(state, points, view(state, "goals").count[0])
+    found = search_path(state, view(state, "goals").count[0])
     if not keeps_history(state):
         if found:
             adopt(state)
@@ -348,7 +348,7 @@ def replan(state, points):
 
 
 @njit(**INNER)
-def better_found(state, points, q):
+def better_found(state, q):
     """Look for a better path than the free one in use; True: take `found_path`.
 
     To a goal of better rank; or to the same, shorter by `hysteresis` and clear of where
@@ -369,7 +369,7 @@ def better_found(state, points, q):
     rank, where = path.count[1], numbers.segment[0]
     if rank < 0 or path.count[0] < 2:
         return False
-    found = search_path(state, points, rank + 1)
+    found = search_path(state, rank + 1)
     joint = numbers.joint_costs[0] == 1
     if found and (joint or found_path.count[1] == rank):
         now = rest_length(state, path, where, q)
@@ -406,7 +406,7 @@ def least_possible(state):
 
 
 @njit(**LEAN)
-def offer_better(state, points):
+def offer_better(state):
     """Look for a better path between frames; True: it is the candidate.
 
     It begins with all of the segment that the robot is on, so the next frame may ask
@@ -433,7 +433,7 @@ def offer_better(state, points):
         if rest <= DETOUR_WORTH_SEARCHING * least_possible(state):
             numbers.better[0] = 0
             return False
-    if not better_found(state, points, robot.q):
+    if not better_found(state, robot.q):
         return False
     numbers.better[0] = 0
     present_only = keeps_history(state) and path_crosses_history(state, found_path)
@@ -457,10 +457,10 @@ def offer_better(state, points):
 
 
 @njit(**INNER)
-def take_better(state, points, q):
+def take_better(state, q):
     """Look for a path to a better goal within the frame; PLANNED or FOLLOWING."""
     numbers, found_path = view(state, "numbers"), view(state, "found_path")
-    if not better_found(state, points, q):
+    if not better_found(state, q):
         return FOLLOWING
     numbers.present_only[0] = (
         1 if keeps_history(state) and path_crosses_history(state, found_path) else 0
@@ -530,7 +530,7 @@ def notice(state, q, now):
 
 
 @njit(**LEAN)
-def respond(state, points, q, now):
+def respond(state, q, now):
     """Answer one frame whose points were taken; a code, packed with the path's numbers.
 
     The answer's path is the group `path`; numbers.segment is its segment that q is on.
@@ -539,14 +539,14 @@ def respond(state, points, q, now):
     """
     numbers, path = view(state, "numbers"), view(state, "path")
     notice(state, q, now)
-    code = judge(state, points, q)
+    code = judge(state, q)
     if code == REPLAN:
-        code = replan(state, points)
+        code = replan(state)
     elif code == FOLLOWING and path.count[1] > 0:
         if numbers.wish[0] == 1:
-            code = take_better(state, points, q)
+            code = take_better(state, q)
         elif numbers.step[0] % BETTER_EVERY == 0:
-            if better_goal_stands_clear(state, points):
+            if better_goal_stands_clear(state):
                 code = BETTER
     numbers.wish[0] = 0
     return packed(state, code)

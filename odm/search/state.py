@@ -22,6 +22,7 @@ from odm.search._state import (
     RobotState,
     Stats,
     Terms,
+    first_row,
     table_of,
 )
 from roadmap.errors import BadInput
@@ -49,6 +50,7 @@ _SIZES = {
     "chords": 64,
     "snapshots": 48,
     "slack_shapes": 24,
+    "seen": 1,  # before there is a frame
 }
 
 
@@ -111,6 +113,9 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     block = named["pool"].block.dtype
     check({name: (KINDS[name], group) for name, group in named.items()}, block)
     table = table_of(named, block)
+    if "table" in vars(memory):  # the frame's own array stays where it is
+        row = first_row("seen")
+        table[row] = memory.table[row]
     for name, value in {**groups, "table": table}.items():
         object.__setattr__(memory, name, value)
 

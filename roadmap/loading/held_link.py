@@ -27,8 +27,8 @@ def with_payload(
 ) -> Robot:
     """Return the robot with a link `payload` that is fixed to its tool.
 
-    The payload may touch the links that its tool's body carries, and those that hang
-    on it (it is held by them); every other link it must stay clear of.
+    The payload may touch the links that its tool's body carries, and the links that
+    hang on that body, which hold the payload. It must stay clear of all others.
 
     Args:
         robot: The robot, without a payload.

@@ -8,20 +8,19 @@ Three things happen to it, several times a minute and the same for the same seed
 - a *slip*: a bump after which it stays where it is, until its controller takes that for
   its set-point (or for some seconds).
 
-The controller brings what its encoders say to the set-point, so their steady error is
-seen by nobody: the true robot is beside the set-point by it.
+The controller brings what its encoders say to the set-point. So a steady error of the
+encoders cannot be seen: the true robot is beside the set-point by that error.
 
-Where the set-point jumps to where the robot is (`Executor.locate`), the robot does not
-jump: it goes on from where it is, and settles within a fifth of a second or so. A robot
-that is held down and takes that for its set-point gives way farther.
+Where the set-point is set anew to where the robot was measured (`Executor.locate`), the
+robot does not jump: its distance from the set-point fades within a fifth of a second or
+so. A robot that is held down while its set-point is set anew gives way farther.
 
-What no push does, as with a real robot: it does not lead past the limits of the joints
-nor into the robot itself or its scenery, for there are mechanical stops. And it does
-not press the robot against the person: nearer than `keep_off` they push back. The way
-back to the set-point, when a push ends, is the controller's own and knows no mercy.
+No push moves a joint past its limits, or the robot into itself or its scenery: a real
+robot has mechanical stops. Nor does a push bring the robot nearer to the person than
+`keep_off`. When a push ends, the controller takes the robot back to the set-point; that
+motion is not tested against the person.
 
-A contact is counted while the set-point moves: then the robot moves by itself. What a
-push does to a robot that stands is nobody's plan.
+A contact counts only while the set-point moves, for then the robot moves by itself.
 """
 
 import math
@@ -38,7 +37,7 @@ from roadmap.robot.robot import Robot
 PUSH, BUMP, SLIP = KINDS = ("push", "bump", "slip")
 _OFTEN = (0.5, 0.3, 0.2)  # share of each kind
 _SETTLES = 0.2  # time in which what a jump of the set-point left fades [s]
-_SLIPPED = 4.0  # a slip that nobody heeds ends after this [s]
+_SLIPPED = 4.0  # a slip that is not taken for the set-point ends after this [s]
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # shares of a movement that are tried
 _LEVER = 0.02  # a joint that moves no point by more is not pushed [m by rad or m]
 _ROUNDING = 1e-9  # [rad or m]

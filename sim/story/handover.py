@@ -77,7 +77,6 @@ _LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
 _AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
 _TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
 _LATE_S = 0.08  # [s] and no later than so, before the step
-_NOWHERE = np.zeros((0, 7))
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
@@ -494,11 +493,11 @@ class Handover:
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
-        calm = gripped and not self._pull.pulls
+        unpulled = gripped and not self._pull.pulls
         empty = self.fingers == CLOSED and not frame.holds and not self.holding
         checks |= {
             "held": over and gripped,
-            "free": over and self._lasts("free", calm, seen.dt, s.pull.hold_s),
+            "free": over and self._lasts("free", unpulled, seen.dt, s.pull.hold_s),
             "missed": self._passed_grip() and empty,
             "away": over,
             "away_holding": over and self.holding,

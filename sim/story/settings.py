@@ -54,7 +54,7 @@ class StorySettings:
 
     Attributes:
         direction: "give" or "receive".
-        near: A receiving hand that comes is heeded when it is so near to the object
+        near: A receiving hand that comes counts when it is so near to the object
             [m],
         comes: ... and has come nearer by this since it was held out [m]: a hand that
             hangs beside it, at the person's side, does not come. 0: any hand that near;

@@ -176,7 +176,7 @@ def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map, rng)
     assert fine.arm_cells.by_item.block.dtype == np.uint32
     planner = odm.ReactivePlanner(fine)
     points = odm.sample_capsules(np.array([[0, 0, 0.9, 0, 0, 1.4, 0.05]]), 0.03)
-    planner.frame.look_at(points)  # a whole step: `odm warmup --fine`
+    planner.frame.replace(points, len(points))  # a whole step: `odm warmup --fine`
     invalid = planner.invalid_edges()
     valid = np.setdiff1d(np.arange(fine.roadmap.n_edges), invalid)
     occupied = occupied_cells(fine, points)

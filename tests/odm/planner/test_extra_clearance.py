@@ -9,7 +9,6 @@ import odm
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles import _world_frame as layers
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 
@@ -19,7 +18,7 @@ EXTRAS = (0.0, 0.004, 0.02, 0.05, 0.12)
 def marked(grid, points, extra):
     cloud = grid.new_cloud(len(points))
     occupancy.mark_points(points, cloud)
-    layers.dilate_points(points, extra, cloud)
+    occupancy.dilate_points(points, extra, cloud)
     occupancy.sort_points(points, cloud)
     return cloud
 

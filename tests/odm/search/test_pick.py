@@ -39,9 +39,9 @@ def test_what_an_edges_points_call_free_is_free_of_all_points(small_map, planner
         share = rng.uniform(0.0, 0.8)
         begin, rest = a + share * dq, (1.0 - share) * dq
         table = planner.memory.table
-        free = part_free(table, points, EDGE_BASE - edge, begin, rest)
+        free = part_free(table, EDGE_BASE - edge, begin, rest)
         assert not free or clear_of(planner, begin, rest, points)
-        whole = judge.close_free(table, points, begin, rest)
+        whole = judge.close_free(table, begin, rest)
         assert free or not whole  # fewer points are in the way of nothing more
         said.append((free, planner.memory.picked.counts[1] > 0))
     said = np.array(said)
@@ -63,7 +63,7 @@ def test_the_straight_motions_points_are_those_in_its_cells(small_map, planner, 
         if ref < 0:
             continue
         dq = planner.frame.difference(q, goal)
-        free = part_free(planner.memory.table, points, ref, q, dq)
+        free = part_free(planner.memory.table, ref, q, dq)
         assert not free or clear_of(planner, q, dq, points)
         seen += 1
     assert seen > 10
@@ -81,7 +81,7 @@ def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner
         memory, points = planner.memory, planner.points
         edge = int(rng.integers(roadmap.n_edges))
         a, b = nodes[roadmap.edges[edge]]
-        ask = (memory.table, points, EDGE_BASE - edge, a, difference(robot, a, b))
+        ask = (memory.table, EDGE_BASE - edge, a, difference(robot, a, b))
         memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
         frees, found = [], []
         for is_sorted in (0, 1):
@@ -107,6 +107,6 @@ def test_points_are_sorted_once_a_frame_asks_for_many_tests(planner, rng):
     memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
     sorted_at = []
     for _ in range(judge.SORTED_AFTER + 2):
-        part_free(memory.table, points, EDGE_BASE, q, q)
+        part_free(memory.table, EDGE_BASE, q, q)
         sorted_at.append(int(memory.cloud.counts[IS_SORTED]))
     assert sorted_at == [0] * judge.SORTED_AFTER + [1, 1]

@@ -81,12 +81,12 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
         share, step = 0.0, rng.choice([0.002, 0.01])
         for k in range(12):
             planner.step(odm.Obstacles.of(shapes), q=q)
-            table, points = planner.memory.table, planner.points
+            table = planner.memory.table
             begin, rest = q + share * dq, (1.0 - share) * dq
             tests = planner.memory.work.found[TESTS]
-            free = part_free(table, points, NO_ITEM, begin, rest)
+            free = part_free(table, NO_ITEM, begin, rest)
             by_slack = planner.memory.work.found[TESTS] == tests
-            assert free == judge.close_free(table, points, begin, rest)
+            assert free == judge.close_free(table, begin, rest)
             assert free or not by_slack
             spared, blocked = spared + by_slack, blocked + (not free)
             if by_slack and checked < 25:
@@ -101,7 +101,7 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
 def asked(planner, shapes, q, dq):
     """Return what the chords of a motion have to spare from shapes [m], and nearest."""
     planner.step(odm.Obstacles.of(shapes), q=q)
-    part_free(planner.memory.table, planner.points, NO_ITEM, q, dq)
+    part_free(planner.memory.table, NO_ITEM, q, dq)
     slacks = planner.memory.slacks
     k = int(slacks.asked.argmax())
     n = slacks.chords[k] if slacks.asked[k] == planner.memory.numbers.frame[0] else 0
@@ -176,9 +176,9 @@ def test_a_place_is_free_as_a_motion_that_does_not_move(planner, rng):
         frame = odm.Obstacles.of(shapes, points=points)
         q = draw_valid(planner, rng)
         planner.step(frame, q=q)
-        table, points = planner.memory.table, planner.points
-        rests = judge.close_free(table, points, q, np.zeros_like(q))
-        assert stands_free(table, points, q) == rests
+        table = planner.memory.table
+        rests = judge.close_free(table, q, np.zeros_like(q))
+        assert stands_free(table, q) == rests
         told += rests
     assert 5 < told < 55
 
@@ -194,8 +194,8 @@ def test_another_distance_or_another_hand_forgets(carrying_map):
 
     def ask():
         planner.step(ball, q=q)
-        table, points = planner.memory.table, planner.points
-        assert part_free(table, points, NO_ITEM, q, 0.01 * np.ones_like(q))
+        table = planner.memory.table
+        assert part_free(table, NO_ITEM, q, 0.01 * np.ones_like(q))
         assert spares(planner) > 0
 
     ask()
@@ -215,7 +215,7 @@ def test_a_point_beside_the_shapes_is_not_passed_over(planner):
     for k in range(2):
         planner.step(far, q=HOME)
         table = planner.memory.table
-        assert part_free(table, planner.points, NO_ITEM, HOME, dq)
+        assert part_free(table, NO_ITEM, HOME, dq)
     at = tool_pose(planner.robot, HOME)[:3, 3]
     planner.step(odm.Obstacles(spheres=far.spheres, points=at[None]), q=HOME)
-    assert not part_free(table, planner.points, NO_ITEM, HOME, dq)
+    assert not part_free(table, NO_ITEM, HOME, dq)

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.errors import TypingError
+from small import HOME
 
 from odm._groups import FRAME, GOAL, LIFE, declared
-from odm.search._state import KINDS, table_of, view
+from odm.search._state import KINDS, show, table_of, view
 from odm.search.state import Memory, exchange, lay_out
 from roadmap.errors import BadInput
 
@@ -114,3 +116,24 @@ def test_every_array_says_how_long_it_lives(memory):
     assert len(names) == len(set(names)) and all(lives)
     n_rows = len(table_of({n: getattr(memory, n) for n in KINDS}, np.dtype("u2")))
     assert len(names) == n_rows - 2  # the cell size of both clouds is a number
+
+
+def test_a_frames_points_are_in_the_table_where_they_are(planner, rng):
+    """Not copied once more, and still there when other groups were exchanged."""
+    seen = njit(lambda table: view(table, "seen").points.sum())
+    for n in (5, 90, 7, 40_000):  # the last needs more room than there was
+        points = rng.uniform(0.2, 0.6, (n, 3))
+        planner.step(points, q=HOME)
+        assert seen(planner.memory.table) == pytest.approx(points.sum())
+    exchange(planner.memory, {"goals": planner.memory.goals})
+    assert seen(planner.memory.table) == pytest.approx(points.sum())
+    planner.points[0, 0] += 100.0  # the frame's own array, not a copy
+    assert seen(planner.memory.table) == pytest.approx(points.sum() + 100.0)
+
+
+def test_only_an_array_as_it_is_declared_is_shown(memory):
+    shows = njit(lambda table, array: show(table, "seen", array))
+    shows(memory.table, np.zeros((4, 3)))
+    for wrong in (np.zeros((4, 3), np.float32), np.zeros(12), np.zeros((3, 4)).T):
+        with pytest.raises(TypingError):
+            shows(memory.table, wrong)

@@ -346,4 +346,4 @@ def test_beside_a_person_told_as_shapes_it_touches_nobody_while_it_moves(
     result = run_loop(planner, planner.robot, PLACES, person, settings)
     assert result.contacts == 0  # at rest it may be touched
     assert result.trips > 0 or execution == "timed"
-    assert planner.frame.heeded == 0 and len(planner.points) > 0
+    assert planner.frame.n_given == 0 and len(planner.points) > 0
