@@ -266,6 +266,8 @@ class Handover:
         executor = self.executor
         if frame.q is not None:
             executor.locate(frame.q)
+        elif executor.off:
+            executor.locate_nowhere()
         self._begin_frame()
         seen = self._look(frame)
         commit = executor.commit()

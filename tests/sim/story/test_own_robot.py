@@ -677,3 +677,19 @@ def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
     story.answer = story.planner.step(there, q=story.executor.set_point.q)
     assert "set_goals" in story.answer.reason
     assert story.reason == "no place within reach of both is known"
+
+
+def test_a_measured_q_that_fails_once_and_is_then_missing_holds_for_that_frame(maps):
+    story, human = story_of(maps)
+
+    def update(k, q):
+        seen = sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True, q=q)
+        return story.update(seen)
+
+    at_rest = update(0, None).q
+    update(1, np.full_like(at_rest, np.nan))
+    assert "nobody knows where it is" in story.reason
+    for k in range(2, 150):
+        update(k, None)
+    assert "nobody knows" not in story.reason
+    assert np.abs(story.executor.set_point.q - at_rest).max() > 0.1
