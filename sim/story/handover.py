@@ -192,6 +192,8 @@ class Handover:
         beside = meet.obj.capsules, s.room
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
         self._taken: Reach | None = None
+        self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
+        self._tried = 0  # how often no motion to the object was free, in a row
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
@@ -493,6 +495,7 @@ class Handover:
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
+        checks["in_vain"] = checks["blocked"] and self._tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
@@ -637,6 +640,7 @@ class Handover:
         self._goals = []
 
     def _forget_object(self, signal: str) -> None:
+        self._tried = self._tried + 1 if signal == "blocked" else 0
         if signal == "blocked" and self._taken is not None:
             self._reaches.drop(self._taken)
         self.fingers, self._taken = OPEN, None
@@ -924,7 +928,8 @@ class Handover:
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
-        found.sort(key=lambda r: self._far(q, r.q_before))
+        self._look_along(seen, found)
+        found.sort(key=lambda r: (not self._leads_on(r), self._far(q, r.q_before)))
         goals = [r.q_before for r in found]
         if not found:  # until it is known where it can be grasped now, on to the old
             looks = not reaches.over and self._goals
@@ -939,6 +944,27 @@ class Handover:
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
         return answer
+
+    def _look_along(self, seen: _Seen, found: list[Reach]) -> None:
+        """Test the straight motion of one grasp, of that looked at longest ago."""
+        known = {id(reach): k for k, (reach, _) in enumerate(self._free_lines)}
+        reach = min(found, key=lambda r: known.get(id(r), -1), default=None)
+        if reach is None:
+            self._free_lines = []
+            return
+        view = self.view
+        before, view.phase = (view.phase, view.classes), "receive"
+        view.classes = np.array(view.classes)
+        view.classes[seen.people :] = OBJECT
+        free = view.line_free(reach.q_before, reach.q, seen.there)
+        view.phase, view.classes = before
+        others = [one for one in self._free_lines if one[0] is not reach]
+        kept = [one for one in others if any(one[0] is r for r in found)]
+        self._free_lines = [*kept, (reach, free)]
+
+    def _leads_on(self, reach: Reach) -> bool:
+        """Whether the straight motion to the object was free when it was looked at."""
+        return any(free for one, free in self._free_lines if one is reach)
 
     def _prepare(self) -> bool:
         """Do one costly thing: join a goal to the roadmap, else look for another.
