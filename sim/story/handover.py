@@ -53,6 +53,7 @@ from sim.story.grasping import (
     Reach,
     Reaches,
     box_of,
+    is_valid,
     quarter_turns,
     straight_back,
 )
@@ -138,7 +139,8 @@ class Handover:
         answer: The last answer of the planner, or what stood for one.
 
     Raises:
-        BadInput: No finger pads, another robot's targets, or a place that is no pose.
+        BadInput: No finger pads, another robot's targets, a place that is no pose, or
+            an object in the hand that does not fit in where the robot stands.
     """
 
     def __init__(
@@ -172,6 +174,7 @@ class Handover:
         self._lay_out(thing)
         if self.holding and planner.attached is None:
             planner.attach(self._carried, self._T_tool_object)
+            _check_room(planner, self._rest)
         self._enter()
 
     def _lay_out(self, thing: Shape | None) -> None:
@@ -1026,6 +1029,19 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_room(planner: ReactivePlanner, q: np.ndarray) -> None:
+    """Refuse an object that cannot be held where the robot stands."""
+    if not is_valid(planner, q, bare=True):
+        return  # it is not the object's fault, and is told in each frame
+    why = planner.static.why(q, np.zeros_like(q))
+    if why is not None:
+        planner.detach()
+        raise BadInput(
+            f"the object does not fit in where the robot stands: {why}; begin at "
+            "another configuration, or give another grasp T_tool_object"
         )
 
 

@@ -735,3 +735,15 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
 
 def view_is_plain(story):
     return story.view.phase is None and (story.view.classes == odm.AVOID).all()
+
+
+def test_an_object_that_does_not_fit_in_where_the_robot_stands_is_refused(maps):
+    story, _ = story_of(maps)
+    planner, targets, executor = story.planner, story.targets, story.executor
+    planner.detach()
+    told = planner, targets, executor, story.settings
+    rod = odm.Cylinder(0.02, 6.0, pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    with pytest.raises(BadInput, match="does not fit in .* would touch .* another"):
+        sim.Handover(*told, thing=rod)
+    assert planner.attached is None
+    assert sim.Handover(*told).holding
