@@ -104,9 +104,8 @@ def tell_story(
         "header": header(cell_map),
         "story_sha256": record.head["outcome"]["story_sha256"],
     }
-    say(summary_of(result))
-    for file in files:
-        say(str(file))
+    for line in (summary_of(result), *map(str, files)):
+        say(line)
     return found
 
 
