@@ -85,7 +85,7 @@ class TargetOffers:
         if goal is not None and self._is_joined(goal):
             return goal
         node = self._node(key)
-        return node if node is not None and self._has_room(node) else None
+        return node if node is not None and self._stands(node, self.spare_m) else None
 
     def renew(self, keys: tuple[int, ...]) -> None:
         """Look for another configuration of a target whose goals are all blocked."""
@@ -185,20 +185,16 @@ class TargetOffers:
             return None
         goal = None
         for one in sorted(known, key=lambda g: not self._is_joined(g)):
-            if self._has_room(one):
+            if self._stands(one, self.spare_m):
                 goal = one
                 break
         self._clear[key] = self._frame, goal
         return goal
 
-    def _stands(self, goal: Goal) -> bool:
+    def _stands(self, goal: Goal, spare_m: float = 0.0) -> bool:
+        """Whether it keeps clear of the person, with so much to spare [m]."""
         self._tests -= 1
-        return self.planner.stands_clear(goal.q)
-
-    def _has_room(self, goal: Goal) -> bool:
-        """Whether it keeps clear of the person, with something to spare."""
-        self._tests -= 1
-        return self.planner.stands_clear(goal.q, self.spare_m)
+        return self.planner.stands_clear(goal.q, spare_m)
 
     def _is_joined(self, goal: Goal) -> bool:
         return goal is self._joined or self.planner.is_prepared(goal.q)

@@ -367,6 +367,15 @@ class Executor:
         elif self._tracking.held_still(q):
             self._restart_at(q)
 
+    def locate_nowhere(self) -> None:
+        """Tell that nothing measures where the robot is now; before `commit`.
+
+        It is at its set-point then, unless it was off when that was known last.
+        """
+        if self._tracking.note:
+            self.reason = ""
+        self._tracking.unmeasured()
+
     def _restart_at(self, q: np.ndarray) -> None:
         """Take q, where the robot is, for its set-point."""
         robot = self.robot

@@ -35,13 +35,14 @@ class TrackingMonitor:
         self._share = share + _ROUNDING
         self._bounds = joint_motion_bounds(robot)
         self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
+        self._last = 0.0  # how far it was when that was known last [m]
 
     def measure(self, set_point: np.ndarray, q: np.ndarray) -> None:
         """Take the set-point and the measured q, (dof,) each [rad or m]."""
         far, offset, self.note = math.inf, self.offset, ""
         if np.isfinite(q).all():
             offset = difference(self.robot, set_point, q)
-            far = float(self._bounds @ np.abs(offset))
+            far = self._last = float(self._bounds @ np.abs(offset))
         self.off = far if far > self._share else 0.0
         if not self.off:
             self._still = None
@@ -50,6 +51,17 @@ class TrackingMonitor:
         self.note = "nobody knows where it is; stopped"
         if far < math.inf:
             self.note = f"pushed {1e3 * far:.0f} mm off its path; stopped"
+
+    def unmeasured(self) -> None:
+        """Take no measurement for one: it is as far off as when that was known last."""
+        if math.isfinite(self.off):
+            return
+        self.off = self._last if self._last > self._share else 0.0
+        self.note = ""
+        if self.off:
+            self.note = (
+                f"was {1e3 * self.off:.0f} mm off its path when seen last; stopped"
+            )
 
     def moves(self) -> None:
         """Begin the time anew for which it is held still."""
@@ -68,5 +80,5 @@ class TrackingMonitor:
 
     def restart(self) -> None:
         """Where the robot is has become its set-point."""
-        self.off, self._still = 0.0, None
+        self.off, self._last, self._still = 0.0, 0.0, None
         self.note = self.note.replace("stopped", "goes on from there")

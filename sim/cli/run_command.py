@@ -73,10 +73,12 @@ def demo(request: DemoRequest) -> None:
 def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
     from sim.run.meet import reach_map_of
-    from sim.story.request import KEYBOARD
-    from sim.story.tell import tell_story
+    from sim.story.request import KEYBOARD, MOCAP
+    from sim.story.tell import recorded_person, tell_story
 
     live = None
+    # a recording that cannot be played is told before the map is loaded or built
+    person = recorded_person(request) if request.human == MOCAP else None
     if request.human == KEYBOARD:
         from sim.keyboard.story import KeyboardStory
 
@@ -91,7 +93,7 @@ def _hand_over(request: DemoRequest) -> None:
 
         found = tell_cycles(request, cell_map, reach)
     else:
-        found = tell_story(request, cell_map, reach, live)
+        found = tell_story(request, cell_map, reach, live, person)
     if request.json is not None:
         show_json(found, request.json)
     if found["contacts"] or found.get("whole", 1) < request.cycles:

@@ -56,7 +56,7 @@ class MaintenancePlay:
         wrist: The sensor of a tool's setup; None: the forces added up.
 
     Attributes:
-        runs: The hand-overs, the last of which goes on.
+        run: The hand-over that goes on, or was the last one.
         begun: When each of them began [s].
         ended: Whether the cycle is over.
         result: What came of it.
@@ -71,7 +71,6 @@ class MaintenancePlay:
         """Put the robot at rest, all tools in their places."""
         self.setups, self.case, self._wrist_of = setups, case, wrist
         self._left = [(k, d) for k in range(len(setups)) for d in table.DIRECTIONS]
-        self.runs: list[StoryPlay] = []
         self.begun: list[float] = []
         self.index, self.ended = 0, False
         self.result = CycleResult(case)
@@ -79,11 +78,6 @@ class MaintenancePlay:
         self._arm = np.zeros(0)
         self._paused = 0  # frames since a hand-over was over
         self._begin()
-
-    @property
-    def run(self) -> StoryPlay:
-        """The hand-over that goes on."""
-        return self.runs[-1]
 
     @property
     def now(self) -> float:
@@ -118,9 +112,10 @@ class MaintenancePlay:
         if wrist is not None:
             self._wrists.append(wrist)
         gives = direction == "give"
-        run = StoryPlay(setup, self.case.of(direction), wrist=wrist, fetch=gives)
+        case = self.case.of(direction)
+        # one planner at a time: the one before goes
+        self.run = run = StoryPlay(setup, case, wrist=wrist, fetch=gives)
         self._arm, self._paused = np.array(run.partner.arm), 0
-        self.runs.append(run)
         self.begun.append(self.now)
         self.result.parts.append(run.result)
 

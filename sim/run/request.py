@@ -206,7 +206,7 @@ class RunRequest:
                 return "--carry does not go with --motion keyboard; leave one out"
             if not 0.0 < self.carry < math.inf:
                 return f"--carry is {self.carry}: give metres above 0"
-        return ""
+        return file_trouble(self.file, self.mapping)
 
     def _of_the_targets(self) -> str:
         """Return what is wrong with the targets' options, "" for nothing."""
@@ -301,6 +301,14 @@ def held_object(name: str) -> "HeldObject":
 
     check_object(name)
     return getattr(handover, name)()
+
+
+def file_trouble(file: Path | None, mapping: Path | None) -> str:
+    """Return which file of a recorded person is not there, "" for none."""
+    for path, kind in ((file, "recording, .csv or .bvh"), (mapping, "mapping, .toml")):
+        if path is not None and not path.exists():
+            return f"there is no file {path}; give the path of a {kind}"
+    return ""
 
 
 def page_trouble(

@@ -28,7 +28,8 @@ class StoryFrame:
         holds: Whether there is something between closed fingers, as measured.
         T_base_object: (4, 4) where the object is seen [m]; None, or not finite: not
             seen.
-        q: (dof,) measured configuration; None: where the set-point is.
+        q: (dof,) measured configuration; None: where the set-point is, or as far from
+            it as when that was known last.
         capsules: (k, 7) the person as the planner is to see them, base frame [m];
             None: `human.capsules()`, for a base in the world's origin.
         labels: (k,) `handover.Part` of each; None: `human.labels`.

@@ -53,6 +53,7 @@ from sim.story.grasping import (
     Reach,
     Reaches,
     box_of,
+    is_valid,
     quarter_turns,
     straight_back,
 )
@@ -137,7 +138,8 @@ class Handover:
         answer: The last answer of the planner, or what stood for one.
 
     Raises:
-        BadInput: No finger pads, another robot's targets, or a place that is no pose.
+        BadInput: No finger pads, another robot's targets, a place that is no pose, or
+            an object in the hand that does not fit in where the robot stands.
     """
 
     def __init__(
@@ -171,6 +173,7 @@ class Handover:
         self._lay_out(thing)
         if self.holding and planner.attached is None:
             planner.attach(self._carried, self._T_tool_object)
+            _check_room(planner, self._rest)
         self._enter()
 
     def _lay_out(self, thing: Shape | None) -> None:
@@ -191,6 +194,8 @@ class Handover:
         beside = meet.obj.capsules, s.room
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
         self._taken: Reach | None = None
+        self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
+        self._tried = 0  # how often no motion to the object was free, in a row
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
@@ -265,6 +270,8 @@ class Handover:
         executor = self.executor
         if frame.q is not None:
             executor.locate(frame.q)
+        elif executor.off:
+            executor.locate_nowhere()
         self._begin_frame()
         seen = self._look(frame)
         commit = executor.commit()
@@ -490,6 +497,7 @@ class Handover:
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
+        checks["in_vain"] = checks["blocked"] and self._tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = self.holding and frame.holds
@@ -634,6 +642,7 @@ class Handover:
         self._goals = []
 
     def _forget_object(self, signal: str) -> None:
+        self._tried = self._tried + 1 if signal == "blocked" else 0
         if signal == "blocked" and self._taken is not None:
             self._reaches.drop(self._taken)
         self.fingers, self._taken = OPEN, None
@@ -921,7 +930,8 @@ class Handover:
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
-        found.sort(key=lambda r: self._far(q, r.q_before))
+        self._look_along(seen, found)
+        found.sort(key=lambda r: (not self._leads_on(r), self._far(q, r.q_before)))
         goals = [r.q_before for r in found]
         if not found:  # until it is known where it can be grasped now, on to the old
             looks = not reaches.over and self._goals
@@ -936,6 +946,27 @@ class Handover:
         if goal is not None and 0 <= goal < len(found):
             self._taken = found[goal]
         return answer
+
+    def _look_along(self, seen: _Seen, found: list[Reach]) -> None:
+        """Test the straight motion of one grasp, of that looked at longest ago."""
+        known = {id(reach): k for k, (reach, _) in enumerate(self._free_lines)}
+        reach = min(found, key=lambda r: known.get(id(r), -1), default=None)
+        if reach is None:
+            self._free_lines = []
+            return
+        view = self.view
+        before, view.phase = (view.phase, view.classes), "receive"
+        view.classes = np.array(view.classes)
+        view.classes[seen.people :] = OBJECT
+        free = view.line_free(reach.q_before, reach.q, seen.there)
+        view.phase, view.classes = before
+        others = [one for one in self._free_lines if one[0] is not reach]
+        kept = [one for one in others if any(one[0] is r for r in found)]
+        self._free_lines = [*kept, (reach, free)]
+
+    def _leads_on(self, reach: Reach) -> bool:
+        """Whether the straight motion to the object was free when it was looked at."""
+        return any(free for one, free in self._free_lines if one is reach)
 
     def _prepare(self) -> bool:
         """Do one costly thing: join a goal to the roadmap, else look for another.
@@ -997,6 +1028,19 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_room(planner: ReactivePlanner, q: np.ndarray) -> None:
+    """Refuse an object that cannot be held where the robot stands."""
+    if not is_valid(planner, q, bare=True):
+        return  # it is not the object's fault, and is told in each frame
+    why = planner.static.why(q, np.zeros_like(q))
+    if why is not None:
+        planner.detach()
+        raise BadInput(
+            f"the object does not fit in where the robot stands: {why}; begin at "
+            "another configuration, or give another grasp T_tool_object"
         )
 
 

@@ -56,6 +56,7 @@ SIGNALS = {
     "placed": "the object stands in its place",
     "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
+    "in_vain": "no certified motion has led on, as often as it is tried",
     "late": "the state has lasted longer than its time limit",
     "late_holding": "the state has lasted too long, and the object is in the hand",
 }
@@ -101,6 +102,7 @@ RECEIVE = (
     Row(CLOSE, "missed", RETREAT, "the hand let go too early", True),
     Row(CLOSE, "free", RETREAT, "the object is in the robot's hand"),
     Row(CLOSE, "moved", APPROACH, "the object was drawn back: it follows", True),
+    Row(CLOSE, "in_vain", RETREAT, "no way to the object is free: it gives up", True),
     Row(CLOSE, "blocked", APPROACH, "the object is blocked: another way", True),
     Row(CLOSE, "late", RETREAT, "the person holds on: it lets go", True),
     Row(RETREAT, "lost", RETREAT, "the object was dropped", True),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.run.request import page_trouble
+from sim.run.request import file_trouble, page_trouble
 from sim.terminal.checks import FILM, PICTURES, SECONDS, Writes
 from sim.terminal.flags import Json, Seed, Threads, argument, flag
 
@@ -114,7 +114,9 @@ class DemoRequest:
             return f"--{word} goes with --human mocap --file F; leave it out"
         if self.human == "mocap" and self.direction == "receive":
             return "a recorded person takes, and cannot give: leave --direction out"
-        return page_trouble(self.view, self.port, self.host, self.token)
+        return file_trouble(self.file, self.mapping) or page_trouble(
+            self.view, self.port, self.host, self.token
+        )
 
     def _trouble_of_the_cycle(self) -> str:
         person = ("direction", "human", "file", "mapping", "accept_defects")

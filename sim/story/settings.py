@@ -7,7 +7,7 @@ import numpy as np
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind, check_settings
+from roadmap.ranges import check_kind, check_number, check_settings
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
 
@@ -74,6 +74,8 @@ class StorySettings:
         between_rad: ... if it is turned from there by no more than this [rad].
         leave_s: Without a place in reach for so long, the person has left [s].
         blocked_s: Without a certified motion for so long, another way is taken [s].
+        tries: So often in a row that no certified motion leads to the object held out,
+            it gives up. 4: one for each quarter turn of the grasp.
         stuck_s: A robot that has to stand on its way to a target for so long goes to
             another one first [s].
         grip_s: After so long the fingers have closed on the object or on nothing [s].
@@ -102,6 +104,7 @@ class StorySettings:
     steady_s: float = 0.15
     leave_s: float = 1.0
     blocked_s: float = 1.5
+    tries: int = 4
     stuck_s: float = 0.4
     grip_s: float = 0.6
     wait_s: float = 15.0
@@ -134,6 +137,7 @@ class StorySettings:
         ranges |= {"still_speed": (0.001, 10.0, "m/s"), "comes": (0.0, 2.0, "m")}
         ranges["room"] = (0.0, 1.0, "m")
         check_settings(self, ranges)
+        check_number("tries", self.tries, 1, 1000, True, "StorySettings")
         if self.gone < self.near:
             raise BadInput(
                 f"gone is {self.gone} m, nearer than near, {self.near} m; give more"

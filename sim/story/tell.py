@@ -52,6 +52,7 @@ def tell_story(
     cell_map: CellMap,
     reach: ReachMap,
     live: LivePerson | None = None,
+    person: RecordedPerson | None = None,
 ) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
@@ -60,6 +61,7 @@ def tell_story(
         cell_map: The map, of a robot with fingers.
         reach: Its reach map.
         live: Who moves the person of `--human keyboard`; see `sim.keyboard.story`.
+        person: Who was recorded, of `--human mocap`.
 
     Returns:
         Plain data: what came of it, times, figures, files.
@@ -68,7 +70,7 @@ def tell_story(
     say: Callable[[str], None] = (lambda text: None) if quiet else print
     setup = setup_of(cell_map, reach)
     wrist, note = wrist_of(setup)
-    run = _run_of(request, setup, wrist, live)
+    run = _run_of(request, setup, wrist, live.person if live else person)
     say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
     recorder, told = StoryRecorder(run), 0
 
@@ -102,9 +104,8 @@ def tell_story(
         "header": header(cell_map),
         "story_sha256": record.head["outcome"]["story_sha256"],
     }
-    say(summary_of(result))
-    for file in files:
-        say(str(file))
+    for line in (summary_of(result), *map(str, files)):
+        say(line)
     return found
 
 
@@ -147,11 +148,10 @@ def _page(
 
 
 def _run_of(
-    request: DemoRequest, setup: StorySetup, wrist: Wrist, live: LivePerson | None
+    request: DemoRequest, setup: StorySetup, wrist: Wrist, person: object | None
 ) -> StoryPlay:
     direction = request.direction or "give"
     if request.human in (MOCAP, KEYBOARD):
-        person = live.person if live else _recorded(request)
         traits = PartnerTraits()
         case = StoryCase(direction, request.seed, traits=traits)
         partner = RecordedPartner(person, setup.side, setup.obj, traits)
@@ -161,7 +161,12 @@ def _run_of(
     return StoryPlay(setup, case, wrist=wrist, fetch=direction == "give")
 
 
-def _recorded(request: DemoRequest) -> RecordedPerson:
+def recorded_person(request: DemoRequest) -> RecordedPerson:
+    """Return the recorded person of a request.
+
+    Raises:
+        BadMocap: The recording or the mapping cannot be used.
+    """
     settings = MocapSettings(accept_defects=request.accept_defects)
     motion = load_mocap(request.file, mapping=request.mapping, settings=settings)
     return RecordedPerson(motion)

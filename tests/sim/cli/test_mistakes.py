@@ -19,6 +19,7 @@ from sim.terminal import checks
 
 RUN, BUILD = ("run", "--map", "map"), ("build", "--robot", "arm.urdf", "--tip", "hand")
 MEET = ("workspace", "meet", "--robot", "panda")
+MOCAP = ("demo", "handover", "--map", "map", "--human", "mocap")
 FRAMES = ("replay", "--map", "map", "--frames")
 
 FLAGS = [  # units, numbers, words and choices, told without loading anything
@@ -170,6 +171,9 @@ READ = [  # files that are not there, or are something else
     (("replay", "clip.csv"), "clip.csv is no .npz", "numpy.savez"),
     (("replay", "others"), "others is a folder", "odm run --record"),
     (("replay", "other.json"), "other.json", "odm handover plan"),
+    (MOCAP + ("--file", "no.bvh"), "no.bvh", "path of a recording"),
+    (MOCAP + ("--file", "clip.csv", "--mapping", "no.toml"), "no.toml", "mapping"),
+    (MOCAP + ("--file", "clip.csv"), "clip.csv", "HIERARCHY"),
     (("view", "map"), "map is a folder", "--map map"),
     (("build", "empty.toml"), "empty.toml is empty", "[robot]"),
     (("build", "latin.toml"), "latin.toml", "UTF-8"),

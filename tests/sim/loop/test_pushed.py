@@ -164,6 +164,25 @@ def test_what_the_encoders_may_be_wrong_by_comes_off_the_share(small_map):
     assert told.executor.off > 0.0
 
 
+def test_encoders_that_fail_once_and_then_say_nothing_do_not_stop_it_for_good(
+    pushable,
+):
+    executor = pushable.executor
+    pushable.run(30)
+    cases = [(0.0, True, 0.0), (0.034, False, 0.034), (0.034, True, 0.034)]
+    for off, nan, still in cases:
+        q = executor.set_point.q
+        executor.locate(q + pushable.beside(off))
+        if nan:
+            executor.locate(np.full_like(q, np.nan))
+            assert executor.off == math.inf
+        executor.locate_nowhere()
+        assert executor.off == pytest.approx(still)
+    executor.locate(executor.set_point.q)
+    executor.locate_nowhere()
+    assert executor.off == 0.0
+
+
 def test_at_rest_and_held_still_it_takes_where_it_is_for_its_set_point(pushable):
     executor = pushable.executor
     pushable.run(60)

@@ -1,5 +1,7 @@
 """A cycle of tools: who stands where, what follows what, and its recording."""
 
+import gc
+import weakref
 from types import SimpleNamespace
 
 import numpy as np
@@ -117,12 +119,21 @@ def bare(monkeypatch):
 
 def test_each_tool_is_given_and_taken_back_in_turn(setups, bare):
     cycle = MaintenancePlay(setups, LadderCase.drawn_at(0))
-    result = play_cycle(cycle)
+    played, kept = [], []
+
+    def hear(run, moment):
+        told = run.setup, run.case.direction, run.fetches
+        if not played or played[-1] != told:
+            played.append(told)
+            kept.append(weakref.ref(run))
+
+    result = play_cycle(cycle, hear)
     assert result.whole and not result.reason and result.contacts == 0
-    assert [run.setup for run in cycle.runs] == [setups[k] for k in (0, 0, 1, 1)]
-    ways = [run.case.direction for run in cycle.runs]
-    assert ways == ["give", "receive"] * 2
-    assert [run.fetches for run in cycle.runs] == [True, False] * 2
+    assert [run[0] for run in played] == [setups[k] for k in (0, 0, 1, 1)]
+    assert [run[1] for run in played] == ["give", "receive"] * 2
+    assert [run[2] for run in played] == [True, False] * 2
+    gc.collect()  # those that are over take their planners along
+    assert [run() is not None for run in kept] == [False, False, False, True]
     assert np.allclose(np.diff(cycle.begun), 0.07) and np.isclose(cycle.now, 0.28)
 
 
@@ -146,7 +157,7 @@ def test_what_goes_wrong_ends_the_cycle_with_a_reason(setups, bare, monkeypatch,
     told = "not over" if how == "for ever" else "it said why"
     assert not result.whole and told in result.reason
     assert "taking back the wrench of 25 cm" in result.reason
-    assert len(cycle.runs) == 2
+    assert len(cycle.begun) == 2
     if how != "for ever":
         assert trouble_of(cycle.run) == "it said why"
 

@@ -103,6 +103,7 @@ FAILURES = [  # what goes wrong, and the way back
     ("give", m.PUT_DOWN, ["late"], [m.KEPT]),
     ("receive", m.CLOSE, ["missed", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["blocked", "arrived"], [m.APPROACH, m.WAIT]),
+    ("receive", m.CLOSE, ["in_vain", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["late", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.WAIT, ["left", "late", "away"], [m.APPROACH, m.RETREAT, m.DONE]),
     ("receive", m.PUT_DOWN, ["lost", "away"], [m.RETREAT, m.DONE]),

@@ -18,7 +18,7 @@ from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.transforms import pose_of
-from sim.story.grasping import Reaches, straight_back
+from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 
@@ -677,3 +677,73 @@ def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
     story.answer = story.planner.step(there, q=story.executor.set_point.q)
     assert "set_goals" in story.answer.reason
     assert story.reason == "no place within reach of both is known"
+
+
+def test_a_measured_q_that_fails_once_and_is_then_missing_holds_for_that_frame(maps):
+    story, human = story_of(maps)
+
+    def update(k, q):
+        seen = sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True, q=q)
+        return story.update(seen)
+
+    at_rest = update(0, None).q
+    update(1, np.full_like(at_rest, np.nan))
+    assert "nobody knows where it is" in story.reason
+    for k in range(2, 150):
+        update(k, None)
+    assert "nobody knows" not in story.reason
+    assert np.abs(story.executor.set_point.q - at_rest).max() > 0.1
+
+
+def test_an_object_that_no_motion_leads_to_is_given_up_after_some_tries(
+    maps, monkeypatch
+):
+    monkeypatch.setattr(sim.PhasePlanner, "line_free", lambda *told: False)
+    story, states = receive(maps, held_at=0.0, seconds=30.0, tries=3, blocked_s=0.2)
+    assert states.count("close") == 3 and states[-1] == "done"
+    assert story.outcome == "no way to the object is free: it gives up"
+    assert not story.holding
+
+
+def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monkeypatch):
+    story, _ = story_of(maps, "receive")
+    q = story.executor.set_point.q
+    found = [Reach(q + off, q + off, np.eye(4)) for off in (0.1, 0.6, 1.2)]
+    story._reaches.found, story._reaches._T = found, FAR
+    story._reaches._queue = []
+    free = [False, True, False]
+
+    def line_free(view, begin, end, there):
+        assert view.phase == "receive" and (view.classes[-1:] == odm.OBJECT).all()
+        return free[[r.q is end for r in found].index(True)]
+
+    monkeypatch.setattr(sim.PhasePlanner, "line_free", line_free)
+    monkeypatch.setattr(type(story), "_is_ready", lambda self, goal: True)
+    set_to = []
+    monkeypatch.setattr(
+        type(story), "_set_goals", lambda self, goals: set_to.append(goals)
+    )
+    human = handover.Human().placed(4.0, 0.0, np.pi)
+    for k in range(4):
+        if k == 3:
+            free[:] = True, False, False
+        seen = sim.StoryFrame(PERIOD * k, human, pulled(0.0), True, False, FAR)
+        story.update(seen)
+    assert set_to[0][0] is found[0].q_before
+    assert set_to[2][0] is found[1].q_before and view_is_plain(story)
+
+
+def view_is_plain(story):
+    return story.view.phase is None and (story.view.classes == odm.AVOID).all()
+
+
+def test_an_object_that_does_not_fit_in_where_the_robot_stands_is_refused(maps):
+    story, _ = story_of(maps)
+    planner, targets, executor = story.planner, story.targets, story.executor
+    planner.detach()
+    told = planner, targets, executor, story.settings
+    rod = odm.Cylinder(0.02, 6.0, pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    with pytest.raises(BadInput, match="does not fit in .* would touch .* another"):
+        sim.Handover(*told, thing=rod)
+    assert planner.attached is None
+    assert sim.Handover(*told).holding
