@@ -74,9 +74,7 @@ class Connector:
         self._place, self.is_new = b"", False
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
-        self._frames_to_persist = (
-            0  # frames in a row that a path must be there to be taken
-        )
+        self._frames_to_persist = 0  # in a row that a path must be there to be taken
 
     def remembered(self, q: np.ndarray, patience: int, waits: bool) -> FoundPath | None:
         """Begin a frame that the roadmap has no path for: return one found before.
@@ -151,6 +149,11 @@ class Connector:
         if self._asked != self.frame.number:
             return 0
         return int(self._search(_SHARE * budget, min(self.budget // 4, _SHORTEN)))
+
+    @property
+    def frames_to_persist(self) -> int:
+        """Frames more that a path found here must be free to be taken; 0: none."""
+        return self._frames_to_persist
 
     def told(self) -> str:
         """Return how far a search has come, for an explanation."""

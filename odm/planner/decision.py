@@ -104,6 +104,16 @@ class Decision:
         """Frames in a row that a path must be free, after another was blocked."""
         return 0 if self._always else self._patience
 
+    def frames_to_wait(self, beyond: int) -> int:
+        """Return for how many frames more a path that is free now has to be so.
+
+        0: no path is free, or none has to wait. `beyond`: what the search beyond the
+        roadmap counts.
+        """
+        left = self._numbers.frames_to_persist.item(), beyond
+        # as many as at first: this very frame had no path
+        return min((n for n in left if 0 < n < self.patience), default=0)
+
     def see(self, q: np.ndarray, now: float | None) -> None:
         """Remember a frame that can be used and asks for no answer."""
         self.only_seen = True

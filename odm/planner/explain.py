@@ -37,6 +37,8 @@ class Reasons:
         retreat: Finds a motion out of the way.
         trouble: A reason known already.
         searched: Tells how far a search beyond the roadmap has come.
+        waiting: Tells for how many frames more a path that is free now has to be so;
+            0: there is none, or none that has to.
     """
 
     def __init__(
@@ -46,10 +48,11 @@ class Reasons:
         retreat: Retreat,
         trouble: str | None,
         searched: Callable[[], str],
+        waiting: Callable[[], int],
     ) -> None:
         """Remember the frame."""
         self.frame, self.attacher, self.trouble = frame, attacher, trouble
-        self._searched = searched
+        self._searched, self._waiting = searched, waiting
         self._retreat = retreat
         self.epoch = frame.epoch
         self.q = frame.q.copy()
@@ -111,6 +114,14 @@ class Reasons:
             text += f" (the other {more} goals are blocked too)" if more else ""
             text += ", or give another goal"
             return text, self._around(goals[0], link, point, 0)
+        left = self._waiting()
+        if left:
+            text = (
+                "a path is free now, but the last one that opened like this was soon "
+                f"blocked again; it is taken when it stays free for {left} more frames "
+                "(PlannerSettings.persistence_frames)"
+            )
+            return text, NOTHING
         g = next(k for k in range(len(rows)) if k not in blocked)
         at_goal = rows[g].gap - rows[g].keep < gap - keep
         if at_goal:

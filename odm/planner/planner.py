@@ -573,8 +573,12 @@ class ReactivePlanner:
     ) -> Answer:
         self.path.followed = False
         told = self.connector.told
-        why = Reasons(self.frame, self.attacher, self._retreat, trouble, told)
+        how = told, self._frames_to_wait
+        why = Reasons(self.frame, self.attacher, self._retreat, trouble, *how)
         return self._answer(HOLDING, self._nowhere, None, times, closed, None, why)
+
+    def _frames_to_wait(self) -> int:
+        return self.decision.frames_to_wait(self.connector.frames_to_persist)
 
     def _answer(
         self,

@@ -1,5 +1,6 @@
 """New ways keep clear of where the obstacles have been; freed space is free at once."""
 
+import re
 from functools import partial
 from itertools import product
 
@@ -108,6 +109,24 @@ def test_a_way_that_is_only_just_free_is_not_tried_again_at_once(small_map):
     patient, hasty = PlannerSettings(), PlannerSettings(persistence_frames=0)
     assert taken(hasty) > 10
     assert taken(patient) < 0.3 * taken(hasty)
+
+
+def test_a_robot_that_waits_for_a_path_to_stay_free_says_so(small_map):
+    wall = blocks_the_way(small_map)
+    planner = odm.ReactivePlanner(small_map)
+    planner.set_goals([AWAY])
+    told = []
+    for k in range(90):
+        shut = wall if k % 6 < 3 else NOBODY
+        planner.set_goals([AWAY + [0.0, 0.0, 0.1 * (k // 6 % 2)]])
+        answer = planner.step(shut, q=HOME, now=k / RATE)
+        if answer.status == "holding":
+            told.append((k % 6, answer.reason))
+    waits = [(k, why) for k, why in told if why.startswith("a path is free now")]
+    assert waits and all(k >= 3 for k, _ in waits)  # never while the wall is there
+    words = r"stays free for ([0-9]+) more frames \(PlannerSettings.persistence_frames"
+    left = [int(re.search(words, why)[1]) for _, why in waits]
+    assert 0 < min(left) and max(left) < planner.settings.persistence_frames
 
 
 def cells_of(planner, words):
