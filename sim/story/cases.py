@@ -1,5 +1,6 @@
 """Who stands where in a hand-over, and whether it is in reach: told before the run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,9 +13,11 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
+from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
@@ -101,7 +104,8 @@ class StorySetup:
     """What all runs share.
 
     Attributes:
-        cell_map, reach: The robot's map and its reach map.
+        cell_map: The robot's map.
+        reach: Its reach map.
         obj: What is handed over.
         index: Roadmap nodes by pose of the tool.
         rest: (dof,) where the robot begins and waits.
@@ -180,25 +184,56 @@ def setup_of(
     reach: ReachMap,
     obj: HeldObject | None = None,
     place: bool = True,
+    pads: Sequence[str] = (),
 ) -> StorySetup:
     """Return the setup of a map.
 
+    Args:
+        cell_map, reach: The robot's map and its reach map.
+        obj: What is handed over; None: a wrench.
+        place: Whether it has its place on the table.
+        pads: Links that may touch it; see `pads_of`.
+
     Raises:
-        BadInput: The robot has no links that could be finger pads.
+        BadInput: The robot has no links that could be finger pads, or none of a name.
     """
     robot = cell_map.robot
-    pads = tuple(n for n in robot.link_names if "finger" in n or "pad" in n)
-    if not pads:
-        raise BadInput(
-            f"{robot.name} has no link with 'finger' or 'pad' in its name, so nothing "
-            "could be grasped; build a map of a robot with a gripper, such as panda"
-        )
+    pads = pads_of(robot, pads)
     obj = obj or story_wrench()
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)
     return StorySetup(cell_map, reach, obj, index, rest, pads=pads, T_place=T)
+
+
+def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the links that may touch an object.
+
+    Args:
+        robot: The robot.
+        names: Of the links; empty: those that the tool carries with "finger" or "pad"
+            in their name.
+
+    Raises:
+        BadInput: There are none, or one that the tool does not carry.
+    """
+    own = sorted(gripper_links(robot))
+    likely = (n for n in robot.link_names if "finger" in n or "pad" in n)
+    pads = tuple(names or (n for n in likely if n in own))
+    if not pads:
+        raise BadInput(
+            f"{robot.name}'s tool carries no link with 'finger' or 'pad' in its name, "
+            "so nothing could be grasped; say which may touch an object with `odm demo "
+            f"handover --pads LINK`, of {', '.join(own)}"
+        )
+    for name in names:
+        if name not in own:
+            raise BadInput(
+                f"--pads {name}: {robot.name}'s tool carries no such link; choose from "
+                f"{', '.join(own)}"
+            )
+    return pads
 
 
 @dataclass(frozen=True, eq=False)

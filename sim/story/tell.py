@@ -68,7 +68,7 @@ def tell_story(
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setup = setup_of(cell_map, reach)
+    setup = setup_of(cell_map, reach, pads=request.pads or ())
     wrist, note = wrist_of(setup)
     run = _run_of(request, setup, wrist, live.person if live else person)
     say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
