@@ -104,8 +104,7 @@ class StorySetup:
     """What all runs share.
 
     Attributes:
-        cell_map: The robot's map.
-        reach: Its reach map.
+        cell_map, reach: The robot's map and its reach map.
         obj: What is handed over.
         index: Roadmap nodes by pose of the tool.
         rest: (dof,) where the robot begins and waits.
@@ -189,7 +188,8 @@ def setup_of(
     """Return the setup of a map.
 
     Args:
-        cell_map, reach: The robot's map and its reach map.
+        cell_map: The robot's map.
+        reach: Its reach map.
         obj: What is handed over; None: a wrench.
         place: Whether it has its place on the table.
         pads: Links that may touch it; see `pads_of`.
