@@ -115,7 +115,8 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them.
+        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them;
+            with `parted` and `held_out` where people hold something out.
         q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -162,6 +163,9 @@ class Executor:
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
+        # what a person holds out is no part of them to a planner that knows of it
+        told = getattr(planner, "held_out", None)
+        self._held_out = None if told is None else BrakingTest(told)
         self._timed = TimedBefore()
         self.timed_path = False
         self._looked = False  # whether this frame looked if somebody comes
@@ -536,7 +540,13 @@ class Executor:
         if self.off or not isinstance(threat, Threat):
             return False
         begin, stop = self._stop_behind(motion, t)
-        if not self._shells.passes(motion, t, begin, stop, threat, gap):
+        person, held_out = threat, None
+        if self._held_out is not None:
+            person, held_out = self.planner.parted(threat)
+        how = motion, t, begin, stop
+        if held_out is not None and not self._held_out.passes(*how, held_out, closer):
+            return False
+        if not self._shells.passes(*how, person, gap):
             return False
         self._hold_ready(stop)
         return True
