@@ -48,6 +48,7 @@ _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 _EVASIONS = (0.8, 0.5, 0.2)  # shares of its present speed at which an evasion goes on
 _SLOWEST = 0.01  # share of the speed limits below which none is rescaled
+_TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
 _TRACKING = 0.002  # tracking share for planners without a map [m]
 
 
@@ -126,7 +127,8 @@ class Executor:
         held, held_t: The stop that was tested, to be taken where nothing else is, and
             the time on it [s], negative before it begins; None where nobody was about.
         state: "moving", "slowed", "braked", "retreating" or "standing".
-        reason: One sentence while it is slowed or braked.
+        reason: One sentence while it is slowed or braked, or stands with a way out that
+            it may not take.
         brakes: Whether the planner can test the path of a stop.
         timed_path: Whether the last `update` timed a new path, which takes a while.
     """
@@ -502,6 +504,8 @@ class Executor:
             if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
                 self._retreat_frame = self._frame
                 self._retreat(answer.retreat, threat)
+            if not may_move and answer.retreat is not None:
+                self.reason = _TOO_NEAR
         elif self.state != STANDING:
             self._stop_and_stand()
 

@@ -13,11 +13,13 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.threat import ThreatSettings, Watcher
+from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, tool_pose
+from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
+from sim.loop.loop import exact_audit
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
@@ -747,3 +749,43 @@ def test_an_object_that_does_not_fit_in_where_the_robot_stands_is_refused(maps):
         sim.Handover(*told, thing=rod)
     assert planner.attached is None
     assert sim.Handover(*told).holding
+
+
+def test_what_is_held_against_a_link_does_not_keep_it_from_evading_the_person(maps):
+    """The shells test the person alone: else no motion passed beside such an object."""
+    story, _ = story_of(maps, "receive")
+    view, executor, robot = story.view, story.executor, story.planner.robot
+    q, audit = executor.set_point.q, exact_audit(robot)
+    T = tool_pose(robot, q)
+
+    def ball(gap):
+        """Return a ball in front of the tool at an exact distance of its solids."""
+        far = np.arange(-0.1, 0.3, 5e-4)
+        places = [T[:3, 3] + f * T[:3, 2] for f in far]
+        rows = [np.array([*p, *p, 0.02]) for p in places]
+        gaps = np.array([audit(q, row[None]) for row in rows])
+        return rows[int(np.flatnonzero(gaps < gap)[-1]) + 1]
+
+    near, against = ball(0.012), ball(-0.01)
+    balls = cover_balls(robot, q)[robot.moving]
+    assert ball_gaps(balls, near[None]).min() < executor.settings.yield_gap
+    T_end = np.array(T)
+    T_end[:3, 3] -= 0.03 * T[:3, 2]
+    path = np.array([q, robot.ik(T_end, q, attempts=1)[0].q])
+    motion = time_path(robot, path, blend=0, speed_scale=0.2)
+    free = {}
+    for name, rows in (
+        ("object", [near, against]),
+        ("nobody holds it", [near, near]),
+        ("person", [against, near]),
+    ):
+        view.classes, view.offered = np.zeros(2, np.int8), 1
+        still = np.zeros((2, 2, 3)), np.zeros(2), 0.0, ThreatSettings()
+        threat = Threat(np.array(rows), *still)
+        free[name] = executor._evasion_free(motion, 0.0, threat)
+    assert free == {"object": True, "nobody holds it": True, "person": False}
+    into = time_path(robot, np.array([q, 2 * q - path[1]]), blend=0, speed_scale=0.2)
+    far = np.array([*near[:6] + 5.0, 0.02])
+    threat = Threat(np.array([far, against]), *still)
+    assert not executor._evasion_free(into, 0.1, threat)
+    assert executor._evasion_free(motion, 0.1, threat)
