@@ -107,6 +107,11 @@ class ExecutionSettings:
         }
         check_settings(self, ranges)
 
+    @property
+    def slowest_scale(self) -> float:
+        """Share of the joints' speed limits of the slowest level that it uses."""
+        return self.speed_scale * _LOWER ** (_LEVELS - 1)
+
 
 class Executor:
     """Holds the motion in use and decides in every frame how it goes on.
@@ -544,12 +549,11 @@ class Executor:
         if self.off or not isinstance(threat, Threat):
             return False
         begin, stop = self._stop_behind(motion, t)
-        person, held_out = threat, None
+        how, person = (motion, t, begin, stop), threat
         if self._held_out is not None:
-            person, held_out = self.planner.parted(threat)
-        how = motion, t, begin, stop
-        if held_out is not None and not self._held_out.passes(*how, held_out, closer):
-            return False
+            person, there = self.planner.parted(threat)
+            if there is not None and not self._held_out.passes(*how, there, closer):
+                return False
         if not self._shells.passes(*how, person, gap):
             return False
         self._hold_ready(stop)

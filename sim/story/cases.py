@@ -13,6 +13,8 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
+from odm.execution.executor import ExecutionSettings
+from odm.execution.slowest_stop import slowest_stop
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
@@ -28,6 +30,9 @@ NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
 GRASPS = 8  # of the person
 JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
+SPEED = 0.7  # share of the joints' speed limits that the robot uses
+RATE = 100.0  # frames per second
+EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005)
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
@@ -145,7 +150,23 @@ class StorySetup:
 
     def targets(self, planner: ReactivePlanner, human: Human) -> LiveTargets:
         """Return a live thread that knows nothing yet."""
-        return LiveTargets(planner, self.meet(human), self.rest, self.index, LIVE)
+        _, comes = slowest_stop(planner.robot, EXECUTION, 1.0 / RATE)
+        settings = replace(LIVE, spare_m=max(LIVE.spare_m, comes))
+        told = self.meet(human), self.rest, self.index, settings
+        return LiveTargets(planner, *told)
+
+
+def slow_to_stop(robot: Robot) -> str:
+    """Return a sentence about a robot that takes long to stop; "": it does not."""
+    time, comes = slowest_stop(robot, EXECUTION, 1.0 / RATE)
+    if comes <= LIVE.spare_m:
+        return ""
+    return (
+        f"{robot.name} takes {1e3 * time:.0f} ms to stop even from its slowest speed, "
+        f"in which a person may come {1e2 * comes:.1f} cm nearer: closer to them it "
+        "creeps; if its limits of acceleration and jerk are those assumed where a URDF "
+        "has none, give its own in [robot] of its recipe"
+    )
 
 
 def rest_of(

@@ -17,7 +17,7 @@ from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
-from sim.story.cases import StoryCase, StorySetup, setup_of
+from sim.story.cases import StoryCase, StorySetup, setup_of, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
@@ -72,6 +72,8 @@ def tell_story(
     wrist, note = wrist_of(setup)
     run = _run_of(request, setup, wrist, live.person if live else person)
     say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
+    if slow := slow_to_stop(cell_map.robot):
+        say(slow)
     recorder, told = StoryRecorder(run), 0
 
     def tell(now: bool) -> None:

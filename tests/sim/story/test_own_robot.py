@@ -1,6 +1,8 @@
 """Hand-overs of a robot of your own, on small maps: the example, and what fails."""
 
+import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +22,7 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
+from sim.story.cases import LIVE, setup_of, slow_to_stop
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
@@ -789,3 +792,20 @@ def test_what_is_held_against_a_link_does_not_keep_it_from_evading_the_person(ma
     threat = Threat(np.array([far, against]), *still)
     assert not executor._evasion_free(into, 0.1, threat)
     assert executor._evasion_free(motion, 0.1, threat)
+
+
+def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(maps):
+    cell_map, reach, index = maps
+    robot = cell_map.robot
+    quick = replace(robot, max_acceleration=20 * robot.max_acceleration)
+    quick = replace(quick, max_jerk=1000 * robot.max_jerk)
+    assert slow_to_stop(quick) == ""
+    assert re.search(r"stop even from its slowest.*\[robot\]", slow_to_stop(robot))
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    spare = []
+    for one in (robot, quick):
+        planner = setup.planner()
+        planner.robot = one
+        targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
+        spare.append(targets.settings.spare_m)
+    assert spare[0] > 0.015 and spare[1] == LIVE.spare_m
