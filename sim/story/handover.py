@@ -187,7 +187,8 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
-        if not self._give:
+        if not self._give or self._T_place is not None:
+            # what is in the hand already may lie in it: nobody has to close on that
             _check_grasps(self.planner, grasps, meet.obj.capsules)
         index = self.targets.finder.index
         thing = None if self._give else self._carried

@@ -71,9 +71,7 @@ def tell_story(
     setup = setup_of(cell_map, reach, pads=request.pads or ())
     wrist, note = wrist_of(setup)
     run = _run_of(request, setup, wrist, live.person if live else person)
-    say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
-    if slow := slow_to_stop(cell_map.robot):
-        say(slow)
+    say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
     def tell(now: bool) -> None:
@@ -109,6 +107,13 @@ def tell_story(
     for line in (summary_of(result), *map(str, files)):
         say(line)
     return found
+
+
+def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
+    """Return what is to be known before the first frame, a line each."""
+    robot = setup.cell_map.robot
+    told = f"{robot.name}, {run.case.direction}: {note}"
+    return "\n".join(filter(None, (told, slow_to_stop(robot))))
 
 
 def _written(

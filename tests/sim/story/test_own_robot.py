@@ -499,7 +499,7 @@ def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(m
         _check_grasps(bare, into, capsules)
 
 
-def test_who_receives_is_asked_about_the_grasp_before_the_first_frame(
+def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     maps, monkeypatch
 ):
     asked = []
@@ -509,6 +509,12 @@ def test_who_receives_is_asked_about_the_grasp_before_the_first_frame(
     assert not asked
     story, _ = story_of(maps, "receive")
     assert np.array_equal(asked[0], story.grasps)
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    T_place = index.T_base_tool[near] @ story._T_tool_object
+    told = story.planner, story.targets, story.executor, sim.StorySettings()
+    assert sim.Handover(*told, T_base_place=T_place).fetches and len(asked) == 2
+    assert np.array_equal(asked[1], story.grasps)
 
 
 def test_beside_what_is_held_out_a_stop_keeps_off_it_but_not_by_the_whole_clearance(
