@@ -48,6 +48,7 @@ _LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
 _RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
 _EVASIONS = (0.8, 0.5, 0.2)  # shares of its present speed at which an evasion goes on
 _SLOWEST = 0.01  # share of the speed limits below which none is rescaled
+_TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
 _TRACKING = 0.002  # tracking share for planners without a map [m]
 
 
@@ -106,6 +107,11 @@ class ExecutionSettings:
         }
         check_settings(self, ranges)
 
+    @property
+    def slowest_scale(self) -> float:
+        """Share of the joints' speed limits of the slowest level that it uses."""
+        return self.speed_scale * _LOWER ** (_LEVELS - 1)
+
 
 class Executor:
     """Holds the motion in use and decides in every frame how it goes on.
@@ -115,7 +121,8 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them.
+        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them;
+            with `parted` and `held_out` where people hold something out.
         q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -125,7 +132,8 @@ class Executor:
         held, held_t: The stop that was tested, to be taken where nothing else is, and
             the time on it [s], negative before it begins; None where nobody was about.
         state: "moving", "slowed", "braked", "retreating" or "standing".
-        reason: One sentence while it is slowed or braked.
+        reason: One sentence while it is slowed or braked, or stands with a way out that
+            it may not take.
         brakes: Whether the planner can test the path of a stop.
         timed_path: Whether the last `update` timed a new path, which takes a while.
     """
@@ -162,6 +170,9 @@ class Executor:
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
+        # what a person holds out is no part of them to a planner that knows of it
+        told = getattr(planner, "held_out", None)
+        self._held_out = None if told is None else BrakingTest(told)
         self._timed = TimedBefore()
         self.timed_path = False
         self._looked = False  # whether this frame looked if somebody comes
@@ -498,6 +509,8 @@ class Executor:
             if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
                 self._retreat_frame = self._frame
                 self._retreat(answer.retreat, threat)
+            if not may_move and answer.retreat is not None:
+                self.reason = _TOO_NEAR
         elif self.state != STANDING:
             self._stop_and_stand()
 
@@ -536,7 +549,12 @@ class Executor:
         if self.off or not isinstance(threat, Threat):
             return False
         begin, stop = self._stop_behind(motion, t)
-        if not self._shells.passes(motion, t, begin, stop, threat, gap):
+        how, person = (motion, t, begin, stop), threat
+        if self._held_out is not None:
+            person, there = self.planner.parted(threat)
+            if there is not None and not self._held_out.passes(*how, there, closer):
+                return False
+        if not self._shells.passes(*how, person, gap):
             return False
         self._hold_ready(stop)
         return True

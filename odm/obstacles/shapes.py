@@ -204,7 +204,7 @@ Shape = Sphere | Capsule | Cylinder | Box | Mesh
 
 def _turn_z_to(axis: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(axis)
-    if length < 1e-12:
+    if not 1e-12 <= length < np.inf:  # what is not finite is refused elsewhere
         return np.eye(3)
     z = axis / length
     side = np.zeros(3)

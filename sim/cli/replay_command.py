@@ -232,7 +232,7 @@ def _repeat_story(
     if "parts" in found.head:
         _repeat_cycle(found, path, cell_map, reach)
         return
-    q, states = play_again(found, setup_of(cell_map, reach))
+    q, states = play_again(found, setup_of(cell_map, reach, pads=_pads_of(found.head)))
     if not same(found, q, states):
         was = found.arrays["q"]
         off = (q != was).any(axis=1)
@@ -246,6 +246,11 @@ def _repeat_story(
     print(f"story_sha256 {told['story_sha256']}")
 
 
+def _pads_of(head: dict) -> list[str]:
+    """Return the links that could touch the object of a recorded hand-over."""
+    return head["planner"]["settings"]["finger_pads"]
+
+
 def _repeat_cycle(
     found: "RunRecord", path: Path, cell_map: "CellMap", reach: "ReachMap"
 ) -> None:
@@ -253,7 +258,8 @@ def _repeat_cycle(
     from sim.maintenance.cases import tools_of
     from sim.maintenance.record import is_same_again
 
-    if not is_same_again(found, tools_of(cell_map, reach)):
+    pads = _pads_of(found.head["parts"][0])
+    if not is_same_again(found, tools_of(cell_map, reach, pads)):
         print(f"odm: the replay of {path} differs", file=sys.stderr)
         raise typer.Exit(1)
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")

@@ -1,5 +1,6 @@
 """Who stands on the ladder, and which tools stand on the table."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,13 +103,20 @@ def upright(tool: HeldObject, xy: tuple[float, float]) -> np.ndarray:
     return pose_of((*xy, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
 
 
-def tools_of(cell_map: CellMap, reach: ReachMap) -> tuple[ToolSetup, ...]:
+def tools_of(
+    cell_map: CellMap, reach: ReachMap, pads: Sequence[str] = ()
+) -> tuple[ToolSetup, ...]:
     """Return the setup of each tool, in the order in which they are asked for.
+
+    Args:
+        cell_map: The robot's map.
+        reach: Its reach map.
+        pads: Links that may touch a tool; see `sim.story.cases.pads_of`.
 
     Raises:
         BadInput: The robot has no fingers.
     """
-    shared = setup_of(cell_map, reach)
+    shared = setup_of(cell_map, reach, pads=pads)
     tools = [wrench_of(size) for size in SIZES]
     standing = [(t, upright(t, xy)) for t, xy in zip(tools, PLACES_XY, strict=True)]
     setups = []

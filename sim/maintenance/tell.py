@@ -61,7 +61,7 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setups = tools_of(cell_map, reach)
+    setups = tools_of(cell_map, reach, request.pads or ())
     files: list[Path] = []
     cycles = []
     for seed in range(request.seed, request.seed + request.cycles):

@@ -1,5 +1,6 @@
 """Who stands where in a hand-over, and whether it is in reach: told before the run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,9 +13,13 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
+from odm.execution.executor import ExecutionSettings
+from odm.execution.slowest_stop import slowest_stop
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
+from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
@@ -25,6 +30,9 @@ NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
 GRASPS = 8  # of the person
 JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
+SPEED = 0.7  # share of the joints' speed limits that the robot uses
+RATE = 100.0  # frames per second
+EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005)
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
@@ -142,7 +150,23 @@ class StorySetup:
 
     def targets(self, planner: ReactivePlanner, human: Human) -> LiveTargets:
         """Return a live thread that knows nothing yet."""
-        return LiveTargets(planner, self.meet(human), self.rest, self.index, LIVE)
+        _, comes = slowest_stop(planner.robot, EXECUTION, 1.0 / RATE)
+        settings = replace(LIVE, spare_m=max(LIVE.spare_m, comes))
+        told = self.meet(human), self.rest, self.index, settings
+        return LiveTargets(planner, *told)
+
+
+def slow_to_stop(robot: Robot) -> str:
+    """Return a sentence about a robot that takes long to stop; "": it does not."""
+    time, comes = slowest_stop(robot, EXECUTION, 1.0 / RATE)
+    if comes <= LIVE.spare_m:
+        return ""
+    return (
+        f"{robot.name} takes {1e3 * time:.0f} ms to stop even from its slowest speed, "
+        f"in which a person may come {1e2 * comes:.1f} cm nearer: closer to them it "
+        "creeps; if its limits of acceleration and jerk are those assumed where a URDF "
+        "has none, give its own in [robot] of its recipe"
+    )
 
 
 def rest_of(
@@ -180,25 +204,57 @@ def setup_of(
     reach: ReachMap,
     obj: HeldObject | None = None,
     place: bool = True,
+    pads: Sequence[str] = (),
 ) -> StorySetup:
     """Return the setup of a map.
 
+    Args:
+        cell_map: The robot's map.
+        reach: Its reach map.
+        obj: What is handed over; None: a wrench.
+        place: Whether it has its place on the table.
+        pads: Links that may touch it; see `pads_of`.
+
     Raises:
-        BadInput: The robot has no links that could be finger pads.
+        BadInput: The robot has no links that could be finger pads, or none of a name.
     """
     robot = cell_map.robot
-    pads = tuple(n for n in robot.link_names if "finger" in n or "pad" in n)
-    if not pads:
-        raise BadInput(
-            f"{robot.name} has no link with 'finger' or 'pad' in its name, so nothing "
-            "could be grasped; build a map of a robot with a gripper, such as panda"
-        )
+    pads = pads_of(robot, pads)
     obj = obj or story_wrench()
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)
     return StorySetup(cell_map, reach, obj, index, rest, pads=pads, T_place=T)
+
+
+def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the links that may touch an object.
+
+    Args:
+        robot: The robot.
+        names: Of the links; empty: those that the tool carries with "finger" or "pad"
+            in their name.
+
+    Raises:
+        BadInput: There are none, or one that the tool does not carry.
+    """
+    own = sorted(gripper_links(robot))
+    likely = (n for n in robot.link_names if "finger" in n or "pad" in n)
+    pads = tuple(names or (n for n in likely if n in own))
+    if not pads:
+        raise BadInput(
+            f"{robot.name}'s tool carries no link with 'finger' or 'pad' in its name, "
+            "so nothing could be grasped; say which may touch an object with `odm demo "
+            f"handover --pads LINK`, of {', '.join(own)}"
+        )
+    for name in names:
+        if name not in own:
+            raise BadInput(
+                f"--pads {name}: {robot.name}'s tool carries no such link; choose from "
+                f"{', '.join(own)}"
+            )
+    return pads
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from handover.targets.allowance import (
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
-from odm.execution.executor import BRAKED, RETREATING, Executor
+from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
 from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
@@ -187,7 +187,8 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
-        if not self._give:
+        if not self._give or self._T_place is not None:
+            # what is in the hand already may lie in it: nobody has to close on that
             _check_grasps(self.planner, grasps, meet.obj.capsules)
         index = self.targets.finder.index
         thing = None if self._give else self._carried
@@ -240,7 +241,9 @@ class Handover:
         why = getattr(self.answer, "reason", "") if held else ""
         if why and self._step.kind == "targets" and not len(self.planner.goals):
             why = "no place within reach of both is known"
-        told = [self.machine.reason, why or self.executor.reason or "", self._no_time]
+        executor = self.executor
+        stands = executor.reason if not why or executor.state == STANDING else ""
+        told = [self.machine.reason, why, stands, self._no_time]
         return "; ".join(t for t in told if t)
 
     @property

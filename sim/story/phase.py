@@ -21,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm.checks import OBJECT
+from odm.execution.threat import Threat
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
@@ -40,6 +41,7 @@ class PhasePlanner:
         classes: (k,) class of each of the shapes that are told.
         offered: How many of those, the last ones, are what somebody holds out.
         person: (k, 7) the person's capsules in this frame [m].
+        held_out: Tests of stops against what somebody holds out, and nobody else.
         meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
             part, and the object. Nobody evades them then; all else is evaded as ever.
         looked: Whether a motion that evades somebody was looked for since this was set
@@ -55,6 +57,7 @@ class PhasePlanner:
         self.classes = np.zeros(0, np.int8)
         self.offered = 0
         self.person = np.zeros((0, 7))
+        self.held_out = HeldOut(self)
         self.meant = np.zeros(0, np.int64)
         self.at_place = False
         self.looked = False
@@ -99,9 +102,22 @@ class PhasePlanner:
         leg = self.planner.blocked_leg(path, extra, people)
         if leg is not None:
             return leg
+        return self.leg_of_object(path, extra, there)
+
+    def leg_of_object(
+        self, path: np.ndarray, extra: float, there: Obstacles
+    ) -> int | None:
+        """Return the first leg that is no way out from what is held out alone."""
         there.shape_classes[:] = OBJECT
         told = (path, extra, there, "receive")
-        return self.planner.blocked_leg(*told, escape=True)
+        return self.planner.blocked_leg(*told, escape=self.phase is None)
+
+    def parted(self, threat: Threat) -> tuple[Threat, Threat | None]:
+        """Return where the person can be, and what they hold out; None: nothing."""
+        n = len(threat.error) - self.offered
+        if not self.offered:
+            return threat, None
+        return threat.of(slice(n)), threat.of(slice(n, None))
 
     def _leg_beside(
         self, path: np.ndarray, extra: float, points: Obstacles
@@ -182,3 +198,24 @@ class PhasePlanner:
         if still.why(q, dq) is not None:
             return False
         return self._leg(np.array([q, q + dq]), 0.0, there) is None
+
+
+class HeldOut:
+    """What somebody holds out, as it is told alone while the robot stops.
+
+    The shells that test who is within the cover know no pads and no way out from what
+    lies against a link already: that is tested here, by the cover.
+
+    Args:
+        view: Knows the phase.
+    """
+
+    def __init__(self, view: PhasePlanner) -> None:
+        """Keep the view."""
+        self.view = view
+
+    def blocked_leg(
+        self, path: np.ndarray, extra: float, points: Obstacles
+    ) -> int | None:
+        """Return the first blocked leg; `points` is what is held out alone."""
+        return self.view.leg_of_object(path, extra, points)

@@ -9,14 +9,14 @@ import numpy as np
 from handover.human.body import Part
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
-from odm.execution.executor import ExecutionSettings, Executor
+from odm.execution.executor import Executor
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
 from sim.people.partner import Partner
 from sim.story import machine as table
-from sim.story.cases import StoryCase, StorySetup, in_reach
+from sim.story.cases import EXECUTION, RATE, StoryCase, StorySetup, in_reach
 from sim.story.frame import StoryFrame
 from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover
@@ -25,8 +25,6 @@ from sim.story.phase import PhasePlanner
 from sim.story.settings import StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 
-SPEED = 0.7  # share of the joints' speed limits that the robot uses
-RATE = 100.0  # frames per second
 STANDS = 1e-3  # [m/s] slower than this it stands
 CLOSING_S = 0.25  # [s] of the fingers, from open to closed
 _LOOSE = 0.4  # share of that at which they do not hold any more
@@ -382,7 +380,7 @@ def new_story(
         PhasePlanner(planner),
         setup.rest,
         1.0 / RATE,
-        ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005),
+        EXECUTION,
     )
     targets = setup.targets(planner, human)
     T_place = setup.T_place if fetch or not give else None

@@ -50,6 +50,12 @@ class DemoRequest:
     map_dir: Path | None = flag(
         None, "A map's folder (handover); built if left.", "--map", metavar="MAP"
     )
+    pads: list[str] | None = flag(
+        None,
+        "A link that may touch an object (handover); again for more; those with "
+        "'finger' or 'pad' in their name if left.",
+        metavar="LINK",
+    )
     record: Path | None = flag(
         None,
         "Write the hand-over; `odm replay` repeats it, `odm view` shows it.",
@@ -93,7 +99,7 @@ class DemoRequest:
             word = "cycles" if self.robot is None else "robot"
             return f"--{word} goes with `odm demo maintenance`; leave it out"
         only = ("direction", "human", "file", "mapping", "reach", "map_dir")
-        only = (*only, "record", "film")
+        only = (*only, "pads", "record", "film")
         if self.story == WORK:
             given = [n for n in only if getattr(self, n) is not None]
             given += [n for n in ("accept_defects", "view") if getattr(self, n)]

@@ -17,7 +17,7 @@ from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
-from sim.story.cases import StoryCase, StorySetup, setup_of
+from sim.story.cases import StoryCase, StorySetup, setup_of, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
@@ -68,10 +68,10 @@ def tell_story(
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setup = setup_of(cell_map, reach)
+    setup = setup_of(cell_map, reach, pads=request.pads or ())
     wrist, note = wrist_of(setup)
     run = _run_of(request, setup, wrist, live.person if live else person)
-    say(f"{cell_map.robot.name}, {run.case.direction}: {note}")
+    say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
     def tell(now: bool) -> None:
@@ -107,6 +107,13 @@ def tell_story(
     for line in (summary_of(result), *map(str, files)):
         say(line)
     return found
+
+
+def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
+    """Return what is to be known before the first frame, a line each."""
+    robot = setup.cell_map.robot
+    told = f"{robot.name}, {run.case.direction}: {note}"
+    return "\n".join(filter(None, (told, slow_to_stop(robot))))
 
 
 def _written(

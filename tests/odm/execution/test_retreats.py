@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import odm
+from odm.audit.exact import ExactRobot
 from odm.execution.executor import RETREATING, STANDING, Executor
 from odm.execution.threat import Threat, ThreatSettings
-from roadmap.kinematics.forward import sphere_centers
+from odm.obstacles.shapes import Capsule
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls, sphere_centers
 
 START = np.array([0.0, 0.6, 0.0])
 AWAY = np.array([0.8, 0.2, 0.0])
@@ -94,3 +97,49 @@ def test_a_slow_retreat_is_taken_where_a_quick_one_could_not_stop(scene):
             speeds[gap] = scene.executor.motion.speed_scale
     assert speeds[0.35] == 0.25
     assert speeds.get(0.14, 0.0) < 0.25
+
+
+def played_beside(small_map, rng, within):
+    """Stand beside a ball within the cover; return gaps [m], speeds, executor, q."""
+    planner, robot = odm.ReactivePlanner(small_map), small_map.robot
+    exact, place = ExactRobot(robot), None
+    while place is None:
+        q = START + rng.uniform(-0.4, 0.4, 3)
+        balls = cover_balls(robot, q)[robot.moving]
+        out = rng.normal(size=3)
+        out *= (balls[-1, 3] + rng.uniform(-0.03, 0.05)) / np.linalg.norm(out)
+        ball = np.tile(balls[-1, :3] + out, 2)
+        ball = np.append(ball, 0.02)[None]
+        cover, solid = (
+            ball_gaps(balls, ball).min(),
+            Capsule.between(*ball[0, :6].reshape(2, 3), 0.02),
+        )
+        if within[0] < exact.distance(q, [solid]).distance < within[1] and cover < 0.0:
+            place = ball
+    planner.set_goals([[-1.2, 0.6, 0.0]])
+    executor, gaps, speeds = Executor(robot, planner, q, 0.01), [], []
+    threat = Threat(place, np.zeros((1, 2, 3)), np.zeros(1), 0.0, ThreatSettings())
+    for _ in range(120):
+        commit = executor.commit()
+        answer = planner.step(odm.Obstacles(capsules=place), q=commit.q)
+        executor.update(answer, commit, threat)
+        executor.advance()
+        point = executor.set_point
+        gaps.append(exact.distance(point.q, [solid]).distance)
+        speeds.append(np.abs(point.dq).max())
+    return np.array(gaps), np.array(speeds), executor, q
+
+
+def test_it_leaves_who_stands_within_its_cover_but_not_at_its_links(small_map, rng):
+    left = 0
+    for _ in range(5):
+        gaps, speeds, executor, q = played_beside(small_map, rng, (0.012, 0.02))
+        assert gaps.min() > executor.settings.yield_gap - 1e-6
+        left += gaps[-1] > gaps[0] + 0.01
+    assert left >= 3
+
+
+def test_who_touches_its_links_is_not_left_and_is_told_why(small_map, rng):
+    gaps, speeds, executor, q = played_beside(small_map, rng, (-0.02, -0.004))
+    assert (speeds == 0.0).all() and np.allclose(executor.set_point.q, q, atol=1e-12)
+    assert "stands until they are farther" in executor.reason

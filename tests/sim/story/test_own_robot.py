@@ -1,6 +1,8 @@
 """Hand-overs of a robot of your own, on small maps: the example, and what fails."""
 
+import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,11 +15,14 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.threat import ThreatSettings, Watcher
+from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, tool_pose
+from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
+from sim.loop.loop import exact_audit
+from sim.story.cases import LIVE, setup_of, slow_to_stop
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
@@ -494,7 +499,7 @@ def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(m
         _check_grasps(bare, into, capsules)
 
 
-def test_who_receives_is_asked_about_the_grasp_before_the_first_frame(
+def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     maps, monkeypatch
 ):
     asked = []
@@ -504,6 +509,12 @@ def test_who_receives_is_asked_about_the_grasp_before_the_first_frame(
     assert not asked
     story, _ = story_of(maps, "receive")
     assert np.array_equal(asked[0], story.grasps)
+    index = story.targets.finder.index
+    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
+    T_place = index.T_base_tool[near] @ story._T_tool_object
+    told = story.planner, story.targets, story.executor, sim.StorySettings()
+    assert sim.Handover(*told, T_base_place=T_place).fetches and len(asked) == 2
+    assert np.array_equal(asked[1], story.grasps)
 
 
 def test_beside_what_is_held_out_a_stop_keeps_off_it_but_not_by_the_whole_clearance(
@@ -747,3 +758,60 @@ def test_an_object_that_does_not_fit_in_where_the_robot_stands_is_refused(maps):
         sim.Handover(*told, thing=rod)
     assert planner.attached is None
     assert sim.Handover(*told).holding
+
+
+def test_what_is_held_against_a_link_does_not_keep_it_from_evading_the_person(maps):
+    """The shells test the person alone: else no motion passed beside such an object."""
+    story, _ = story_of(maps, "receive")
+    view, executor, robot = story.view, story.executor, story.planner.robot
+    q, audit = executor.set_point.q, exact_audit(robot)
+    T = tool_pose(robot, q)
+
+    def ball(gap):
+        """Return a ball in front of the tool at an exact distance of its solids."""
+        far = np.arange(-0.1, 0.3, 5e-4)
+        places = [T[:3, 3] + f * T[:3, 2] for f in far]
+        rows = [np.array([*p, *p, 0.02]) for p in places]
+        gaps = np.array([audit(q, row[None]) for row in rows])
+        return rows[int(np.flatnonzero(gaps < gap)[-1]) + 1]
+
+    near, against = ball(0.012), ball(-0.01)
+    balls = cover_balls(robot, q)[robot.moving]
+    assert ball_gaps(balls, near[None]).min() < executor.settings.yield_gap
+    T_end = np.array(T)
+    T_end[:3, 3] -= 0.03 * T[:3, 2]
+    path = np.array([q, robot.ik(T_end, q, attempts=1)[0].q])
+    motion = time_path(robot, path, blend=0, speed_scale=0.2)
+    free = {}
+    for name, rows in (
+        ("object", [near, against]),
+        ("nobody holds it", [near, near]),
+        ("person", [against, near]),
+    ):
+        view.classes, view.offered = np.zeros(2, np.int8), 1
+        still = np.zeros((2, 2, 3)), np.zeros(2), 0.0, ThreatSettings()
+        threat = Threat(np.array(rows), *still)
+        free[name] = executor._evasion_free(motion, 0.0, threat)
+    assert free == {"object": True, "nobody holds it": True, "person": False}
+    into = time_path(robot, np.array([q, 2 * q - path[1]]), blend=0, speed_scale=0.2)
+    far = np.array([*near[:6] + 5.0, 0.02])
+    threat = Threat(np.array([far, against]), *still)
+    assert not executor._evasion_free(into, 0.1, threat)
+    assert executor._evasion_free(motion, 0.1, threat)
+
+
+def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(maps):
+    cell_map, reach, index = maps
+    robot = cell_map.robot
+    quick = replace(robot, max_acceleration=20 * robot.max_acceleration)
+    quick = replace(quick, max_jerk=1000 * robot.max_jerk)
+    assert slow_to_stop(quick) == ""
+    assert re.search(r"stop even from its slowest.*\[robot\]", slow_to_stop(robot))
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    spare = []
+    for one in (robot, quick):
+        planner = setup.planner()
+        planner.robot = one
+        targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
+        spare.append(targets.settings.spare_m)
+    assert spare[0] > 0.015 and spare[1] == LIVE.spare_m

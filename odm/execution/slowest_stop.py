@@ -1,0 +1,33 @@
+"""How far a person may come while a robot stops from the slowest speed it uses."""
+
+import numpy as np
+
+from odm.execution.executor import ExecutionSettings
+from odm.execution.threat import ThreatSettings
+from roadmap.robot.robot import Robot
+
+
+def slowest_stop(
+    robot: Robot, settings: ExecutionSettings, period: float
+) -> tuple[float, float]:
+    """Return how long the shortest stop takes [s], and how far somebody comes [m].
+
+    A robot that is slowed down for a person uses its slowest level of speed. The joint
+    that takes longest to stop from there counts, by its limits of acceleration and
+    jerk, after one more period; the person stands before, and starts off as hard as is
+    assumed of them. Nearer to them than that, and the clearance, it does not get: it
+    brakes as soon as it has begun to move.
+
+    Args:
+        robot: The robot.
+        settings: Of its execution.
+        period: Time between frames [s].
+    """
+    speed = settings.slowest_scale * robot.max_velocity
+    a, jerk = robot.max_acceleration, robot.max_jerk
+    # either it comes to its full deceleration, or half of the time goes by until then
+    times = np.where(
+        speed >= a * a / jerk, speed / a + a / jerk, 2.0 * (speed / jerk) ** 0.5
+    )
+    time = period + float(times.max())
+    return time, 0.5 * ThreatSettings().acceleration * time * time

@@ -1,0 +1,51 @@
+"""`--pads`: which links may touch an object, whatever their names are."""
+
+import pytest
+
+import handover
+import odm as package
+from roadmap.errors import BadInput
+from sim.people.partner import Partner
+from sim.record import write_record
+from sim.story.cases import StoryCase, setup_of
+from sim.story.play import StoryPlay
+from sim.story.record import StoryRecorder
+from sim.story.request import DemoRequest
+
+
+@pytest.fixture(scope="module")
+def maps(meet_maps):
+    return package.load_map(meet_maps[0]), handover.load_reach_map(meet_maps[1])
+
+
+def test_a_robot_without_fingers_is_told_of_pads_and_of_its_links(maps):
+    with pytest.raises(BadInput, match=r"--pads LINK`, of .*flange"):
+        setup_of(*maps)
+    with pytest.raises(BadInput, match=r"--pads link9.* no such link.*flange"):
+        setup_of(*maps, pads=["flange", "link9"])
+    setup = setup_of(*maps, pads=["flange"])
+    assert setup.planner().settings.finger_pads == ("flange",)
+
+
+def test_the_command_takes_pads_and_only_of_a_hand_over(odm, meet_maps, tmp_path):
+    words = ("demo", "handover", "--map", meet_maps[0], "--reach", meet_maps[1])
+    for pads, told in [((), "--pads LINK"), (("--pads", "nail"), "--pads nail")]:
+        code, _, error = odm(*words, *pads, "--out", tmp_path)
+        assert code == 2 and told in error and "flange" in error
+    with pytest.raises(BadInput, match="--pads goes with `odm demo handover`"):
+        DemoRequest(pads=["flange"])
+
+
+def test_a_recording_is_played_again_with_its_own_pads(odm, maps, meet_maps, tmp_path):
+    setup = setup_of(*maps, pads=["flange"])
+    case = StoryCase("receive", distance=1.2)
+    body = case.body()
+    giver = Partner(body, setup.side, setup.obj, case.traits, gives=True)
+    run = StoryPlay(setup, case, partner=giver)
+    recorder = StoryRecorder(run)
+    for _ in range(20):
+        recorder.add(run.step())
+    file = write_record(recorder.record(), tmp_path / "run.npz")
+    told = ("--map", meet_maps[0], "--reach", meet_maps[1])
+    code, out, error = odm("replay", file, *told)
+    assert code == 0 and "same: 20 frames" in out, error
