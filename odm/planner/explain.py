@@ -114,21 +114,17 @@ class Reasons:
             text += f" (the other {more} goals are blocked too)" if more else ""
             text += ", or give another goal"
             return text, self._around(goals[0], link, point, 0)
-        left = self._waiting()
-        if left:
-            text = (
-                "a path is free now, but the last one that opened like this was soon "
-                f"blocked again; it is taken when it stays free for {left} more frames "
-                "(PlannerSettings.persistence_frames)"
-            )
-            return text, NOTHING
         g = next(k for k in range(len(rows)) if k not in blocked)
         at_goal = rows[g].gap - rows[g].keep < gap - keep
         if at_goal:
             gap, _, link, what, point = rows[g]
         place = f"goal {g}" if at_goal else "the start"
+        left = self._waiting()
+        lead, when = f"no free path leads to goal {g}", ""
+        if left:
+            lead, when = f"no path to goal {g} stays free", " at times"
         text = (
-            f"no free path leads to goal {g}: what is free around {place} is cut off "
+            f"{lead}: what is free around {place} is cut off{when} "
             f"({what} is {in_cm(gap)} from {link} there); move it away, or "
             "give another goal"
         )
@@ -137,7 +133,12 @@ class Reasons:
                 f"no free path leads to goal {g} past what stands still; take "
                 "something away, or give another goal"
             )
-        told = self._searched()
+        if left:
+            text += (
+                f"; a path that is free now is taken when it stays so for {left} more "
+                "frames (PlannerSettings.persistence_frames)"
+            )
+        told = "" if left else self._searched()
         text += f"; {told}" if told else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)

@@ -122,9 +122,9 @@ def test_a_robot_that_waits_for_a_path_to_stay_free_says_so(small_map):
         answer = planner.step(shut, q=HOME, now=k / RATE)
         if answer.status == "holding":
             told.append((k % 6, answer.reason))
-    waits = [(k, why) for k, why in told if why.startswith("a path is free now")]
+    waits = [(k, why) for k, why in told if "a path that is free now" in why]
     assert waits and all(k >= 3 for k, _ in waits)  # never while the wall is there
-    words = r"stays free for ([0-9]+) more frames \(PlannerSettings.persistence_frames"
+    words = r"stays so for ([0-9]+) more frames \(PlannerSettings.persistence_frames"
     left = [int(re.search(words, why)[1]) for _, why in waits]
     assert 0 < min(left) and max(left) < planner.settings.persistence_frames
 
