@@ -3,6 +3,8 @@
 import signal
 from types import FrameType, TracebackType
 
+from sim.terminal import interrupt
+
 # what ended the run, and the exit code that tells the shell
 ENDINGS = {"SIGINT": 130, "SIGTERM": 143, "SIGHUP": 129}
 
@@ -52,6 +54,8 @@ class Signals:
             self._before[number] = signal.signal(number, handler)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGINT:
+            interrupt.taken()
         if self.ended is not None:
             raise KeyboardInterrupt
         self.ended = signal.Signals(number).name

@@ -52,6 +52,7 @@ class _Listener:
         self.grace = GRACE
         self._raised_at: float | None = None
         self._hurry = False
+        self.taken = self._passed_over = 0  # by others; what `_watch` left to them
         self._ending = threading.Lock()
         self._heard, written = os.pipe()
         os.set_blocking(written, False)
@@ -92,7 +93,7 @@ class _Listener:
     def _watch(self) -> None:
         """End the process some time after the signal, unless it has ended by then."""
         main = threading.main_thread().ident
-        while signal.SIGINT not in os.read(self._heard, 64) or not self._is_ours():
+        while not self._is_meant(os.read(self._heard, 64)):
             pass
         begun = time.monotonic()
         while time.monotonic() - begun < self.grace and not self._hurry:
@@ -100,6 +101,17 @@ class _Listener:
             if self._raised_at is None:
                 signal.pthread_kill(main, signal.SIGINT)
         self.end()
+
+    def _is_meant(self, heard: bytes) -> bool:
+        """Return whether signals hold a Ctrl-C that nobody else has taken, or takes.
+
+        This thread may wake only when the other one has given Ctrl-C back.
+        """
+        n = heard.count(signal.SIGINT)
+        if n and self._is_ours() and self.taken <= self._passed_over:
+            return True
+        self._passed_over += n
+        return False
 
     def _is_ours(self) -> bool:
         """Return whether no one else, as the keyboard's screen, takes Ctrl-C now."""
@@ -138,6 +150,12 @@ def listen() -> None:
     plain = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if _listener is None and plain:
         _listener = _Listener()
+
+
+def taken() -> None:
+    """Say that another handler, as the keyboard's screen, took a Ctrl-C; in it."""
+    if _listener is not None:
+        _listener.taken += 1
 
 
 @contextmanager

@@ -1,0 +1,48 @@
+"""Ctrl-C that the keyboard's screen took does not end the process behind its back."""
+
+import subprocess
+import sys
+
+import pytest
+
+_CODE = """
+import os, signal, time
+from sim.keyboard.signals import Signals
+from sim.terminal import interrupt
+
+plain_read = os.read
+
+def late(*given):  # a thread that wakes late, as on a busy machine
+    heard = plain_read(*given)
+    time.sleep(0.3)
+    return heard
+
+os.read = late
+interrupt.GRACE = 0.2
+with interrupt.interruptible():
+    interrupt._listener.grace = 0.2
+    for _ in range({taken}):
+        with Signals() as signals:
+            signal.raise_signal(signal.SIGINT)
+        assert signals.ended == "SIGINT"
+    time.sleep(1.2)
+    print("its figures are written", flush=True)
+    if {again}:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            time.sleep(5.0)
+"""
+
+
+@pytest.mark.parametrize(("taken", "again", "code"), [(1, False, 0), (2, True, 130)])
+def test_who_took_it_goes_on_and_the_next_one_ends_the_process(taken, again, code):
+    done = subprocess.run(
+        [sys.executable, "-c", _CODE.format(taken=taken, again=again)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert "its figures are written" in done.stdout, done.stderr
+    assert done.returncode == code
