@@ -10,6 +10,8 @@ import os, signal, time
 from sim.keyboard.signals import Signals
 from sim.terminal import interrupt
 
+# as in a shell with somebody at it, whatever shell the tests run in
+signal.signal(signal.SIGINT, signal.default_int_handler)
 plain_read = os.read
 
 def late(*given):  # a thread that wakes late, as on a busy machine
