@@ -110,3 +110,44 @@ def arm_jacobian(arm, q, jacobian):
                 lk += arm[0] * u[k]
             jacobian[i, n] = axes[n][j] * lk - axes[n][k] * lj
             jacobian[3 + i, n] = axes[n][i]
+
+
+@njit(**BARE)
+def body_places(given, T_pelvis, T_chest, left, right, places):
+    """Write the places of a person's joints, world frame, to places (11, 3) [m].
+
+    In the order of `handover.human.body.JOINTS`: hip, neck, head, then shoulder, elbow,
+    wrist and tip of the left arm and of the right one.
+
+    Args:
+        given: (23,) hip in the pelvis frame; neck in the chest frame, and from there
+            the skull; both shoulders; the arms' three lengths [m]; and how far each tip
+            is from the wrist, as a share of the last length.
+        T_pelvis: (4, 4) pose of the pelvis [m].
+        T_chest: (4, 4) pose of the chest [m].
+        left: (7,) joints of the left arm [rad].
+        right: (7,) joints of the right one.
+        places: Result.
+    """
+    p, c = T_pelvis, T_chest
+    for i in range(3):
+        hip = p[i, 0] * given[0] + p[i, 1] * given[1] + p[i, 2] * given[2]
+        neck = c[i, 0] * given[3] + c[i, 1] * given[4] + c[i, 2] * given[5]
+        skull = c[i, 0] * given[6] + c[i, 1] * given[7] + c[i, 2] * given[8]
+        places[0, i] = p[i, 3] + hip
+        places[1, i] = c[i, 3] + neck
+        places[2, i] = places[1, i] + skull
+    for side in range(2):
+        u, _, v, _, _, h, _ = arm_axes(left if side == 0 else right)
+        at, far = 9 + 3 * side, 15 + 3 * side
+        mirror = 1.0 if side == 1 else -1.0
+        x, y, z = given[at], given[at + 1], given[at + 2]
+        row = 3 + 4 * side
+        for step in range(4):
+            if step > 0:
+                d = u if step == 1 else (v if step == 2 else h)
+                long = given[far + step - 1] * (given[21 + side] if step == 3 else 1.0)
+                x, y, z = x + long * d[0], y + mirror * long * d[1], z + long * d[2]
+            for i in range(3):
+                there = c[i, 0] * x + c[i, 1] * y + c[i, 2] * z
+                places[row + step, i] = c[i, 3] + there

@@ -14,6 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from handover.human import anthropometry as body
+from handover.human._human_arm import body_places
 from handover.human.body import (
     COLUMN,
     JOINTS,
@@ -269,37 +270,39 @@ class Human:
         return T
 
     def _places(self) -> np.ndarray:
-        skeleton, places = self.skeleton, np.empty((len(JOINTS), 3))
-        R, origin = self.T_world_chest[:3, :3], self.T_world_chest[:3, 3]
-        T = self.T_world_pelvis
-        places[COLUMN["hip"]] = T[:3, 3] + T[:3, :3] @ skeleton.hip
-        neck = origin + R @ skeleton.neck
-        places[COLUMN["neck"]] = neck
-        places[COLUMN["head"]] = neck + R @ skeleton.skull
-        palm, arms = self.sizes.hand, np.zeros((2, 4, 3))
-        for i, side in enumerate(SIDES):
-            arms[i, 1:] = self.arm(side).places(self.arms[side])
-        beyond = [max(hand - palm, 0.0) for hand in skeleton.hands.tolist()]
-        reach = (np.array(beyond) / skeleton.arms[:, 2])[:, None]
-        wrist, grip = arms[:, 2], arms[:, 3]
-        arms[:, 3] = wrist + reach * (grip - wrist)
-        first = COLUMN[f"{SIDES[0]}_shoulder"]  # the arms come last, joint by joint
-        whole = (arms.reshape(8, 3) @ R.T).reshape(2, 4, 3)
-        whole += [[origin + R @ shoulder] for shoulder in skeleton.shoulders]
-        places[first:] = whole.reshape(8, 3)
+        places = np.empty((len(JOINTS), 3))
+        poses = np.array(self.T_world_pelvis), np.array(self.T_world_chest)
+        arms = [np.array(self.arms[side]) for side in SIDES]
+        given = _lengths(self.skeleton, self.sizes.hand)
+        body_places(given, *poses, *arms, places)
         return places
 
     def _leg_capsules(self, sizes: BodySizes) -> np.ndarray:
         T = self.T_world_pelvis
-        legs = leg_places(self.skeleton, posture_named(self.posture))
-        legs = legs.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
-        return leg_capsules(legs.reshape(2, -1, 3), sizes)
+        legs = _legs(self.skeleton, posture_named(self.posture), sizes).copy()
+        ends = legs[:, :6].reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        legs[:, :6] = ends.reshape(-1, 6)
+        return legs
 
 
 # what depends on a few numbers only, kept for the next frame of the same person
 @lru_cache(maxsize=64)
 def _upper_body(height: float, thickness: str) -> UpperBody:
     return UpperBody(JOINTS, BodySizes.sized(height, thickness))
+
+
+@lru_cache(maxsize=64)
+def _lengths(skeleton: Skeleton, palm: float) -> np.ndarray:
+    """Return (23,) lengths as `body_places` takes them [m]."""
+    beyond = np.maximum(skeleton.hands - palm, 0.0) / skeleton.arms[:, 2]
+    chest = (skeleton.neck, skeleton.skull, skeleton.shoulders.ravel())
+    return np.concatenate([skeleton.hip, *chest, skeleton.arms.ravel(), beyond])
+
+
+@lru_cache(maxsize=64)
+def _legs(skeleton: Skeleton, posture: Posture, sizes: BodySizes) -> np.ndarray:
+    """Return (6, 7) capsules of both legs in the pelvis frame [m]."""
+    return frozen(leg_capsules(leg_places(skeleton, posture), sizes), np.float64)
 
 
 @lru_cache(maxsize=64)

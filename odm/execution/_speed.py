@@ -4,55 +4,79 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER, LEAN
 
 
 @njit(**LEAN)
-def allowed_share(centers, moved, radii, capsules, rates, rule):
+def allowed_share(balls, ahead, rate, moving, capsules, rates, hands, rule):
     """Return the share of a motion's speed that all pairs allow, at most 1.
 
     Args:
-        centers: (n, 3) centres of the robot's spheres [m].
-        moved: (n, 3) their velocities at full speed [m/s].
-        radii: (n,) radii of the spheres [m].
+        balls: (n, 4) the robot's spheres: centre and radius [m].
+        ahead: (n, 3) their centres a little farther along the motion [m].
+        rate: How often in a second the motion goes that far, at full speed [1/s].
+        moving: (i,) which of the spheres count.
         capsules: (k, 7) the person: a, b, radius [m].
         rates: (k, 6) velocities of a and b [m/s]; NaN where they are not known.
-        rule: (5,) reaction and stopping time [s], distance that is lost to errors [m],
-            least speed that is always allowed, speed of what is not known [m/s].
+        hands: (j, 7) capsules of the hands that take part [m].
+        rule: (7,) reaction and stopping time [s], distance that is lost to errors [m],
+            least speed that is always allowed, speed of what is not known [m/s]; how
+            near to a hand is near [m], and the speed allowed there [m/s].
     """
-    reaction, stopping, lost, least, unknown = rule
-    share = 1.0
-    for k in range(len(capsules)):
-        ax, ay, az, bx, by, bz, radius = capsules[k]
-        ux, uy, uz = bx - ax, by - ay, bz - az
-        length = ux * ux + uy * uy + uz * uz
-        for i in range(len(centers)):
-            vx, vy, vz = moved[i]
-            speed = math.sqrt(vx * vx + vy * vy + vz * vz)
-            if not speed > least:
-                continue
-            cx, cy, cz = centers[i]
-            t = 0.0
-            if length > 0.0:
-                t = ((cx - ax) * ux + (cy - ay) * uy + (cz - az) * uz) / length
-                t = min(1.0, max(0.0, t))
-            nx, ny, nz = ax + t * ux - cx, ay + t * uy - cy, az + t * uz - cz
-            far = math.sqrt(nx * nx + ny * ny + nz * nz)
-            gap = far - radius - radii[i]
-            toward, coming = speed, unknown
-            if far > 1e-9:
-                nx, ny, nz = nx / far, ny / far, nz / far
-                toward = vx * nx + vy * ny + vz * nz
-                rate = rates[k]
-                px = rate[0] + t * (rate[3] - rate[0])
-                py = rate[1] + t * (rate[4] - rate[1])
-                pz = rate[2] + t * (rate[5] - rate[2])
-                known = -(px * nx + py * ny + pz * nz)
-                if known == known:
-                    coming = max(known, 0.0)
-            if not toward > least:
-                continue
-            room = gap - coming * (reaction + stopping) - lost
-            may = max(room / (reaction + 0.5 * stopping), least)
-            share = min(share, may / toward)
+    share, least = 1.0, rule[3]
+    for i in moving:
+        x, y, z = balls[i, 0], balls[i, 1], balls[i, 2]
+        vx, vy, vz = ahead[i, 0] - x, ahead[i, 1] - y, ahead[i, 2] - z
+        vx, vy, vz = vx * rate, vy * rate, vz * rate
+        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+        place, velocity = (x, y, z, balls[i, 3]), (vx, vy, vz, speed)
+        if speed > least:
+            for k in range(len(capsules)):
+                one = _pair_share(place, velocity, capsules[k], rates[k], rule)
+                share = min(share, one)
+        if speed * share > rule[6]:
+            for k in range(len(hands)):
+                if _nearest(place, hands[k])[1] < rule[5]:
+                    share = rule[6] / speed
+                    break
     return share
+
+
+@njit(**INNER)
+def _nearest(place, rod):
+    """Return where on a capsule's axis a ball is nearest, as a share, and the gap."""
+    x, y, z, radius = place
+    ux, uy, uz = rod[3] - rod[0], rod[4] - rod[1], rod[5] - rod[2]
+    length = ux * ux + uy * uy + uz * uz
+    t = 0.0
+    if length > 0.0:
+        t = ((x - rod[0]) * ux + (y - rod[1]) * uy + (z - rod[2]) * uz) / length
+        t = min(1.0, max(0.0, t))
+    x, y, z = rod[0] + t * ux - x, rod[1] + t * uy - y, rod[2] + t * uz - z
+    return t, math.sqrt(x * x + y * y + z * z) - rod[6] - radius
+
+
+@njit(**INNER)
+def _pair_share(place, velocity, rod, rates, rule):
+    """Return the share of its speed that one ball may have for one capsule."""
+    reaction, stopping, lost = rule[0], rule[1], rule[2]
+    least, coming = rule[3], rule[4]
+    t, gap = _nearest(place, rod)
+    vx, vy, vz, toward = velocity
+    far = gap + rod[6] + place[3]
+    if far > 1e-9:
+        nx = (rod[0] + t * (rod[3] - rod[0]) - place[0]) / far
+        ny = (rod[1] + t * (rod[4] - rod[1]) - place[1]) / far
+        nz = (rod[2] + t * (rod[5] - rod[2]) - place[2]) / far
+        toward = vx * nx + vy * ny + vz * nz
+        px = rates[0] + t * (rates[3] - rates[0])
+        py = rates[1] + t * (rates[4] - rates[1])
+        pz = rates[2] + t * (rates[5] - rates[2])
+        known = -(px * nx + py * ny + pz * nz)
+        if known == known:
+            coming = max(known, 0.0)
+    if not toward > least:
+        return 1.0
+    room = gap - coming * (reaction + stopping) - lost
+    may = max(room / (reaction + 0.5 * stopping), least)
+    return may / toward

@@ -28,6 +28,7 @@ import numpy as np
 
 from odm.execution._speed import allowed_share
 from odm.execution.threat import Threat
+from roadmap.arrays import writable
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
 from roadmap.motion.motion import Motion
@@ -37,6 +38,7 @@ from roadmap.robot.robot import Robot
 _AHEAD = 0.05  # [s] the direction is that of the motion's next piece of this length
 # [s] a motion is gentle from where a gentle stop before the hand has still time
 _JERK_AHEAD = (0.0, 0.2, 0.4)
+NOBODY = np.zeros((0, 7))
 _SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
 
@@ -104,9 +106,9 @@ class SpeedLimit:
         s = self.settings
         lost = s.intrusion + s.position_error
         times = [s.reaction_s, s.stopping_s, lost]
-        self._rule = np.array([*times, s.least_speed, s.unknown_speed])
+        speeds = [s.least_speed, s.unknown_speed]
+        self._rule = np.array([*times, *speeds, s.hand_near, s.hand_speed])
         self._moving = np.flatnonzero(robot.moving)
-        self._radii = np.array(robot.spheres[self._moving, 3])
 
     def share(
         self,
@@ -136,19 +138,15 @@ class SpeedLimit:
             full = (speed_scale * self.robot.max_velocity / far).min()
         # a small step, so that the velocities are those of this moment
         short = 1e-3 / far.max()
-        balls = cover_balls(self.robot, here)[self._moving]
-        centers = np.ascontiguousarray(balls[:, :3])
-        moved = sphere_centers(self.robot, here + short * step)[self._moving]
-        moved -= centers
-        moved *= full / short
+        balls = cover_balls(self.robot, here)
+        ahead = sphere_centers(self.robot, here + short * step)
         rates = threat.velocity.reshape(-1, 6)
         if not threat.known.all():
             rates = np.where(threat.known[:, None], rates, np.nan)
-        rows = np.ascontiguousarray(threat.capsules)
-        share = allowed_share(centers, moved, self._radii, rows, rates, self._rule)
-        if hands is not None and len(hands):
-            share = min(share, self._share_near(hands, balls, moved))
-        return float(share)
+        person = writable(threat.capsules), writable(rates)
+        hands = NOBODY if hands is None else writable(hands)
+        moves = balls, ahead, float(full / short), self._moving
+        return allowed_share(*moves, *person, hands, self._rule)
 
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
         """Return the share of the jerk limits that is allowed now, in (0, 1].
@@ -178,16 +176,3 @@ class SpeedLimit:
                 fastest = np.sqrt(np.einsum("ni,ni->n", moved, moved).max())
                 most = max(most, float(fastest * path.j[path.index(place)]))
         return s.hand_jerk / most
-
-    def _share_near(
-        self, hands: np.ndarray, balls: np.ndarray, moved: np.ndarray
-    ) -> float:
-        """Return the share at which what is near a hand keeps `hand_speed`."""
-        s = self.settings
-        speeds = np.sqrt(np.einsum("ni,ni->n", moved, moved))
-        quick = np.flatnonzero(speeds > s.hand_speed)
-        if not len(quick):
-            return 1.0
-        near = (ball_gaps(balls[quick], hands) < s.hand_near).any(axis=1)
-        fastest = speeds[quick[near]].max(initial=s.hand_speed)
-        return float(s.hand_speed / fastest)

@@ -152,12 +152,14 @@ def sample_capsules(capsules: np.ndarray, spacing: float = 0.03) -> np.ndarray:
     Raises:
         BadInput: Wrong shape, a value that is not finite, or a radius <= 0.
     """
-    return sample_rods(False, _checked_rods(capsules, "capsule", spacing), spacing)
+    check_spacing(spacing)
+    return sample_rods(False, checked_rods(capsules, "capsule"), spacing)
 
 
 def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray:
     """Sample cylinders (k, 7) [a, b, radius] with their end discs, (n, 3) [m]."""
-    rods = _checked_rods(cylinders, "cylinder", spacing)
+    check_spacing(spacing)
+    rods = checked_rods(cylinders, "cylinder")
     length = np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
     if (length <= 1e-9).any():
         i = int(length.argmin())
@@ -246,8 +248,8 @@ def _checked(rows, width, kind):
     return array
 
 
-def _checked_rods(rods, kind, spacing):
-    check_spacing(spacing)
+def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
+    """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
     array = _checked(rods, 7, kind)
     radius = array[:, 6]
     if len(array) and radius.min() <= 0.0:

@@ -43,7 +43,7 @@ from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.point_cloud import PointCloud
-from odm.obstacles.surfaces import sample_capsules
+from odm.obstacles.surfaces import checked_rods
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.planner.attaching import GOAL_AT_ONCE, POSE_AT_ONCE, Attacher
@@ -64,6 +64,7 @@ from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search._astar import LARGE
 from odm.search.state import Memory
+from roadmap.arrays import writable
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_kind, check_number, is_between
 from roadmap.transforms import check_pose
@@ -401,13 +402,14 @@ class ReactivePlanner:
             BadInput: Points of another shape, or a capsule that is none.
         """
         self._memory.owner.check()
+        rods = np.zeros((0, 7))
         if isinstance(what, Obstacles):
-            surface = sample_capsules(what.capsules, self.cell_map.safety.h)
-            what = np.concatenate([what.points, surface])
+            what, rods = what.points, checked_rods(what.capsules, "capsule")
         points = check_points(what, None, None, np.inf)
         if self.settings.history_s:
             points = self.frame.world_ahead.points(points)
-            expected.expect(self._memory.table, points)
+            told = writable(points), writable(rods), self.frame.base_world
+            expected.expect(self._memory.table, *told, np.empty((3, 3)))
 
     def step(
         self,

@@ -9,37 +9,88 @@ import math
 import numpy as np
 from numba import njit
 
+from odm.obstacles._surfaces import tube_frame
 from odm.search._recent import PERIODS, this_period, turn_ring
 from odm.search._state import view
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER, LEAN
+
+_EDGE = 1.4  # times the size of a cell: a square of points covers within its diagonal
 
 
 @njit(**LEAN)
-def expect(state, points):
-    """Be wary of the cells of points (n, 3) from now on, as long as of occupied ones.
+def expect(state, points, rods, T, frame):
+    """Be wary of the cells of points and capsules from now on, as of occupied ones.
 
-    Points outside the grid, and those that are not finite, are left out.
+    What is outside the grid, or not finite, is left out.
+
+    Args:
+        state: The compiled state.
+        points: (n, 3) base frame [m].
+        rods: (k, 7) capsules: ends a and b and radius, in another frame [m].
+        T: (4, 4) pose of that frame in the base frame.
+        frame: (3, 3) work space.
     """
+    for i in range(points.shape[0]):
+        be_wary(state, points[i, 0], points[i, 1], points[i, 2])
+    for i in range(rods.shape[0]):
+        expect_rod(state, rods[i], T, frame)
+
+
+@njit(**INNER)
+def expect_rod(state, rod, T, frame):
+    """Be wary of where the surface of a capsule is; see `expect`.
+
+    Its points are dense enough for every cell on the way through it to be met, and no
+    fewer than that takes: to find the fewest takes longer than all of them.
+    """
+    length, radius = tube_frame(rod, frame), rod[6]
+    edge = _EDGE * view(state, "cloud").h
+    rings = 1 + int(math.ceil(length / edge))
+    caps = int(math.ceil(0.5 * math.pi * radius / edge))
+    for ring in range(-caps, rings + caps):
+        size, height = radius, 0.0
+        if ring < 0 or ring >= rings:
+            angle = 0.5 * math.pi * (-ring if ring < 0 else ring + 1 - rings) / caps
+            size, height = radius * math.cos(angle), radius * math.sin(angle)
+            height = -height if ring < 0 else length + height
+        elif rings > 1:
+            height = length * ring / (rings - 1.0)
+        n = max(1, int(math.ceil(2.0 * math.pi * size / edge)))
+        turn, turned = math.cos(2.0 * math.pi / n), math.sin(2.0 * math.pi / n)
+        u, v = size, 0.0
+        for _ in range(n):
+            x = rod[0] + u * frame[0, 0] + v * frame[1, 0] + height * frame[2, 0]
+            y = rod[1] + u * frame[0, 1] + v * frame[1, 1] + height * frame[2, 1]
+            z = rod[2] + u * frame[0, 2] + v * frame[1, 2] + height * frame[2, 2]
+            be_wary(
+                state,
+                T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+                T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+                T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+            )
+            u, v = turn * u - turned * v, turned * u + turn * v
+
+
+@njit(**INNER)
+def be_wary(state, px, py, pz):
+    """Be wary of the cell of a place (base frame) from now on."""
     recent, cloud = view(state, "recent"), view(state, "cloud")
+    shape, origin, inv = cloud.shape, cloud.origin, 1.0 / cloud.h
+    x, y, z = (px - origin[0]) * inv, (py - origin[1]) * inv, (pz - origin[2]) * inv
+    inside = x >= 0.0 and y >= 0.0 and z >= 0.0
+    inside = inside and x < 4.0 * shape[0] and y < 4.0 * shape[1]
+    if not (inside and z < 4.0 * shape[2]):
+        return
+    ix, iy, iz = int(x), int(y), int(z)
+    b = ((ix >> 2) * shape[1] + (iy >> 2)) * shape[2] + (iz >> 2)
+    bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
     now = recent.clock[0]
     period = this_period(state, now)
-    last = recent.listed.shape[0] - 1
-    shape, origin, inv = cloud.shape, cloud.origin, 1.0 / cloud.h
-    for i in range(points.shape[0]):
-        x = (points[i, 0] - origin[0]) * inv
-        y = (points[i, 1] - origin[1]) * inv
-        z = (points[i, 2] - origin[2]) * inv
-        inside = x >= 0.0 and y >= 0.0 and z >= 0.0
-        inside = inside and x < 4.0 * shape[0] and y < 4.0 * shape[1]
-        if not (inside and z < 4.0 * shape[2]):
-            continue
-        ix, iy, iz = int(x), int(y), int(z)
-        b = ((ix >> 2) * shape[1] + (iy >> 2)) * shape[2] + (iz >> 2)
-        bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
-        if recent.when[b] == -math.inf:
-            recent.listed[recent.listed[last]] = b
-            recent.listed[last] += 1
-        turn_ring(recent, b, period)
-        recent.when[b] = now
-        row = (PERIODS + 1) * b + period % (PERIODS + 1)
-        recent.cells[row] |= np.uint64(1) << np.uint64(bit)
+    if recent.when[b] == -math.inf:
+        last = recent.listed.shape[0] - 1
+        recent.listed[recent.listed[last]] = b
+        recent.listed[last] += 1
+    turn_ring(recent, b, period)
+    recent.when[b] = now
+    row = (PERIODS + 1) * b + period % (PERIODS + 1)
+    recent.cells[row] |= np.uint64(1) << np.uint64(bit)

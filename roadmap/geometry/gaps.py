@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 
+from roadmap.arrays import writable
+from roadmap.geometry import _gaps as kernels
+
 
 def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of the surfaces of two capsules (7,), below 0 inside [m]."""
@@ -29,16 +32,9 @@ def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
 
 def ball_gaps(balls: np.ndarray, capsules: np.ndarray) -> np.ndarray:
     """Return (n, k) gaps between balls (n, 4) and capsules (k, 7) [m]."""
-    a, b = capsules[:, :3], capsules[:, 3:6]
-    u = b - a
-    length = np.maximum(np.einsum("ki,ki->k", u, u), 1e-12)
-    off = balls[:, None, :3] - a
-    s = np.einsum("nki,ki->nk", off, u) / length
-    s = np.minimum(np.maximum(s, 0.0), 1.0)  # as np.clip, which takes longer
-    off -= s[..., None] * u
-    off *= off
-    far = np.sqrt(np.add.reduce(off, axis=2))  # as np.linalg.norm does it
-    return far - capsules[:, 6] - balls[:, 3:]
+    gaps = np.empty((len(balls), len(capsules)))
+    kernels.ball_gaps(writable(balls), writable(capsules), gaps)
+    return gaps
 
 
 def moved_rods(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:

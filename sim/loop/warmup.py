@@ -381,13 +381,15 @@ def _watch() -> None:
     from odm.execution._shell_test import hulls_apart
     from odm.execution._speed import allowed_share
     from odm.execution.threat import Watcher
+    from roadmap.geometry.gaps import ball_gaps
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
         watcher.look(arm, now)
-    ball = np.zeros((1, 3))
-    rates = np.zeros((1, 6))
-    allowed_share(ball, ball + 1.0, np.full(1, 0.1), arm, rates, np.full(5, 0.1))
+    balls, all_of_them = np.array([[0.0, 0.0, 0.0, 0.1]]), np.zeros(1, np.int64)
+    moves = balls, np.ones((1, 3)), 1.0, all_of_them
+    allowed_share(*moves, arm, np.zeros((1, 6)), arm, np.full(7, 0.1))
+    ball_gaps(balls, arm)
     base, ptr = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0]), np.array([0, 1])
     room = np.zeros((19, 3))
     hulls_apart(np.zeros((3, 3)), ptr, np.zeros(1), arm, 0.0, base, room)

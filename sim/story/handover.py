@@ -933,7 +933,8 @@ class Handover:
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
-        self._look_along(seen, found)
+        if not self.executor.looks_out:  # which takes as long
+            self._look_along(seen, found)
         found.sort(key=lambda r: (not self._leads_on(r), self._far(q, r.q_before)))
         goals = [r.q_before for r in found]
         if not found:  # until it is known where it can be grasped now, on to the old

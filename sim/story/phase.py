@@ -195,7 +195,7 @@ class PhasePlanner:
             if still.touches_itself(q, dq) is not None:
                 return False
             still = planner.carrier.bare
-        if still.why(q, dq) is not None:
+        if not still.motion_free(q, dq):
             return False
         return self._leg(np.array([q, q + dq]), 0.0, there) is None
 

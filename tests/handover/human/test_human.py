@@ -258,3 +258,25 @@ def test_bad_input_is_refused_with_the_remedy(call, words):
 def test_the_door_is_true():
     assert HEIGHTS == (1.2, 2.2)
     assert all(hasattr(handover, name) for name in handover.__all__)
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+def test_the_joints_are_where_the_arms_and_the_trunk_have_them(posture, rng):
+    arms = {side: rng.uniform(-1.0, 1.0, 7) for side in ("left", "right")}
+    human = Human(1.63, posture, TURNED, arms, bend=rng.uniform(-0.5, 0.5, 3))
+    R = human.T_world_chest[:3, :3]
+    for side, arm in arms.items():
+        shoulder = human.T_world_shoulder(side)[:3, 3]
+        at = {j: human.places[COLUMN[f"{side}_{j}"]] for j in ("elbow", "hand", "tip")}
+        elbow, wrist, grip = shoulder + human.arm(side).places(arm) @ R.T
+        np.testing.assert_allclose(human.places[COLUMN[f"{side}_shoulder"]], shoulder)
+        np.testing.assert_allclose((at["elbow"], at["hand"]), (elbow, wrist))
+        along = (grip - wrist) / np.linalg.norm(grip - wrist)
+        beyond = human.skeleton.hands[0] - human.sizes.hand
+        np.testing.assert_allclose(at["tip"], wrist + beyond * along)
+    neck = human.T_world_chest[:3, 3] + R @ human.skeleton.neck
+    np.testing.assert_allclose(human.places[COLUMN["neck"]], neck)
+    head = neck + R @ human.skeleton.skull
+    np.testing.assert_allclose(human.places[COLUMN["head"]], head)
+    hip = TURNED[:3, 3] + TURNED[:3, :3] @ human.skeleton.hip
+    np.testing.assert_allclose(human.places[COLUMN["hip"]], hip)

@@ -12,10 +12,12 @@ from odm.execution._speed import allowed_share
 from odm.execution.executor import ExecutionSettings, Executor
 from odm.execution.speed_limit import SpeedLimit, SpeedSettings
 from odm.execution.threat import Watcher
+from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.motion.motion import time_path
 
-RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6])
+RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6, 0.25, 0.5])
+NO_HANDS = np.zeros((0, 7))
 
 
 def one(gap, toward=1.0, coming=0.0, known=True):
@@ -24,7 +26,15 @@ def one(gap, toward=1.0, coming=0.0, known=True):
     x = gap + 0.1 + 0.05
     capsule = np.array([[x, 0.0, -0.5, x, 0.0, 0.5, 0.05]])
     rate = np.tile([-coming, 0.0, 0.0], (1, 2)) if known else np.full((1, 6), np.nan)
-    return allowed_share(centers, moved, np.array([0.1]), capsule, rate, RULE)
+    return share_of(centers, moved, np.array([0.1]), capsule, rate)
+
+
+def share_of(centers, moved, radii, capsules, rates, hands=NO_HANDS):
+    """Return the share of spheres (n, 3) that move so fast (n, 3)."""
+    balls = np.column_stack([centers, radii])
+    ahead, all_of_them = centers + 1e-3 * moved, np.arange(len(balls))
+    told = (balls, ahead, 1e3, all_of_them, capsules, rates, hands)
+    return allowed_share(*told, RULE)
 
 
 def test_far_away_nothing_is_slowed_and_near_the_formula_holds():
@@ -52,9 +62,13 @@ def test_it_is_the_twins_on_random_pairs(rng):
         rates = rng.uniform(-1.0, 1.0, (4, 6))
         rates[0] = np.nan
         radii = rng.uniform(0.03, 0.08, 6)
-        found = allowed_share(centers, moved, radii, capsules, rates, RULE)
-        twin = naive_share(centers, moved, radii, capsules, rates, RULE)
+        found = share_of(centers, moved, radii, capsules, rates)
+        twin = naive_share(centers, moved, radii, capsules, rates, RULE[:5])
         assert found == pytest.approx(twin, abs=2e-3)
+        near = ball_gaps(np.column_stack([centers, radii]), capsules[:1])[:, 0] < 0.25
+        fastest = np.linalg.norm(moved, axis=1)[near].max(initial=0.5)
+        found = share_of(centers, moved, radii, capsules, rates, capsules[:1])
+        assert found == pytest.approx(min(twin, 0.5 / fastest), abs=2e-3)
 
 
 class Nobody:

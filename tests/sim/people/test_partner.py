@@ -73,7 +73,8 @@ def test_distances_of_capsules_are_those_of_dense_points():
         assert dense - 0.01 < capsule_gap(one, other) <= dense + 1e-9
         ball = np.array([[*one[:3], 0.05]])
         gap = np.linalg.norm(one[:3] - b, axis=1).min() - 0.15
-        assert ball_gaps(ball, other[None])[0, 0] == pytest.approx(gap, abs=0.01)
+        gaps = ball_gaps(ball, np.array([one, other]))
+        assert gaps == pytest.approx(np.array([[-0.1, gap]]), abs=0.01)
 
 
 def test_still_capsules_of_no_length_have_a_distance():
