@@ -34,11 +34,17 @@ for package in (odm, roadmap):
 from odm.execution._shell_test import hulls_apart
 from odm.execution._speed import allowed_share
 from odm.execution._threat import follow
+from odm.execution.shell_test import ShellTest
+from odm.execution.threat import Watcher
+from roadmap.motion.motion import time_path
 late = [k.py_func.__name__ for k in (hulls_apart, allowed_share, follow)
         if not k.signatures]
 if late:
     sys.exit("never called: " + ", ".join(late))
 known = {kernel: len(kernel.signatures) for kernel in found}
+watcher, arm = Watcher(), np.array([[0.6, 0.0, 0.3, 0.6, 0.0, 0.5, 0.05]])
+for now in (0.0, 0.01, 0.02):
+    person = watcher.look(arm, now)
 rng = np.random.default_rng(3)
 for always in (True, False):
     planner = odm.ReactivePlanner(cell_map, always)
@@ -49,6 +55,11 @@ for always in (True, False):
             planner.set_goals(goals[k // 125 % 2 :][:1])
         middle = np.clip(middle + rng.normal(0.0, 0.02, 3), -0.5, 0.6)
         points = middle + rng.normal(0.0, 0.03, (12, 3))
+        if k % 50 == 49:
+            planner.see(points, q=q, stamp=0.01 * k - 0.005, now=0.01 * k - 0.005)
+            motion = time_path(cell_map.robot, np.array([q, q + 1e-3]))
+            stop = motion, 0.0, 0.0, motion.stop(0.0)
+            ShellTest(planner).passes(*stop, person, 0.0)
         answer = planner.step(points, q=q, stamp=0.01 * k, now=0.01 * k)
         _ = answer.reason, answer.retreat
         planner.improve(4)
