@@ -17,6 +17,7 @@ Rounded corners are no straight pieces: a motion that has one before its stop fa
 """
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -137,42 +138,41 @@ class ShellTest:
             return False
         n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
         times = (begin + (end - begin) * np.arange(n + 1) / n).tolist()
-        told = (shells, motion, later - begin, threat, least)
+        told = shells, motion, later - begin, threat, least
         for k in range(0, n, _AT_ONCE):
             piece = times[k : k + _AT_ONCE + 1]
             # mostly nobody is so near that several at once are not free
-            if self._piece_free(piece[0], piece[-1], *told):
+            if self._pieces_free([piece[0], piece[-1]], *told):
                 continue
-            slices = zip(piece[:-1], piece[1:], strict=True)
-            if not all(self._piece_free(*one, *told) for one in slices):
+            if not self._pieces_free(piece, *told):
                 return False
         return True
 
-    def _piece_free(
+    def _pieces_free(
         self,
-        begin: float,
-        end: float,
+        times: list[float],
         shells: _Shells,
         motion: Motion,
         later: float,
         threat: Threat,
         least: float,
     ) -> bool:
-        """Test a motion between two times, which are so much `later` from now on."""
+        """Test a motion from time to time; they are so much `later` from now on."""
         T = self.planner.frame.base_world
-        there, more = threat.between(later + begin, later + end)
-        if not math.isfinite(more) or not len(there):
-            return False
-        rows = np.array(there.capsules)
-        rows[:, 6] += more
-        for k in (0, 3):
-            rows[:, k : k + 3] = rows[:, k : k + 3] @ T[:3, :3].T + T[:3, 3]
-        corners = motion.path_from(begin, motion.place(end))
-        legs = list(zip(corners[:-1], corners[1:], strict=True))
-        return all(
-            shells.sweep(q0, q1) and shells.apart(rows, least)
-            for q0, q1 in legs or [(corners[0], corners[0])]
-        )
+        for a, b in pairwise(times):
+            there, more = threat.between(later + a, later + b)
+            if not math.isfinite(more) or not len(there):
+                return False
+            rows = np.array(there.capsules)
+            rows[:, 6] += more
+            for k in (0, 3):
+                rows[:, k : k + 3] = rows[:, k : k + 3] @ T[:3, :3].T + T[:3, 3]
+            corners = motion.path_from(a, motion.place(b))
+            legs = list(zip(corners[:-1], corners[1:], strict=True))
+            for q0, q1 in legs or [(corners[0], corners[0])]:
+                if not (shells.sweep(q0, q1) and shells.apart(rows, least)):
+                    return False
+        return True
 
 
 def _is_straight(motion: Motion, begin: float, end: float) -> bool:
