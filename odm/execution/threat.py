@@ -24,7 +24,14 @@ within (1 - s) R + s R = R of the same place of the expected axis. So every poin
 true capsule is within r + R of the expected axis: the expected capsule with the radius
 r + R holds it, inside and surface, whatever it does between its ends: turn, stretch, or
 spin about itself. Nothing is sampled, so nothing is added for samples; and each part
-grows by its own R. Radii are taken not to change.
+grows by its own R.
+
+Radii. A tracker that does not see a part leaves it where it was, and lets its radius
+grow as fast as it may come. Its velocity is 0 then, and that of nobody. Where a radius
+has grown since the frame before, it is taken to go on growing at that rate w, up to
+the largest plausible speed: w t is added to R(t). So a part that is within r of where
+it is shown, and no faster than w, is held at all times. One that shrinks, as a part
+that is seen again does, is taken to keep its size.
 
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
@@ -47,6 +54,7 @@ from roadmap.ranges import check_settings
 _DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
 _SPURT = 0.06  # [s] over so long an acceleration is measured
 _CONFIRMED = 3  # frames that agree on a velocity
+_STEADY = 1e-9  # [m] radii that are placed anew round
 _MOST_GROWTH = 4.0  # [m] who may be farther away may be anywhere
 
 
@@ -136,6 +144,7 @@ class Threat:
         rows: (k,) which of those ends each part is; None: the first k.
         most: (k,) largest acceleration of each part [m/s2]; None: the settings'.
         window: (k,) time over which each velocity is a mean [s], where that is known.
+        widening: (k,) how fast each radius grows [m/s]; None: none does.
     """
 
     capsules: np.ndarray
@@ -149,11 +158,12 @@ class Threat:
     rows: np.ndarray | None = None
     most: np.ndarray | None = None
     window: np.ndarray | None = None
+    widening: np.ndarray | None = None
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the same of some of the parts alone."""
-        how = (self.drift, self.rows_of_past, self.most, self.window)
-        drift, rows, most, window = (x if x is None else x[these] for x in how)
+        how = (self.drift, self.rows_of_past, self.most, self.window, self.widening)
+        drift, rows, most, *more = (x if x is None else x[these] for x in how)
         return Threat(
             self.capsules[these],
             self.velocity[these],
@@ -165,7 +175,7 @@ class Threat:
             self.past,
             rows,
             most,
-            window,
+            *more,
         )
 
     @property
@@ -277,6 +287,8 @@ class Threat:
         error = np.where(known, self.error, 0.0)
         most = s.acceleration if self.most is None else self.most
         near = s.noise + error * t + 0.5 * most * t * t
+        if self.widening is not None:
+            near = near + self.widening * t
         return np.where(known, near, s.noise + self._unknown * t)
 
     @cached_property
@@ -354,6 +366,7 @@ class Watcher:
         best = 2.0 * math.sqrt(s.noise / s.acceleration) if s.acceleration else _DRIFT
         self._window = min(best, 1.0) if s.noise else 0.0  # best for a velocity [s]
         self._past: deque[tuple[float, np.ndarray]] = deque()
+        self._radii = np.zeros(0)  # of the frame before [m]
         self._count = np.zeros(0, np.int64)  # frames each part was followed for
         self._rates = np.zeros((2, 0, 2, 3))  # velocity now, and drift [m/s]
         self._slack = np.zeros(0)  # bound on the errors of the first [m/s]
@@ -372,6 +385,7 @@ class Watcher:
         ends = np.ascontiguousarray(capsules[:, :6])  # one layout, one compiled loop
         self._follow(ends.reshape(-1, 2, 3), now)
         self._measure(now)
+        grown = self._grown(capsules[:, 6])
         sure = self._count >= _CONFIRMED
         rates, error = self._rates, self._slack  # others in the next frame
         if not sure.all():
@@ -379,7 +393,24 @@ class Watcher:
             error = np.where(sure, error, math.inf)
         unknown = self._lately(rates[0], sure, now)
         how = (self.settings, rates[1], unknown, tuple(self._past))
-        return Threat(capsules, rates[0], error, age, *how, window=self._windows)
+        return Threat(
+            capsules,
+            rates[0],
+            error,
+            age,
+            *how,
+            window=self._windows,
+            widening=grown,
+        )
+
+    def _grown(self, radii: np.ndarray) -> np.ndarray | None:
+        """Return (k,) how fast the radii grow [m/s]; None where none does."""
+        before, self._radii = self._radii, radii
+        if len(self._past) < 2 or not (radii > before + _STEADY).any():
+            return None
+        passed = self._past[-1][0] - self._past[-2][0]
+        grown = np.maximum(radii - before, 0.0) / passed
+        return np.minimum(grown, self.settings.max_plausible_speed)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now, as any was lately [m/s].

@@ -1,5 +1,6 @@
 """A person's motion seen from elsewhere: turned, then moved."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,9 +42,18 @@ class Placed:
         """Time after which the motion repeats [s]; of a scripted one."""
         return self.motion.period
 
+    @property
+    def guess(self) -> Callable[[float], np.ndarray] | None:
+        """Where the person is, not only might be, of motions that know it."""
+        guess = getattr(self.motion, "guess", None)
+        return None if guess is None else lambda t: self._moved(guess(t))
+
     def capsules(self, t: float) -> np.ndarray:
         """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        capsules = turned(self.motion.capsules(t), self.yaw)
+        return self._moved(self.motion.capsules(t))
+
+    def _moved(self, capsules: np.ndarray) -> np.ndarray:
+        capsules = turned(capsules, self.yaw)
         capsules[:, :3] += self.offset
         capsules[:, 3:6] += self.offset
         return capsules

@@ -1,5 +1,7 @@
 """Where a person can be: capsules that hold whoever keeps to the bounds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -363,3 +365,66 @@ def test_noise_is_no_speeding_up(rng):
         now = rows + np.r_[off.ravel(), 0.0]
         most = watcher.look(now, 0.01 * k).as_lately().most
         assert most is None or np.allclose(most, 4.0)
+
+
+# --- not seen --------------------------------------------------------------------
+
+
+def shown(t, lost, v, growing=1.6):
+    """Return what a tracker shows of a ball that it does not see from `lost` on [s]."""
+    age = max(t - lost, 0.0)
+    place = np.array([0.3, 0.0, 0.4]) + min(t, lost) * v
+    return np.array([[*place, *place, 0.05 + growing * age]])
+
+
+@pytest.mark.parametrize("rate", [30, 50, 100])
+def test_a_part_that_is_not_seen_is_held_wherever_it_may_have_come(rate, rng):
+    """It goes on as it did; what is shown stays where it was, and grows."""
+    worst, without = -np.inf, -np.inf
+    for _ in range(20):
+        v = within(rng, 1.5)
+        lost = rng.uniform(5, 6) / rate  # between two frames
+        watcher = Watcher()
+        for k in range(12):
+            threat = watcher.look(shown(k / rate, lost, v), k / rate)
+            if k < 5:
+                continue
+            for t in (0.02, 0.08, 0.2):
+                true = np.array([0.3, 0.0, 0.4]) + (k / rate + t) * v
+                for told in (threat, replace(threat, widening=None)):
+                    there, more = told.between(t, t)
+                    row = there.capsules[0]
+                    off = np.linalg.norm(true - row[:3]) + 0.05 - row[6] - more
+                    if told is threat:
+                        worst = max(worst, off)
+                    else:
+                        without = max(without, off)
+    assert worst <= 1e-9
+    assert without > 0.05
+
+
+def test_a_part_that_grows_alone_grows(rng):
+    arms = arms_apart(0.3, 0.0)
+    watcher = Watcher()
+    for k in range(4):
+        arms[1, 6] += 0.01
+        threat = watcher.look(arms, 0.01 * k)
+    grown = threat.between(0.1, 0.1)[0].capsules[:, 6] - arms[:, 6]
+    assert grown[1] == pytest.approx(grown[0] + 0.1 * 1.0)
+    assert threat.strays(0.1) == pytest.approx(grown[1])
+    arms[1, 6] -= 0.03  # it is seen again
+    assert watcher.look(arms, 0.04).widening is None
+    arms[1, 6] += 3.0  # no part grows so fast: it is a fault
+    assert watcher.look(arms, 0.05).widening.tolist() == [0.0, 5.0]
+    assert watcher.look(arms, 0.06).of([1]).widening is None
+
+
+def test_some_of_the_parts_grow_as_they_did_among_all():
+    arms = arms_apart(0.3, 0.0)
+    watcher = Watcher()
+    for k in range(4):
+        arms[1, 6] += 0.01
+        threat = watcher.look(arms, 0.01 * k)
+    for these in ([1], slice(1, 2)):
+        (alone,) = threat.of(these).between(0.1, 0.1)[0].capsules
+        assert alone == pytest.approx(threat.between(0.1, 0.1)[0].capsules[1])

@@ -45,3 +45,13 @@ def test_near_the_place_it_was_written_for_nothing_changes(crane, places, monkey
 def test_a_person_who_was_told_where_to_stand_stays(crane, places):
     recorded = Recorded()
     assert before_work_places(recorded, crane, places) is recorded
+
+
+def test_who_stands_elsewhere_is_guessed_to_be_there_too():
+    class Remembered(Recorded):
+        def guess(self, t):
+            return np.array([[1.0, 0, t, 2.0, 0, t, 0.05]])
+
+    moved = Placed(Remembered(), np.pi / 2, np.array([0.0, 0.0, 1.0]))
+    assert np.allclose(moved.guess(0.5), [[0, 1.0, 1.5, 0, 2.0, 1.5, 0.05]])
+    assert Placed(Recorded()).guess is None
