@@ -14,6 +14,12 @@ from odm.close_test.safety import Safety
 from odm.execution.executor import ExecutionSettings
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
+from odm.planner.settings import (
+    ConnectSettings,
+    PoseSettings,
+    RetreatSettings,
+    SmoothingSettings,
+)
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
 from sim.loop.loop import LoopSettings
@@ -23,6 +29,10 @@ from sim.two.two_members import TwoSettings
 
 SETTINGS = [
     odm.PlannerSettings,
+    ConnectSettings,
+    SmoothingSettings,
+    RetreatSettings,
+    PoseSettings,
     odm.SeenSettings,
     ApproachSettings,
     Safety,
