@@ -15,6 +15,7 @@ from odm.execution.executor import ExecutionSettings
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from odm.planner.settings import (
+    AttachSettings,
     ConnectSettings,
     PoseSettings,
     RetreatSettings,
@@ -29,6 +30,7 @@ from sim.two.two_members import TwoSettings
 
 SETTINGS = [
     odm.PlannerSettings,
+    AttachSettings,
     ConnectSettings,
     SmoothingSettings,
     RetreatSettings,

@@ -112,6 +112,49 @@ class PlannerSettings:
 
 
 @dataclass(frozen=True)
+class AttachSettings:
+    """How and when goals and starts are joined to the roadmap (`attaching.Attacher`).
+
+    Attributes:
+        looked_at: As many times the connections wanted near nodes are tested.
+        goal_at_once: Motions that a goal has at once; the others follow by `improve`.
+        pose_at_once: The same of a goal by pose: inverse kinematics take time, too.
+        start_at_once: The same of a start.
+        start_rounds: So many times as many a new start tries, while all are refused.
+        nearer: So many times its length a motion counts that is no edge, where short
+            paths are to leave through its node.
+        moving_nodes: Near nodes that a moving robot may be connected with,
+        moving_connections: ... and connections that it gets at most.
+        looks: Waiting nodes that a frame without a path looks at, of start and goals.
+        path_first: Tests of `improve` that a new start's path has before its motions.
+        stays: Frames at one place without a path, after which a start is joined anew,
+        lingers: ... or, between frames, with a path that could be followed.
+        passes: A robot that moved farther in a frame has jumped [rad or m].
+    """
+
+    looked_at: int = 4
+    goal_at_once: int = 6
+    pose_at_once: int = 4
+    start_at_once: int = 4
+    start_rounds: int = 2
+    nearer: float = 1.5
+    moving_nodes: int = 6
+    moving_connections: int = 3
+    looks: int = 8
+    path_first: int = 8
+    stays: int = 3
+    lingers: int = 12
+    passes: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        names = [f.name for f in fields(self) if f.name not in ("nearer", "passes")]
+        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"nearer": (1.0, 100.0, "")}
+        ranges["passes"] = (0.0, 10.0, "rad or m")
+        check_settings(self, ranges, tuple(names))
+
+
+@dataclass(frozen=True)
 class ConnectSettings:
     """How the search beyond the roadmap shares out its work (`connect.Connector`).
 
