@@ -25,6 +25,7 @@ from roadmap.kinematics.forward import difference, tool_pose
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
+_IDLE = 3  # times as many choices between two rankings
 _ALIKE = 6  # decimals of quality that tell targets apart
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
@@ -232,7 +233,7 @@ class LiveTargets:
                 self._chosen = 0
             return False
         # more of them while there is nothing to go to: each may find a configuration
-        if self._chosen < s.choices * (1 if self._pursued is not None else s.idle):
+        if self._chosen < s.choices * (1 if self._pursued is not None else _IDLE):
             self._chosen += 1
             return True
         meet.update(self._as_judged(human))

@@ -98,7 +98,6 @@ class LiveSettings:
             all of it, some milliseconds.
         choices: Frames between two rankings, where it goes on over several: in each
             the targets known are weighed anew, and one costly job is done.
-        idle: As many times `choices` while no target is pursued.
         from_rest: Whether the way of the person's hand counts from where their arm
             rests, not from where it is: else the best place follows a hand that moves.
         spare_m: Distance [m] that a configuration keeps from the person besides the
@@ -128,7 +127,6 @@ class LiveSettings:
     goals_each: int = 2
     rank_budget: int = 0
     choices: int = 3
-    idle: int = 3
     from_rest: bool = False
     near_rest: bool = False
     spare_m: float = 0.0
@@ -152,7 +150,6 @@ class LiveSettings:
         )
         counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
         counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
-        counts["idle"] = (1, 1000, "")
         counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
         check_settings(self, lengths | counts, tuple(counts))
