@@ -14,6 +14,13 @@ from odm.close_test.safety import Safety
 from odm.execution.executor import ExecutionSettings
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
+from odm.planner.settings import (
+    AttachSettings,
+    ConnectSettings,
+    PoseSettings,
+    RetreatSettings,
+    SmoothingSettings,
+)
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
 from sim.loop.loop import LoopSettings
@@ -23,6 +30,11 @@ from sim.two.two_members import TwoSettings
 
 SETTINGS = [
     odm.PlannerSettings,
+    AttachSettings,
+    ConnectSettings,
+    SmoothingSettings,
+    RetreatSettings,
+    PoseSettings,
     odm.SeenSettings,
     ApproachSettings,
     Safety,

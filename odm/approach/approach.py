@@ -24,10 +24,6 @@ from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.kinematics.inverse import checked_pose
 from roadmap.ranges import is_between
 
-_SAME = 0.1  # [rad or m] solutions nearer than this count as one
-_CLASS = 0.01  # [m] clearances within this are equal: the better posture goes first
-_FAR = 0.06  # [m] more clearance than this is no better
-
 
 @dataclass
 class _Search:
@@ -226,7 +222,11 @@ class Approacher:
                 nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
                 continue
             robot = self.frame.robot
-            if tried and np.abs(difference(robot, tried, q)).max(axis=1).min() < _SAME:
+            if (
+                tried
+                and np.abs(difference(robot, tried, q)).max(axis=1).min()
+                < self.settings.same
+            ):
                 continue
             tried.append(q)
             new.append(q)
@@ -236,8 +236,14 @@ class Approacher:
         """Return the clear first, by whole centimetres, then the most manipulable."""
         rows = []
         for k, q in enumerate(solutions):
-            gap = self.legs.gap(q, _FAR)
-            rows.append((-np.floor(gap / _CLASS), -self.tool.manipulability(q), k))
+            gap = self.legs.gap(q, self.settings.ample_m)
+            rows.append(
+                (
+                    -np.floor(gap / self.settings.class_m),
+                    -self.tool.manipulability(q),
+                    k,
+                )
+            )
         return [solutions[k] for *_, k in sorted(rows)]
 
     def _is_spent(self) -> bool:

@@ -21,6 +21,9 @@ class ApproachSettings:
         use_fine_cover: Let a finer cover of the tool's links decide where the map's
             says no.
             Braking tests and `is_free` of the planner go on with the map's cover.
+        same: Solutions nearer than this in all joints count as one [rad or m].
+        class_m: Clearances within this are equal: the better posture goes first [m].
+        ample_m: More clearance than this is no better [m].
     """
 
     step_m: float = 0.03
@@ -30,6 +33,9 @@ class ApproachSettings:
     rounds: int = 4
     max_tests: int = 200
     use_fine_cover: bool = True
+    same: float = 0.1
+    class_m: float = 0.01
+    ample_m: float = 0.06
 
     def __post_init__(self) -> None:
         """Check every number.
@@ -44,6 +50,9 @@ class ApproachSettings:
             "ik_starts": (1, 10_000, ""),
             "rounds": (1, 1000, ""),
             "max_tests": (1, 1_000_000, ""),
+            "same": (0.0, 10.0, "rad or m"),
+            "class_m": (1e-4, 1.0, "m"),
+            "ample_m": (0.0, 1.0, "m"),
         }
         check_settings(self, ranges, ("ik_starts", "rounds", "max_tests"))
 

@@ -136,11 +136,11 @@ class Frame:
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
-        # two buffers: the watch may still need the points of an earlier frame
+        # two buffers: the points of an earlier frame may be kept for the watch
         self._buffers = [np.empty((point_capacity, 3)) for _ in range(2)]
         self._views = [buffer[:0] for buffer in self._buffers]
         self._buffer = 0
-        self.points = self._views[0]
+        self.points = self._kept = self._views[0]
         self.classes: np.ndarray | None = None
         self.trouble: str | None = None
         self.loaded = 0  # how often a memory was loaded
@@ -214,15 +214,13 @@ class Frame:
         stamp: float | None,
         now: float | None,
     ) -> int:
-        """Copy and mark a frame's points (n, 3), as `checked` returned them.
+        """Copy and mark a frame's points (n, 3) of the world, as `checked` gave them.
 
         `trouble` says whether they can be used.
 
         Returns:
             When they were marked, by `time.perf_counter_ns`.
         """
-        if not self.world.at_base:
-            points = self.world.points(points)
         if (covering_radius, rounding) != self.sampled:
             self.set_sampling(covering_radius, rounding)
         if self.obstacles is not None:
@@ -238,7 +236,7 @@ class Frame:
         marked = perf_counter_ns()
         self.trouble = None
         if odd or stamp is not None or now is not None:
-            self.trouble = self.watch.unfit(buffer, self.memory.cloud, stamp, now)
+            self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
         return marked
 
     def _take_shapes(
@@ -249,7 +247,7 @@ class Frame:
         if obstacles is not self._known:
             self._know(obstacles)
             memory = self.memory
-        if self.watch.seen_inside and self.watch.points_inside is self.points:
+        if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
         self.n_given = len(points)
         room, now_seen, trouble = self._buffers[self._buffer], self.points, None
@@ -259,7 +257,7 @@ class Frame:
             odd, trouble = self._take_others(n, points)
         marked = perf_counter_ns()
         if trouble is None and (odd or stamp is not None or now is not None):
-            trouble = self.watch.unfit(self.points, memory.cloud, stamp, now)
+            trouble = self.watch.unfit(memory.cloud.counts, self, stamp, now)
         self.trouble = trouble
         return marked
 
@@ -346,7 +344,7 @@ class Frame:
 
     def _buffer_for(self, n: int) -> np.ndarray:
         """Let `points` be an array (n, 3) of our own, and return it to be filled."""
-        if self.watch.points_inside is self.points:
+        if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
         return self._view_of(n)
 
@@ -365,6 +363,24 @@ class Frame:
         if not self.memory.cloud.counts[IS_SORTED]:
             occupancy.sort_points(self.points, self.memory.cloud)
 
+    # --- numbers about the points, for the watch -----------------------------------
+
+    def beyond(self, limit: float) -> tuple[int, int]:
+        """Return how many points there are, and are farther off than `limit` [m]."""
+        return len(self.points), occupancy.count_beyond(self.points, limit)
+
+    def median_distance(self) -> float:
+        """Return the median of the points' largest coordinates [m]."""
+        return float(np.median(np.abs(self.points).max(axis=1)))
+
+    def depth_kept(self) -> float:
+        """Return how far the innermost of the points kept last is in the grid [m]."""
+        return occupancy.deepest(self._kept, self.memory.cloud)
+
+    def keep_points(self) -> None:
+        """Keep this frame's points for `depth_kept` until others are kept."""
+        self._kept = self.points
+
     # --- memory ----------------------------------------------------------------
 
     def save(self) -> dict[str, np.ndarray]:
@@ -379,12 +395,19 @@ class Frame:
             "sampled": np.array(sampled, float),
             "q": self.q.copy(),
             "counted_in": self.memory.direct.frame.copy(),
-        } | {f"watch_{k}": array for k, array in self.watch.save().items()}
+            **{f"watch_{k}": array for k, array in self.watch.save().items()},
+            "watch_inside": self._points_inside().copy(),
+        }
+
+    def _points_inside(self) -> np.ndarray:
+        """Return the points that the watch may still ask for."""
+        return self._kept if self.watch.seen_inside is not None else np.zeros((0, 3))
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up a frame that was saved, after the arrays of the state."""
         self.loaded += 1
         self.watch.load({k[6:]: a for k, a in saved.items() if k.startswith("watch_")})
+        self._kept = saved["watch_inside"].copy()
         self.q[:] = saved["q"]
         classes = saved["classes"]
         n_given = int(saved["heeded"])  # as files have called it

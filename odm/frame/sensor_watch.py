@@ -10,17 +10,33 @@ person who stands there does, too, so two things tell them apart (decision 0029)
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 
-from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE, Cloud
-from odm.obstacles._occupancy import count_beyond, deepest
+from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE
 from roadmap.errors import BadInput
 
 _LEAVES = 4.0  # [m/s] nobody gets out of the grid faster
 _JITTER = 0.05  # [m] that measured points may jump
 # from so far a median distance on [m] it looks like these, and this many make a metre
 _UNITS = ((200.0, "millimetres", 1000), (20.0, "centimetres", 100))
+
+
+class Shown(Protocol):
+    """A frame that tells numbers about its points, which are asked for seldom."""
+
+    def beyond(self, limit: float) -> tuple[int, int]:
+        """Return how many points there are, and are farther off than `limit` [m]."""
+
+    def median_distance(self) -> float:
+        """Return the median of the points' largest coordinates [m]."""
+
+    def depth_kept(self) -> float:
+        """Return how far the innermost of the points kept last is in the grid [m]."""
+
+    def keep_points(self) -> None:
+        """Keep this frame's points for `depth_kept` until others are kept."""
 
 
 class SensorWatch:
@@ -32,7 +48,8 @@ class SensorWatch:
 
     Attributes:
         newest: (stamp, now) of the newest data [s]; None: no stamp was given yet.
-        seen_inside: (stamp, points) of the last stamped frame with some in the grid.
+        seen_inside: Stamp of the last such frame with points in the grid [s], which
+            the frame has kept.
     """
 
     def __init__(self, max_age_s: float, max_range_m: float) -> None:
@@ -43,44 +60,37 @@ class SensorWatch:
     def reset(self) -> None:
         """Forget all frames: a clock may have been set back."""
         self.newest: tuple[float, float | None] | None = None
-        self.seen_inside: tuple[float, np.ndarray] | None = None
+        self.seen_inside: float | None = None
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return the newest stamp, and the last points inside the grid."""
+        """Return the newest stamp, and that of the last points inside the grid."""
         stamp, now = self.newest or (np.nan, np.nan)
-        seen, points = self.seen_inside or (np.nan, np.zeros((0, 3)))
-        now = np.nan if now is None else now
-        return {"times": np.array([stamp, now, seen]), "inside": points.copy()}
+        times = [stamp, now, self.seen_inside]
+        return {"times": np.array([np.nan if t is None else t for t in times])}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what was saved."""
         stamp, now, seen = saved["times"].tolist()
         known = None if math.isnan(now) else now
         self.newest = None if math.isnan(stamp) else (stamp, known)
-        inside = saved["inside"].copy()
-        self.seen_inside = None if math.isnan(seen) else (seen, inside)
-
-    @property
-    def points_inside(self) -> np.ndarray | None:
-        """The points of `seen_inside`, which must be left as they are."""
-        return None if self.seen_inside is None else self.seen_inside[1]
+        self.seen_inside = None if math.isnan(seen) else seen
 
     def unfit(
         self,
-        points: np.ndarray,
-        cloud: Cloud,
+        counts: np.ndarray,
+        shown: Shown,
         stamp: float | None,
         now: float | None,
     ) -> str | None:
         """Return why this frame's obstacle data cannot be used at all, or None.
 
         Args:
-            points: (n, 3) of the frame [m].
-            cloud: Where they were just marked.
+            counts: Of the cloud where its points were just marked.
+            shown: Tells more about them.
             stamp: As in `ReactivePlanner.step` [s].
             now: The same.
         """
-        bad = cloud.counts.item(N_BAD)
+        bad = counts.item(N_BAD)
         if bad:
             return (
                 f"{bad} obstacle points are NaN or infinite, so the person may be "
@@ -101,13 +111,14 @@ class SensorWatch:
                     return text
             if stamp is not None:
                 self.newest = (stamp, now)
-        inside, outside = cloud.counts.item(N_INSIDE), cloud.counts.item(N_OUTSIDE)
+        inside, outside = counts.item(N_INSIDE), counts.item(N_OUTSIDE)
         if outside > inside:
-            text = self._misplaced(points, cloud, stamp)
+            text = self._misplaced(inside, shown, stamp)
             if text is not None:
                 return text
         if inside and stamp is not None:
-            self.seen_inside = (stamp, points)
+            self.seen_inside = stamp
+            shown.keep_points()
         return None
 
     def _untimely(self, stamp: float | None, now: float | None) -> str | None:
@@ -143,13 +154,12 @@ class SensorWatch:
             self.seen_inside = None
         return None
 
-    def _misplaced(
-        self, points: np.ndarray, cloud: Cloud, stamp: float | None
-    ) -> str | None:
+    def _misplaced(self, inside: int, shown: Shown, stamp: float | None) -> str | None:
         """Return what is wrong with a frame that is mostly outside, or None."""
         limit = self.max_range_m
-        if 2 * count_beyond(points, limit) > len(points):
-            far = float(np.median(np.abs(points).max(axis=1)))
+        n, n_beyond = shown.beyond(limit)
+        if 2 * n_beyond > n:
+            far = shown.median_distance()
             for least, unit, many in _UNITS:
                 if far >= least:
                     unit = f"these look like {unit}: divide by {many}"
@@ -157,19 +167,19 @@ class SensorWatch:
             else:
                 unit = "give metres"
             return (
-                f"most of the {len(points)} obstacle points are more than {limit:g} m "
+                f"most of the {n} obstacle points are more than {limit:g} m "
                 f"from the robot's base, {far:.3g} m in the middle; {unit}, or raise "
                 "max_range_m"
             )
         before = self.seen_inside
-        if cloud.counts[N_INSIDE] or stamp is None or before is None:
+        if inside or stamp is None or before is None:
             return None
-        passed, depth = stamp - before[0], deepest(before[1], cloud)
+        passed, depth = stamp - before, shown.depth_kept()
         if depth <= _LEAVES * max(passed, 0.0) + _JITTER:
             self.seen_inside = None  # from now on they may be anywhere
             return None
         return (
-            f"all {len(points)} obstacle points lie outside the grid, though "
+            f"all {n} obstacle points lie outside the grid, though "
             f"{1e3 * passed:.0f} ms before some were {100 * depth:.0f} cm inside it, "
             "and nobody leaves that fast; check the unit and the frame of the points, "
             "and whether the sensor lost someone"

@@ -17,6 +17,15 @@ from odm.obstacles._cloud import (
 from roadmap.jit_options import INNER, LEAN
 
 
+@njit(**LEAN)
+def place(points, T, out):
+    """Write T @ p of points (n, 3) to `out` (n, 3); T (4, 4) is rigid."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for a in range(3):
+            out[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
+
+
 @njit(**INNER)
 def clear(cloud):
     """Forget the last frame's points."""
@@ -222,6 +231,80 @@ def sort_points(points, cloud):
         for at in range(start[k], start[k + 1]):
             put_point(points[order[at]], cloud.xyz[at], cloud.box[k])
     cloud.counts[IS_SORTED] = 1
+
+
+@njit(**INNER)
+def pick_points(pick, cloud, points):
+    """Collect the points of the picked cells, by block; return their number.
+
+    Where the cloud is sorted only the points of the picked blocks are looked at.
+    """
+    n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_GIVEN]
+    pick.counts[N_INSIDE] = 0
+    pick.counts[IS_SORTED] = 1
+    pick.counts[N_LISTED] = 0
+    if n_picked == 0 or n_points == 0:
+        return 0
+    pick.counts[N_LISTED] = n_picked
+    if cloud.counts[IS_SORTED] == 1:
+        found = pick_sorted(pick, cloud)
+    else:
+        found = pick_unsorted(pick, cloud, points)
+    pick.counts[N_INSIDE] = found
+    return found
+
+
+@njit(**INNER)
+def pick_sorted(pick, cloud):
+    """Collect the points of the picked cells from a sorted cloud, block by block."""
+    n_listed, where = cloud.counts[N_LISTED], cloud.where
+    found = 0
+    for k in range(pick.counts[N_OCCUPIED]):
+        b = pick.occupied[k]
+        pick.start[k], word, s = found, pick.words[b], cloud.slot[b]
+        begin_box(pick.box[k])
+        if s >= n_listed:  # samples of shapes alone
+            continue
+        for p in range(cloud.start[s], cloud.start[s + 1]):
+            i = cloud.order[p]
+            if (word >> np.uint64(where[i] & 63)) & np.uint64(1) != 0:
+                pick.order[found] = i
+                put_point(cloud.xyz[p], pick.xyz[found], pick.box[k])
+                found += 1
+    pick.start[pick.counts[N_OCCUPIED]] = found
+    return found
+
+
+@njit(**INNER)
+def pick_unsorted(pick, cloud, points):
+    """Collect the points of the picked cells from a cloud that is not sorted."""
+    n_picked = pick.counts[N_OCCUPIED]
+    start, slot, box = pick.start, pick.slot, pick.box
+    for k in range(n_picked + 1):
+        start[k] = 0
+    where, words, hits = cloud.where[: cloud.counts[N_GIVEN]], pick.words, pick.where
+    # each point is written down, and the next one over it unless its cell is picked
+    found = np.uint64(0)
+    for i in range(np.uint64(where.shape[0])):
+        inside, b, bit = unpacked(where[i])
+        hits[found] = i
+        found += (words[b] >> bit) & inside
+    for j in range(found):
+        start[slot[where[hits[j]] >> 6] + 1] += 1
+    for k in range(n_picked):
+        start[k + 1] += start[k]
+        begin_box(box[k])
+    for j in range(found):
+        i = hits[j]
+        k = slot[where[i] >> 6]
+        at = start[k]
+        start[k] = at + 1
+        pick.order[at] = i
+        put_point(points[i], pick.xyz[at], box[k])
+    for k in range(n_picked, 0, -1):
+        start[k] = start[k - 1]
+    start[0] = 0
+    return np.int64(found)
 
 
 @njit(**INNER)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from odm.obstacles._world_frame import place
+from odm.obstacles._occupancy import place
 from roadmap.arrays import frozen
 from roadmap.transforms import check_pose
 

@@ -11,6 +11,7 @@ from odm.close_test.static import ONLINE_TOLERANCE
 from odm.frame.frame import Frame
 from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
+from odm.planner.settings import AttachSettings
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
@@ -18,17 +19,7 @@ from odm.search import _state as kinds
 from odm.search._astar import GOAL_SIDE, START_SIDE
 from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
-_LOOKED_AT = 4  # times as many near nodes are tested as connections are wanted
-# motions that a goal, or a start, has at once; the others follow by `attach_more`
-GOAL_AT_ONCE, _START_AT_ONCE = 6, 4
-_START_ROUNDS = 2  # times as many a new start tries, while all are refused; then once
-POSE_AT_ONCE = 4  # of a goal by pose, whose inverse kinematics take time, too
-_NEARER = 1.5  # times as dear as its length: a motion that no edge of the roadmap is
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
-_MOVING_NODES = 6  # near nodes that a moving robot may be connected with,
-_MOVING_CONNECTIONS = 3  # and connections that it gets at most
-_LOOKS = 8  # waiting nodes that a frame without a path looks at, of start and of goals
-_PATH_FIRST = 8  # tests of `improve` that a new start's path has before its motions
 _NONE = np.zeros(0, np.int64)
 
 
@@ -46,6 +37,7 @@ class Attacher:
         goals: Motions that join a goal to near nodes.
         starts: The same for a start.
         kept: Goals that stay attached.
+        settings: How and when they are joined.
 
     Attributes:
         goals: (g, dof) best first [rad or m].
@@ -65,8 +57,10 @@ class Attacher:
         goals: int,
         starts: int,
         kept: int,
+        settings: AttachSettings = AttachSettings(),
     ) -> None:
         """Attach nothing yet."""
+        self.settings = settings
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates
         self.roadmap = frame.cell_map.roadmap
@@ -78,7 +72,7 @@ class Attacher:
         self._through = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(max(_MOVING_NODES, _LOOKS), np.int64)
+        self._chosen = np.zeros(max(settings.moving_nodes, settings.looks), np.int64)
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -119,7 +113,7 @@ class Attacher:
         self,
         goals: np.ndarray,
         costs: np.ndarray | None,
-        at_once: int = GOAL_AT_ONCE,
+        at_once: int | None = None,
     ) -> None:
         """Attach goals; the path in use stays where its goal does.
 
@@ -183,7 +177,7 @@ class Attacher:
             index = goals._fields.index(name)
             goals[index][g] = before[index][known]
 
-    def _attach_goal(self, g: int, q: np.ndarray, at_once: int = GOAL_AT_ONCE) -> None:
+    def _attach_goal(self, g: int, q: np.ndarray, at_once: int | None = None) -> None:
         """Join a goal to the roadmap, by few motions at first."""
         m = self.frame.memory
         goals, roadmap = m.goals, self.roadmap
@@ -213,6 +207,7 @@ class Attacher:
             self._for_goals, self._for_goals
         )
         goals.number[g] = 0
+        at_once = at_once or self.settings.goal_at_once
         while not goals.number[g] and self._more_of_goal(g, at_once):
             pass
 
@@ -315,7 +310,7 @@ class Attacher:
     def after_path(self, budget: int) -> int:
         """Return how much of a budget of tests is left for motions beside the path.
 
-        A path that begins at a new start has the first `_PATH_FIRST` tests alone, for
+        A path that begins at a new start has the first `path_first` tests alone, for
         each motion that gets its cells takes as long as several tests of it.
         """
         alone = min(budget, self._path_first)
@@ -367,11 +362,12 @@ class Attacher:
         m, left = self.frame.memory, most
         n, number = int(m.goals.count[0]), self.frame.number
         if self.start_waits:
-            free, _ = self._free_first(m.goals.count.item(1), self.q_attached, _LOOKS)
+            vertex, looks = m.goals.count.item(1), self.settings.looks
+            free, _ = self._free_first(vertex, self.q_attached, looks)
             if free:
                 done = self._more_of_start(min(free, left))
                 self.start_waits, left = done > 0, left - done
-        looks = _LOOKS
+        looks = self.settings.looks
         for g in range(number, number + n):
             g %= n
             if not left or not looks:
@@ -525,7 +521,7 @@ class Attacher:
         self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
         self._passes = passes
-        self._path_first = _PATH_FIRST
+        self._path_first = self.settings.path_first
         if not self.is_at(q):
             self._refused = _NONE
         self.q_attached[:] = q
@@ -545,7 +541,7 @@ class Attacher:
         if len(self._refused):
             nodes = nodes[~np.isin(nodes, self._refused)]
         self._later[int(m.goals.count[1])] = nodes
-        self._rounds = _START_ROUNDS
+        self._rounds = self.settings.start_rounds
         if not self._goes_straight():
             self.join_start(at_once=True)
 
@@ -573,7 +569,7 @@ class Attacher:
             self.is_bare = True
         rounds, self._rounds = self._rounds, 1
         for _ in range(rounds):
-            self.start_waits = self._more_of_start(_START_AT_ONCE) > 0
+            self.start_waits = self._more_of_start(self.settings.start_at_once) > 0
             if not self.lacks_start:
                 break
         return starts.count[0] > 0
@@ -678,14 +674,15 @@ class Attacher:
         """Return nodes to connect q with, the nearest first, ties by number.
 
         The next `first` are those with the least cost from q through the node to
-        where the path leads, the motion to the node itself counted `_NEARER` times:
+        where the path leads, the motion to the node itself counted `nearer` times:
         short paths leave through them. Then in turn the nearest and such.
         """
-        k = min(_LOOKED_AT * wanted, self.roadmap.n_nodes)
+        k = min(self.settings.looked_at * wanted, self.roadmap.n_nodes)
         near = self._least(self.near, k)
         if self.beyond is None:
             return near
-        kernels.cost_through(self.near, self.beyond, _NEARER, _FAR, self._through)
+        nearer = self.settings.nearer
+        kernels.cost_through(self.near, self.beyond, nearer, _FAR, self._through)
         ahead = self._least(self._through, k)
         turns = np.stack([near, ahead], 1).ravel()
         both = np.concatenate([near[:1], ahead[:first], turns])
@@ -760,15 +757,15 @@ class Attacher:
 
         Only what the frame leaves free is certified, the best first.
         """
-        frame = self.frame
-        ids = self._candidates(_MOVING_NODES)[: _LOOKED_AT * _MOVING_NODES]
+        frame, most = self.frame, self.settings.moving_nodes
+        ids = self._candidates(most)[: self.settings.looked_at * most]
         table = frame.memory.table
-        n = judge.clear_nodes(table, q, ids, _MOVING_NODES, self._chosen)
+        n = judge.clear_nodes(table, q, ids, most, self._chosen)
         good, refused = [], []
         for node in self._chosen[:n]:
             dq = frame.difference(q, self.roadmap.nodes[node])
             (good if frame.static.motion_free(q, dq) else refused).append(node)
-            if len(good) == _MOVING_CONNECTIONS:
+            if len(good) == self.settings.moving_connections:
                 break
         nodes, self._refused = np.array(good, np.int64), np.array(refused, np.int64)
         return nodes, np.full(len(nodes), kinds.NO_ITEM)

@@ -14,17 +14,10 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
+from odm.planner.settings import ConnectSettings
 from odm.search import _connect as kernels
 from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
-
-_SHORTEN = 250  # configurations looked at to shorten a path that was found
-_PART = 8  # a frame has this part of the budget, until all of it is spent; after that,
-_AGAIN = 16  # and where the robot moves, this part;
-_REST = 8  # but once all is spent in one place, only every so many-th frame searches,
-_JOINS_IN = 4  # and one in so many joins a standing robot to a found path's corners
-_SHARE = 250  # for each motion that `improve` may test
-_JOINS = 3  # corners of a found path that another start is joined with
 
 
 class FoundPath(NamedTuple):
@@ -51,6 +44,7 @@ class Connector:
         path: The path in use.
         attacher: Makes cells of legs, and numbers of vertices.
         budget: Configurations that a frame looks at; 0: it never searches.
+        settings: How this is shared out.
 
     Attributes:
         looked: Configurations looked at for this start and these goals.
@@ -58,11 +52,16 @@ class Connector:
     """
 
     def __init__(
-        self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
+        self,
+        frame: Frame,
+        path: PathInUse,
+        attacher: Attacher,
+        budget: int,
+        settings: ConnectSettings = ConnectSettings(),
     ) -> None:
         """Know no path, and no trees."""
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.budget = budget
+        self.budget, self.settings = budget, settings
         self.trees, self.found = frame.memory.trees, frame.memory.found
         self.reset()
 
@@ -91,7 +90,8 @@ class Connector:
         self._asked = self.frame.number
         if self.path.followed and (waits or self._is_mine()):
             self._frames_to_persist = patience
-        return self._free_path(q, self.is_new or self.frame.number % _JOINS_IN == 0)
+        joins = self.is_new or self.frame.number % self.settings.joins_in == 0
+        return self._free_path(q, joins)
 
     def search(self, q: np.ndarray, moves: bool) -> FoundPath | None:
         """Grow the trees for a frame that no remembered path is free in.
@@ -100,12 +100,12 @@ class Connector:
             q: (dof,) where the robot is, inside its limits.
             moves: The robot was a little elsewhere in the frame before.
         """
-        left = self._left()
-        if not self._is_asked() or (left <= 0 and self.frame.number % _REST > 0):
+        left, s = self._left(), self.settings
+        if not self._is_asked() or (left <= 0 and self.frame.number % s.rest > 0):
             return None
-        part = 0 if moves else min(self.budget // _PART, left)
-        part = max(1, self.budget // _AGAIN, part)
-        found = self._search(part, min(part, self.budget // 4, _SHORTEN))
+        part = 0 if moves else min(self.budget // s.part, left)
+        part = max(1, self.budget // s.again, part)
+        found = self._search(part, min(part, self.budget // 4, s.shorten))
         return self._free_path(q, False) if found else None
 
     def take(self, path: FoundPath | None, patience: int) -> bool:
@@ -148,7 +148,8 @@ class Connector:
         """
         if self._asked != self.frame.number:
             return 0
-        return int(self._search(_SHARE * budget, min(self.budget // 4, _SHORTEN)))
+        s, most = self.settings, self.budget // 4
+        return int(self._search(s.per_test * budget, min(most, s.shorten)))
 
     @property
     def frames_to_persist(self) -> int:
@@ -288,7 +289,7 @@ class Connector:
             return None
         legs = np.array([frame.difference(q, corner) for corner in corners[first:]])
         far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
-        for i in np.argsort(far, kind="stable")[:_JOINS].tolist():
+        for i in np.argsort(far, kind="stable")[: self.settings.joins].tolist():
             leg, c = legs[i], first + i
             if frame.motion_clear(q, leg) and frame.static.motion_free(q, leg):
                 self.attacher.tidy()

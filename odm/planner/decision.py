@@ -43,9 +43,6 @@ JOIN = {
 
 _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
-_STAYS = 3  # frames at the same place, and without a path,
-_LINGERS = 12  # or with one that it could follow: then between frames
-_PASSES = 0.2  # [rad or m] a robot is no farther from where it was a frame before
 
 
 class Decision:
@@ -213,7 +210,7 @@ class Decision:
             self._numbers.stood[0] = -1
             if stands:
                 self._join(NEW_GOALS, q, STANDS)
-        elif stands and self._numbers.stood.item() + 1 >= _STAYS:
+        elif stands and self._numbers.stood.item() + 1 >= self.attacher.settings.stays:
             self._join(LINGERS, q, STANDS)
 
     def join_between(self) -> bool:
@@ -222,7 +219,8 @@ class Decision:
         Where it stands, a better path may leave by other nodes than those on its path.
         """
         q, self._looked = self.frame.q, self.frame.number
-        if self.attacher.without_cells and self._numbers.stood.item() >= _LINGERS:
+        lingers = self._numbers.stood.item() >= self.attacher.settings.lingers
+        if self.attacher.without_cells and lingers:
             return self._join(LINGERS, q)
         if self.robot == STANDS and self.sees_better_goal():
             return self._join(BETTER_GOAL, q)
@@ -255,7 +253,7 @@ class Decision:
         if not np.isfinite(robot.before).all():
             return JUMPED
         moved = np.abs(self.frame.difference(robot.before, robot.q)).max()
-        return MOVES if moved < _PASSES else JUMPED
+        return MOVES if moved < self.attacher.settings.passes else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what came since the last frame, and the last look."""

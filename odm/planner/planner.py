@@ -46,7 +46,7 @@ from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import checked_rods
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
-from odm.planner.attaching import GOAL_AT_ONCE, POSE_AT_ONCE, Attacher
+from odm.planner.attaching import Attacher
 from odm.planner.connect import Connector
 from odm.planner.decision import MOVES, Decision
 from odm.planner.explain import Reasons, start_trouble
@@ -314,10 +314,11 @@ class ReactivePlanner:
             if tolerance is not None or most is not None:
                 raise BadInput("tolerance and most go with poses; give poses, too")
             report, goals, costs = self._valid_goals(goals, costs)
-            at_once = GOAL_AT_ONCE
+            at_once = self.attacher.settings.goal_at_once
         else:
             report = self._goals_at(goals, costs, poses, tolerance, most)
-            goals, costs, at_once = np.array(report.goals), None, POSE_AT_ONCE
+            goals, costs = np.array(report.goals), None
+            at_once = self.attacher.settings.pose_at_once
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return report
         self.attacher.set_goals(goals, costs, at_once)

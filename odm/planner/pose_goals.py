@@ -10,6 +10,7 @@ from odm.checks import MAX_GOALS
 from odm.frame.frame import Frame
 from odm.frame.freedom import check_valid
 from odm.obstacles.grid import bounding_ball
+from odm.planner.settings import PoseSettings
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
@@ -17,13 +18,8 @@ from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.ranges import is_between
 from roadmap.transforms import check_pose
 
-SEEDS = 24  # roadmap nodes, the nearest by tool pose, that descents start from
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
-_STEPS = 16  # of a descent: from near it takes about 5
-_LONG = 4  # descents of more steps, where no quick one arrives
-_ENOUGH = 12  # solutions of a pose that are looked at
 _GOAL = 2e-7  # [m or rad] what a descent aims at
-_SAME = 0.15  # [rad or m] solutions nearer than that in all joints are one
 _LARGEST = (0.5, np.pi)
 
 
@@ -80,14 +76,16 @@ class PoseGoals:
 
     Args:
         frame: Robot, roadmap, scenery, and where the robot is.
+        settings: How many are looked for.
     """
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: Frame, settings: PoseSettings = PoseSettings()) -> None:
         """Compute where the tool is at every node: milliseconds, once."""
+        self.settings = settings
         self._frame, self._robot = frame, frame.robot
         self._nodes = np.asarray(frame.cell_map.roadmap.nodes)
         self._tool = ToolKinematics(frame.robot)
-        self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, _STEPS)
+        self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, self.settings.steps)
         self._near = NearPoses(self._tool.tools(self._nodes))
         self._turns = bool(frame.robot.continuous.any())
 
@@ -142,15 +140,16 @@ class PoseGoals:
     ) -> tuple[np.ndarray, str | None]:
         """Return distinct (k, dof) within limits that reach a pose; or why not."""
         pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
-        near = self._near.nearest(pose, min(SEEDS, len(self._nodes)))
-        kept, n = np.empty((_ENOUGH, self._robot.dof)), 0
+        near = self._near.nearest(pose, min(self.settings.seeds, len(self._nodes)))
+        kept, n = np.empty((self.settings.enough, self._robot.dof)), 0
         best, at = (np.inf, np.inf), self._nodes[near[0]]
         starts = self._nodes[near]
         if np.isfinite(self._frame.q).all():
             starts = np.vstack([self._frame.q, starts])
-        long = list(starts[:_LONG])  # from there once more, if all were too short
+        # from there once more, if all were too short
+        long = list(starts[: self.settings.long])
         for k, start in enumerate([*starts, *long]):
-            if n == _ENOUGH or (n and k >= len(starts)):
+            if n == self.settings.enough or (n and k >= len(starts)):
                 break
             q = np.array(start)
             if k < len(starts):
@@ -181,7 +180,7 @@ class PoseGoals:
     def _is_known(self, q: np.ndarray, others: np.ndarray) -> bool:
         """Return whether one of `others` (k, dof) is the same solution as q."""
         off = difference(self._robot, q, others) if self._turns else others - q
-        return bool((np.abs(off).max(axis=1) < _SAME).any())
+        return bool((np.abs(off).max(axis=1) < self.settings.same).any())
 
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""

@@ -15,16 +15,10 @@ from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom, together
 from odm.planner._retreat import Coming, next_better
 from odm.planner.attaching import Attacher
+from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
 
-NEAR = 0.15  # [m] farther points are no reason to move
-_GAIN = 0.01  # [m] a retreat must gain this much separation
-_TRIED = 12  # directions: to the nearest nodes
 _SHARES = (1.0, 0.5, 0.25)  # of the motion to the node
-_AMPLE = 0.12  # [m] with so much more distance than is asked it has evaded
-_WORTH = 0.03  # [m] what a motion gains, against standing there
-_DIRECTIONS = 24
-_SETS_OFF = 0.06  # [s] that it takes to begin to move
 
 
 class Retreat:
@@ -33,11 +27,17 @@ class Retreat:
     Args:
         frame: Its points and what stands still count.
         attacher: Knows the nodes that are near.
+        settings: What is worth a motion.
     """
 
-    def __init__(self, frame: Frame, attacher: Attacher) -> None:
+    def __init__(
+        self,
+        frame: Frame,
+        attacher: Attacher,
+        settings: RetreatSettings = RetreatSettings(),
+    ) -> None:
         """Have no room for what comes yet."""
-        self.frame, self.attacher = frame, attacher
+        self.frame, self.attacher, self.settings = frame, attacher, settings
         self._coming = SortedClouds(frame.cell_map.grid)
         self._shapes: list[SolidRoom] = []
 
@@ -49,15 +49,15 @@ class Retreat:
         nearer to any such point than it is now (escape). It is also free of limits,
         self-collision and scenery. None where nothing is near or nothing helps.
         """
-        frame = self.frame
+        frame, s = self.frame, self.settings
         if frame.memory.cloud.counts[N_OCCUPIED] == 0:
             return None
         now = frame.separation(q)
-        if now > NEAR:
+        if now > s.near:
             return None
-        best, found = now + _GAIN, None
+        best, found = now + s.gain, None
         escape = self._place_anchor(q)
-        for node in self.attacher.nearest(q, _TRIED):
+        for node in self.attacher.nearest(q, s.tried):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
             for share in _SHARES:
                 end = q + share * dq
@@ -98,23 +98,23 @@ class Retreat:
             raise BadInput(
                 f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
             )
-        frame = self.frame
+        frame, s = self.frame, self.settings
         q = check_numbers(frame.robot, q)
         if not np.isfinite([t for t, _ in coming]).all():
             raise BadInput("somebody comes at a time that is not finite; give seconds")
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None
-        times = np.array([max(0.0, t - _SETS_OFF) for t, _ in coming])
+        times = np.array([max(0.0, t - s.sets_off_s) for t, _ in coming])
         fastest = speed_scale * frame.robot.max_velocity
-        ample = frame.keep + _AMPLE
+        ample = frame.keep + s.ample
         expected = _Expected(frame, *there, times, fastest, ample)
         stays = expected.better(q, np.zeros((1, len(q))), 0, -np.inf)
-        best, found = stays[1] + _WORTH, None
+        best, found = stays[1] + s.worth, None
         if best >= ample:
             return None
         escape = self._place_anchor(q)
-        nodes = self.attacher.nearest(q, _DIRECTIONS)
+        nodes = self.attacher.nearest(q, s.directions)
         dq = frame.difference(q, frame.cell_map.roadmap.nodes[nodes])
         # no farther than it gets by then
         longest = times.max(initial=0.0)

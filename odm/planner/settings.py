@@ -1,6 +1,6 @@
 """What a user of the reactive planner may turn."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from odm.search.state import MAX_ATTACHMENTS
 from roadmap.errors import BadInput
@@ -109,3 +109,160 @@ class PlannerSettings:
                 f"finger_pads is {self.finger_pads!r}, but must be a tuple of link "
                 "names; change it in PlannerSettings"
             )
+
+
+@dataclass(frozen=True)
+class AttachSettings:
+    """How and when goals and starts are joined to the roadmap (`attaching.Attacher`).
+
+    Attributes:
+        looked_at: As many times the connections wanted near nodes are tested.
+        goal_at_once: Motions that a goal has at once; the others follow by `improve`.
+        pose_at_once: The same of a goal by pose: inverse kinematics take time, too.
+        start_at_once: The same of a start.
+        start_rounds: So many times as many a new start tries, while all are refused.
+        nearer: So many times its length a motion counts that is no edge, where short
+            paths are to leave through its node.
+        moving_nodes: Near nodes that a moving robot may be connected with,
+        moving_connections: ... and connections that it gets at most.
+        looks: Waiting nodes that a frame without a path looks at, of start and goals.
+        path_first: Tests of `improve` that a new start's path has before its motions.
+        stays: Frames at one place without a path, after which a start is joined anew,
+        lingers: ... or, between frames, with a path that could be followed.
+        passes: A robot that moved farther in a frame has jumped [rad or m].
+    """
+
+    looked_at: int = 4
+    goal_at_once: int = 6
+    pose_at_once: int = 4
+    start_at_once: int = 4
+    start_rounds: int = 2
+    nearer: float = 1.5
+    moving_nodes: int = 6
+    moving_connections: int = 3
+    looks: int = 8
+    path_first: int = 8
+    stays: int = 3
+    lingers: int = 12
+    passes: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        names = [f.name for f in fields(self) if f.name not in ("nearer", "passes")]
+        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"nearer": (1.0, 100.0, "")}
+        ranges["passes"] = (0.0, 10.0, "rad or m")
+        check_settings(self, ranges, tuple(names))
+
+
+@dataclass(frozen=True)
+class ConnectSettings:
+    """How the search beyond the roadmap shares out its work (`connect.Connector`).
+
+    Attributes:
+        shorten: Configurations looked at to shorten a path that was found.
+        part: A frame has this part of `PlannerSettings.search`, until all is spent;
+        again: ... then, and where the robot moves, this part;
+        rest: ... but once all is spent in one place, only every so many-th searches.
+        joins_in: One frame in so many joins a standing robot to a found path's corners;
+        joins: ... to so many of them.
+        per_test: Configurations for each motion that `improve` may test.
+    """
+
+    shorten: int = 250
+    part: int = 8
+    again: int = 16
+    rest: int = 8
+    joins_in: int = 4
+    joins: int = 3
+    per_test: int = 250
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        names = tuple(field.name for field in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 10_000, "")), names)
+
+
+@dataclass(frozen=True)
+class SmoothingSettings:
+    """Which changes of a path are weighed, and made (`smooth.Smoother`).
+
+    Attributes:
+        worth: A change must save this share of the time of the whole rest;
+        much: ... and one that does not keep the smoothing clearance this share.
+        pace: Share of the joints' speed limits that is likely used.
+        lead_s: What the robot reaches in this time at full speed stays [s].
+        draws: Changes weighed for each one that is tested: they cost far less.
+        detour: A rest shorter than this times the straight way to the goal stays.
+        wait: Frames from a look that found that straight way blocked to the next.
+    """
+
+    worth: float = 0.01
+    much: float = 0.3
+    pace: float = 0.5
+    lead_s: float = 0.05
+    draws: int = 40
+    detour: float = 1.1
+    wait: int = 8
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        ranges = dict.fromkeys(("worth", "much"), (0.0, 1.0, ""))
+        ranges |= {"pace": (0.01, 1.0, ""), "lead_s": (0.0, 10.0, "s")}
+        ranges |= {"detour": (1.0, 100.0, "")}
+        ranges |= dict.fromkeys(("draws", "wait"), (1, 10_000, ""))
+        check_settings(self, ranges, ("draws", "wait"))
+
+
+@dataclass(frozen=True)
+class RetreatSettings:
+    """When backing off and evasion are worth their motion (`retreat.Retreat`).
+
+    Attributes:
+        near: Farther points are no reason to back off [m].
+        gain: A motion that backs off must gain this much separation [m].
+        tried: Directions for it: to so many of the nearest nodes.
+        ample: With so much more distance than is asked it has evaded [m].
+        worth: An evasion must gain this against standing there [m].
+        directions: Directions for that.
+        sets_off_s: Time that the robot takes to begin to move [s].
+    """
+
+    near: float = 0.15
+    gain: float = 0.01
+    tried: int = 12
+    ample: float = 0.12
+    worth: float = 0.03
+    directions: int = 24
+    sets_off_s: float = 0.06
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        ranges = dict.fromkeys(("near", "gain", "ample", "worth"), (0.0, 10.0, "m"))
+        ranges |= dict.fromkeys(("tried", "directions"), (1, 10_000, ""))
+        ranges["sets_off_s"] = (0.0, 10.0, "s")
+        check_settings(self, ranges, ("tried", "directions"))
+
+
+@dataclass(frozen=True)
+class PoseSettings:
+    """How configurations of a tool pose are looked for (`pose_goals.PoseGoals`).
+
+    Attributes:
+        seeds: Roadmap nodes, the nearest by tool pose, that descents start from.
+        steps: Steps of a descent: from near it takes about 5.
+        long: Descents of more steps, where no quick one arrives.
+        enough: Solutions of a pose that are looked at.
+        same: Solutions nearer than this in all joints are one [rad or m].
+    """
+
+    seeds: int = 24
+    steps: int = 16
+    long: int = 4
+    enough: int = 12
+    same: float = 0.15
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        counts = ("seeds", "steps", "long", "enough")
+        ranges = dict.fromkeys(counts, (1, 10_000, "")) | {"same": (0.0, 10.0, "")}
+        check_settings(self, ranges, counts)

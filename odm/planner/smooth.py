@@ -18,6 +18,7 @@ from odm.frame.frame import Frame
 from odm.planner import _smooth as smoothing
 from odm.planner.attaching import Attacher
 from odm.planner.path import CandidatePath
+from odm.planner.settings import SmoothingSettings
 from odm.search import _recent as recent
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
@@ -30,15 +31,8 @@ from roadmap.motion.blending import (
 )
 from roadmap.robot.robot import Robot
 
-_WORTH = 0.01  # a change must save this share of the whole rest
-_PACE = 0.5  # share of the joints' speed limits that is likely used
-_LEAD_S = 0.05  # what the robot reaches in this time at full speed stays [s]
 _GAIN_NODES = 128  # corners of the roadmap that are measured
 _GAIN_DEVIATION, _GAIN_LENGTH = 0.004, 10.0  # [m] allowed there, and of endless legs
-_MUCH = 0.3  # a change without the extra clearance must save more than this share
-_DRAWS = 40  # changes weighed for each one that is tested
-_WAIT = 8  # frames from a look that found the straight motion blocked to the next
-_DETOUR = 1.1  # times the straight length: a rest shorter than that stays
 
 
 def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
@@ -90,6 +84,7 @@ class Smoother:
         smoothing_clearance: Extra clearance that new legs keep where possible [m].
         history_clearance: What saves much keeps so much more distance from where
             obstacles have lately been [m]; 0: none.
+        settings: Which changes are worth what.
     """
 
     def __init__(
@@ -99,8 +94,10 @@ class Smoother:
         attacher: Attacher,
         smoothing_clearance: float,
         history_clearance: float,
+        settings: SmoothingSettings = SmoothingSettings(),
     ) -> None:
         """Begin the order of the changes."""
+        self.settings = settings
         self.frame, self.path, self.attacher = frame, path, attacher
         self.smoothing_clearance, self.history_clearance = (
             smoothing_clearance,
@@ -108,7 +105,7 @@ class Smoother:
         )
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
-            _PACE * robot.max_velocity,
+            self.settings.pace * robot.max_velocity,
             robot.max_acceleration,
             robot.max_jerk,
             joint_motion_bounds(robot),
@@ -158,9 +155,9 @@ class Smoother:
         weights = self.frame.cell_map.roadmap.weights
         rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
         length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()
-        if length < _DETOUR * np.linalg.norm((corners[1] - q) * weights):
+        if length < self.settings.detour * np.linalg.norm((corners[1] - q) * weights):
             return -1
-        self._next = now + _WAIT
+        self._next = now + self.settings.wait
         return self._try(change)
 
     def _turn(self, ahead: np.ndarray | None) -> tuple[int, float]:
@@ -172,7 +169,7 @@ class Smoother:
         if ((own.before if ahead is None else ahead) == own.q).all():  # it stands
             return at, self._share
         leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
-        share = self._share + _LEAD_S / max(float(leg.max()), 1e-9)
+        share = self._share + self.settings.lead_s / max(float(leg.max()), 1e-9)
         return (at, share) if share < 1.0 else (at + 1, 0.0)
 
     def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
@@ -180,7 +177,7 @@ class Smoother:
 
         The path up to `ahead` (dof,) stays; None: what the robot soon comes to.
         """
-        made, located, looks = 0, False, _DRAWS * budget
+        made, located, looks = 0, False, self.settings.draws * budget
         while budget > 0 and looks > 0:
             # a change alters the segments: what stays is found again
             located = located or (len(self.path) > 2 and self._begin(ahead))
@@ -200,7 +197,7 @@ class Smoother:
         """Return the next change that is worth a test, of at most so many."""
         rest = smoothing.Rest(self.path.q, self._at, len(self.path) - 1, self._share)
         self._drawn, found = smoothing.next_change(
-            rest, self._terms, self._scratch, self._drawn, most, _WORTH
+            rest, self._terms, self._scratch, self._drawn, most, self.settings.worth
         )
         if not found:
             return None
@@ -218,7 +215,7 @@ class Smoother:
         leg = path.q[at + 1] - path.q[at]
         off = frame.difference(path.q[at], frame.q)
         done = float(off @ leg) / max(float(leg @ leg), 1e-12)
-        done, left = min(max(done, 0.0), 1.0), _LEAD_S
+        done, left = min(max(done, 0.0), 1.0), self.settings.lead_s
         while at < len(path) - 1:
             leg = path.q[at + 1] - path.q[at]
             time = float((np.abs(leg) / frame.robot.max_velocity).max())
@@ -240,7 +237,7 @@ class Smoother:
         legs = list(zip(begin, dq, strict=True))
         wide = self._clear(legs, self.smoothing_clearance)
         if not wide:
-            if self._saves(change) < _MUCH or not self._clear(
+            if self._saves(change) < self.settings.much or not self._clear(
                 legs, self.history_clearance
             ):
                 return 0

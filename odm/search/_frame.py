@@ -11,7 +11,7 @@ from odm.obstacles._cloud import (
     N_OCCUPIED,
     N_OUTSIDE,
 )
-from odm.obstacles._occupancy import clear, dilate_points, mark_more
+from odm.obstacles._occupancy import clear, dilate_points, mark_more, place
 from odm.obstacles._solid_samples import (
     FINE,
     lay_patterns,
@@ -70,6 +70,20 @@ def take_points(state, points, n_given):
     return cloud.counts[N_BAD]
 
 
+@njit(**INNER)
+def copy_points(T, given, points):
+    """Write points (n, 3) to `points` in the base frame; T (4, 4) is the world in it.
+
+    As they are where the base is at the world's origin: no sum with zeros alters them.
+    """
+    for a in range(3):
+        for b in range(4):
+            if T[a, b] != (1.0 if a == b else 0.0):
+                place(given, T, points)
+                return
+    copy_row(given.reshape(-1), points.reshape(-1))
+
+
 @njit(**LEAN)
 def begin_step(state, given, points):
     """Begin a step of the planner with its frame's points, copied to `points`.
@@ -78,7 +92,7 @@ def begin_step(state, given, points):
     """
     view(state, "numbers").step[0] += 1
     view(state, "solids").count[0] = 0
-    copy_row(given.reshape(-1), points.reshape(-1))
+    copy_points(view(state, "patterns").base_world, given, points)
     bad = take_points(state, points, points.shape[0])
     counts = view(state, "cloud").counts
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
@@ -88,11 +102,12 @@ def begin_step(state, given, points):
 def begin_shapes(state, given, data, counts, room):
     """Begin a step with points and shapes; return how many points there are in all.
 
-    The points (n, 3) are copied to `room`, and the samples of the shapes follow them.
+    The points (n, 3) are copied to `room` in the base frame, and the samples of the
+    shapes follow them.
 
     Args:
         state: The table.
-        given: (n, 3) points that count in the close test.
+        given: (n, 3) points in the world that count in the close test.
         data: Rows of the shapes; see `take_solids`.
         counts: (5,) how many there are of each kind.
         room: (m, 3) where all points go.
@@ -113,8 +128,7 @@ def begin_shapes(state, given, data, counts, room):
         patterns.wrong[0] = n
         return MORE_POINTS
     view(state, "numbers").step[0] += 1
-    for i in range(given.shape[0]):
-        room[i, 0], room[i, 1], room[i, 2] = given[i, 0], given[i, 1], given[i, 2]
+    copy_points(patterns.base_world, given, room[: given.shape[0]])
     odd = take_points(state, room[:n], given.shape[0])
     if code != FINE:
         return WRONG - code

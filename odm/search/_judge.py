@@ -5,9 +5,8 @@ from numba import njit
 
 from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import displacement, place_clear, set_point
-from odm.close_test._pick import forget_cells, pick_cells, pick_points, pick_word
-from odm.obstacles._cloud import IS_SORTED, N_LISTED
-from odm.obstacles._occupancy import sort_points
+from odm.obstacles._cloud import IS_SORTED, N_LISTED, N_OCCUPIED
+from odm.obstacles._occupancy import pick_points, sort_points
 from odm.search._items import (
     BLOCKED,
     FREE,
@@ -48,6 +47,36 @@ def close_free(state, q, dq):
 
 
 @njit(**INNER)
+def forget_cells(pick):
+    """Begin anew: no cells are picked."""
+    for k in range(pick.counts[N_OCCUPIED]):
+        pick.words[pick.occupied[k]] = 0
+    pick.counts[:] = 0
+
+
+@njit(**INNER)
+def pick_cells(pick, words, block, mask, begin, end):
+    """Add the occupied cells of the list block, mask [begin:end]."""
+    for k in range(begin, end):
+        word = words[block[k]]
+        if word != 0:
+            pick_word(pick, block[k], word & mask[k])
+
+
+@njit(**INNER)
+def pick_word(pick, b, word):
+    """Add cells of a block; none of them is left out for being there already."""
+    if word == 0:
+        return
+    if pick.words[b] == 0:
+        count = pick.counts[N_OCCUPIED]
+        pick.occupied[count] = b
+        pick.slot[b] = count
+        pick.counts[N_OCCUPIED] = count + 1
+    pick.words[b] |= word
+
+
+@njit(**INNER)
 def pick_item(picked, words, graph, item):
     """Add the occupied cells of a roadmap item."""
     after, at = np.uint64(0), np.uint64(graph.start[item, 1])
@@ -65,9 +94,10 @@ def pick_item(picked, words, graph, item):
 def pick_ref(state, ref):
     """Return the points inside the cells of a motion's item: all that can block it.
 
-    An edge's cells are those of its list and of its two nodes. Without an item, all
-    points are returned, and where extra clearance is kept: then points of other cells
-    count too.
+    The cells of a motion hold every point that comes within radius + rho + m of a cover
+    sphere along it, so points in other cells cannot be in its way. An edge's cells are
+    those of its list and of its two nodes. Without an item, all points are
+    returned, and where extra clearance is kept: then points of other cells count too.
     """
     cloud = view(state, "cloud")
     if cloud.counts[N_LISTED] == 0:

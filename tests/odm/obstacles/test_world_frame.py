@@ -53,6 +53,24 @@ def test_a_frame_is_the_same_wherever_the_base_stands(small_map, rng):
         assert np.array_equal(nodes, there.invalid_nodes())
 
 
+def test_points_beside_shapes_are_in_the_world_too(small_map, rng):
+    """Both come in one call: the points follow the base as the shapes do."""
+    arm, points, T = draw_arm(rng), rng.uniform(-1.0, 1.0, (40, 3)), draw_base(rng)
+    turned = arm.copy()
+    turned[:, :3], turned[:, 3:6] = in_world(T, arm[:, :3]), in_world(T, arm[:, 3:6])
+    here, there = (odm.ReactivePlanner(small_map) for _ in range(2))
+    there.set_base(T)
+    for planner in (here, there):
+        planner.set_goals([AWAY])
+    one = here.step(odm.Obstacles(capsules=arm, points=points), q=HOME)
+    given = in_world(T, points)
+    other = there.step(odm.Obstacles(capsules=turned, points=given), q=HOME)
+    assert one.status == other.status
+    assert np.abs(here.points[:40] - points).max() == 0.0
+    assert np.abs(there.points[:40] - points).max() < 1e-9
+    assert np.array_equal(given, in_world(T, points))
+
+
 def test_scenery_of_the_place_stays_in_the_world_when_the_base_moves(small_map):
     box = odm.Box([0.2, 0.2, 0.2], _at([1.0, 0.0, 0.5]))
     planner = odm.ReactivePlanner(small_map)

@@ -6,17 +6,12 @@ from small import AWAY, HOME, NOBODY, draw_arm
 
 import odm
 from odm.answer import HOLDING
-from odm.planner.attaching import (
-    _PATH_FIRST,
-    _START_AT_ONCE,
-    _START_ROUNDS,
-    GOAL_AT_ONCE,
-)
-from odm.planner.settings import PlannerSettings
+from odm.planner.settings import AttachSettings, PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
+ATTACH = AttachSettings()
 PLAIN = PlannerSettings(search=0, history_s=0.0)
 
 
@@ -43,7 +38,7 @@ def test_few_motions_are_joined_at_once_and_all_between_frames(small_map):
     planner = odm.ReactivePlanner(small_map, settings=PLAIN)
     m = planner.memory
     planner.set_goals([AWAY])
-    assert m.goals.number[0] <= GOAL_AT_ONCE
+    assert m.goals.number[0] <= ATTACH.goal_at_once
     planner.step(NOBODY, q=HOME)
     assert m.start_connections.count[0] == 0  # the straight motion is free
     # the straight motion has its cells at once: the toll on cells is what calms
@@ -90,7 +85,7 @@ def test_a_start_whose_straight_motion_is_blocked_gets_its_cells_later(small_map
     answer = planner.step(ball, q=HOME)  # in this very frame
     assert answer.stage == "roadmap"
     count = int(m.start_connections.count[0])
-    assert 0 < count <= _START_AT_ONCE and planner.attacher.is_bare
+    assert 0 < count <= ATTACH.start_at_once and planner.attacher.is_bare
     assert (m.start_connections.ref[:count] == NO_ITEM).all()
     assert planner.path.item[0] == NO_ITEM
     finish(planner)
@@ -114,7 +109,7 @@ def test_a_new_path_is_bettered_before_its_motions_get_their_cells(small_map):
     ball = odm.Obstacles(spheres=np.array([[*middle, 0.03]]))
     assert planner.step(ball, q=HOME).stage == "roadmap"
     pool, m = planner.memory.pool, planner.memory
-    calls = -(-_PATH_FIRST // 4)
+    calls = -(-ATTACH.path_first // 4)
     for _ in range(calls):
         assert planner.attacher.is_bare
         planner.improve(4)
@@ -174,7 +169,11 @@ def test_a_start_that_is_refused_tries_a_few_nodes_a_frame(small_map, monkeypatc
         nodes = [q for q in map(tuple, tested) if q != tuple(np.round(AWAY, 9))]
         counts.append(len(nodes))
         seen += nodes
-    assert counts == [_START_ROUNDS * _START_AT_ONCE, _START_AT_ONCE, _START_AT_ONCE]
+    assert counts == [
+        ATTACH.start_rounds * ATTACH.start_at_once,
+        ATTACH.start_at_once,
+        ATTACH.start_at_once,
+    ]
     assert len(seen) == len(set(seen))  # none is tested again in the same place
     refused.clear()
     assert planner.step(NOBODY, q=HOME).status != HOLDING

@@ -8,7 +8,6 @@ import odm
 from odm import PlannerSettings, Sphere, surface_of
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
-from odm.planner.connect import _REST
 from odm.planner.saved_memory import differences
 from odm.search._astar import START_SIDE
 from odm.search._items import FREE
@@ -149,7 +148,7 @@ def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
             spent = planner.connector.looked - before
             if answer.status != "holding":
                 break
-            if before >= 640 and planner.frame_number % _REST:
+            if before >= 640 and planner.frame_number % planner.connector.settings.rest:
                 assert spent == 0  # all is spent: the next search waits
                 continue
             if planner.joined and spent == 0 and not planner.connector.is_new:

@@ -6,7 +6,8 @@ from small import AWAY, HOME, NOBODY, draw_valid
 
 import odm
 from odm.audit.exact import ExactRobot
-from odm.planner.attaching import GOAL_AT_ONCE, POSE_AT_ONCE
+from odm.planner.pose_goals import PoseGoals
+from odm.planner.settings import PoseSettings
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -165,8 +166,18 @@ def test_a_pose_has_few_motions_at_once_and_the_others_between_frames(small_map)
     planner.step(NOBODY, q=HOME)
     planner.set_goals(poses=[tool_pose(planner.robot, AWAY)])
     number = planner.memory.goals.number
-    assert 0 < number[0] <= POSE_AT_ONCE < GOAL_AT_ONCE
+    least = planner.attacher.settings.pose_at_once
+    assert 0 < number[0] <= least < planner.attacher.settings.goal_at_once
     assert planner.step(NOBODY, q=HOME).path.size
     while planner.attacher.waits:
         planner.improve(4)
-    assert number[0] > POSE_AT_ONCE
+    assert number[0] > least
+
+
+def test_the_settings_say_which_solutions_are_one_and_how_many_are_looked_at(asked):
+    T = tool_pose(asked.robot, AWAY)
+    counts = []
+    for settings in (PoseSettings(), PoseSettings(same=0.0, enough=3)):
+        found = PoseGoals(asked.frame, settings)
+        counts.append(len(found.solve([T], None, None).solutions))
+    assert counts == [1, 3]

@@ -11,12 +11,15 @@ from small import draw_arm, draw_valid
 import odm
 from odm.obstacles._solids import solid_distance
 from odm.obstacles.obstacles import together
+from odm.planner.retreat import Retreat
+from odm.planner.settings import RetreatSettings
 from roadmap.kinematics.forward import difference
 
 solid_distance = with_door(solid_distance)
 
 TIMES = (0.12, 0.24, 0.36, 0.48)
-SETS_OFF, WORTH, AMPLE, DIRECTIONS = 0.06, 0.03, 0.12, 24  # as `Retreat` has them
+_S = RetreatSettings()
+SETS_OFF, WORTH, AMPLE, DIRECTIONS = _S.sets_off_s, _S.worth, _S.ample, _S.directions
 
 
 def slow_gap(planner, q, there, enough):
@@ -134,3 +137,17 @@ def test_shapes_of_several_moments_keep_their_places_and_faces(rng):
             for place in rng.uniform(-1.0, 1.0, (10, 3)):
                 d = solid_distance(solids, k, *place, np.inf)
                 assert solid_distance(both, first + k, *place, np.inf) == d
+
+
+def test_the_settings_say_what_is_near_and_what_a_retreat_must_gain(planner, rng):
+    """With others the robot stays where it would have backed off."""
+    backed = 0
+    others = RetreatSettings(near=0.0), RetreatSettings(gain=10.0)
+    for _ in range(20):
+        q = draw_valid(planner, rng)
+        planner.step(odm.sample_capsules(draw_arm(rng), 0.03), q=q)
+        backed += Retreat(planner.frame, planner.attacher).back_off(q) is not None
+        for settings in others:
+            stays = Retreat(planner.frame, planner.attacher, settings)
+            assert stays.back_off(q) is None or planner.separation(q) < 0.0
+    assert backed

@@ -5,6 +5,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, on_its_way
 
 import odm
+from odm.planner.settings import SmoothingSettings
 from odm.search import _recent as recent
 from roadmap.kinematics.forward import sphere_centers
 
@@ -118,8 +119,7 @@ def nearest(planner, legs):
     return [min(planner.separation(a + s * (b - a)) for s in shares) for a, b in legs]
 
 
-def test_new_legs_keep_comfortable_or_save_much(small_map, monkeypatch):
-    monkeypatch.setattr("odm.planner.smooth._MUCH", 9.0)  # nothing saves so much
+def test_new_legs_keep_comfortable_or_save_much(small_map):
     comfort, near, made = 0.1, 0, 0
     for seed in range(12):
         _, points, first = on_its_way(small_map, seed)
@@ -127,6 +127,7 @@ def test_new_legs_keep_comfortable_or_save_much(small_map, monkeypatch):
         for kept in (comfort, 0.0):
             settings = odm.PlannerSettings(smoothing_clearance=kept)
             planner = odm.ReactivePlanner(small_map, settings=settings)
+            planner.smoother.settings = SmoothingSettings(much=1.0)  # no change does
             planner.set_goals([first.path[-1]])
             planner.step(points, q=HOME)
             found.append(nearest(planner, new_legs(planner, points)))
