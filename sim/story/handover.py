@@ -161,6 +161,7 @@ class Handover:
                 "the executor was not made with a PhasePlanner, so it could not tell "
                 "who may be touched; give it PhasePlanner(planner) for its planner"
             )
+        executor.part_from(self.view.held_out)
         self._T_place = None
         if T_base_place is not None:
             self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
@@ -957,12 +958,10 @@ class Handover:
         if reach is None:
             self._free_lines = []
             return
-        view = self.view
-        before, view.phase = (view.phase, view.classes), "receive"
-        view.classes = np.array(view.classes)
-        view.classes[seen.people :] = OBJECT
-        free = view.line_free(reach.q_before, reach.q, seen.there)
-        view.phase, view.classes = before
+        classes = np.array(self.view.classes)
+        classes[seen.people :] = OBJECT
+        with self.view.as_in("receive", classes):
+            free = self.view.line_free(reach.q_before, reach.q, seen.there)
         others = [one for one in self._free_lines if one[0] is not reach]
         kept = [one for one in others if any(one[0] is r for r in found)]
         self._free_lines = [*kept, (reach, free)]

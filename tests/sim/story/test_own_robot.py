@@ -744,6 +744,24 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
     assert set_to[2][0] is found[1].q_before and view_is_plain(story)
 
 
+def test_a_motion_that_could_not_be_tested_leaves_the_phase_as_it_was(
+    maps, monkeypatch
+):
+    story, human = story_of(maps, "receive")
+    q = story.executor.set_point.q
+    update = story.update
+    update(sim.StoryFrame(0.0, human, pulled(0.0), True, False, FAR))
+    classes = story.view.classes
+
+    def line_free(view, begin, end, there):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sim.PhasePlanner, "line_free", line_free)
+    with pytest.raises(KeyboardInterrupt):
+        story._look_along(story._last, [Reach(q, q, np.eye(4))])
+    assert story.view.classes is classes and view_is_plain(story)
+
+
 def view_is_plain(story):
     return story.view.phase is None and (story.view.classes == odm.AVOID).all()
 
