@@ -15,6 +15,7 @@ from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import ExecutionSettings
 from odm.execution.slowest_stop import slowest_stop
+from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
@@ -36,6 +37,7 @@ EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
+_MOST_SPARE = 1.0  # [m] nobody hands over from farther away
 _APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
@@ -148,24 +150,54 @@ class StorySetup:
         settings = MeetSettings(side=self.side)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
-    def targets(self, planner: ReactivePlanner, human: Human) -> LiveTargets:
-        """Return a live thread that knows nothing yet."""
-        _, comes = slowest_stop(planner.robot, EXECUTION, 1.0 / RATE)
-        settings = replace(LIVE, spare_m=max(LIVE.spare_m, comes))
+    def targets(
+        self,
+        planner: ReactivePlanner,
+        human: Human,
+        threat: ThreatSettings | None = None,
+    ) -> LiveTargets:
+        """Return a live thread that knows nothing yet.
+
+        Args:
+            planner: The planner.
+            human: The person at the beginning.
+            threat: What is assumed of them in the story; None: as by default.
+        """
+        comes = _comes(planner.robot, threat)[1]
+        spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
+        settings = replace(LIVE, spare_m=spare)
         told = self.meet(human), self.rest, self.index, settings
         return LiveTargets(planner, *told)
 
 
-def slow_to_stop(robot: Robot) -> str:
-    """Return a sentence about a robot that takes long to stop; "": it does not."""
-    time, comes = slowest_stop(robot, EXECUTION, 1.0 / RATE)
+def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
+    """Return how long the slowest stop takes [s], and how far somebody comes [m]."""
+    return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or ThreatSettings())
+
+
+def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
+    """Return a sentence about a robot that takes long to stop; "": it does not.
+
+    Args:
+        robot: The robot.
+        threat: What is assumed of the person in the story; None: as by default.
+    """
+    threat = threat or ThreatSettings()
+    time, comes = _comes(robot, threat)
     if comes <= LIVE.spare_m:
         return ""
-    return (
+    said = (
         f"{robot.name} takes {1e3 * time:.0f} ms to stop even from its slowest speed, "
-        f"in which a person may come {1e2 * comes:.1f} cm nearer: closer to them it "
-        "creeps; if its limits of acceleration and jerk are those assumed where a URDF "
-        "has none, give its own in [robot] of its recipe"
+        f"in which a person may come {1e2 * comes:.1f} cm nearer"
+    )
+    if threat.noise:
+        said += f", as far as a sensor wrong by up to {1e3 * threat.noise:.0f} mm tells"
+    said += ": closer to them it creeps; "
+    if _comes(robot, replace(threat, noise=0.0))[1] <= LIVE.spare_m:
+        return said + "with a better sensor (ThreatSettings(noise=...)) it goes nearer"
+    return said + (
+        "if its limits of acceleration and jerk are those assumed where a URDF has "
+        "none, give its own in [robot] of its recipe"
     )
 
 
@@ -245,8 +277,8 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
     if not pads:
         raise BadInput(
             f"{robot.name}'s tool carries no link with 'finger' or 'pad' in its name, "
-            "so nothing could be grasped; say which may touch an object with `odm demo "
-            f"handover --pads LINK`, of {', '.join(own)}"
+            "so nothing could be grasped; say which may touch an object with `--pads "
+            f"LINK`, of {', '.join(own)}"
         )
     for name in names:
         if name not in own:

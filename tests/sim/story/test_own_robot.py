@@ -26,6 +26,7 @@ from sim.story.cases import LIVE, setup_of, slow_to_stop
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.handover import Step, _check_grasps
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
+from sim.story.play import new_story
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -833,3 +834,27 @@ def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(
         targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
         spare.append(targets.settings.spare_m)
     assert spare[0] > 0.015 and spare[1] == LIVE.spare_m
+
+
+def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
+    cell_map, reach, _ = maps
+    robot = cell_map.robot
+    quick = replace(robot, max_acceleration=20 * robot.max_acceleration)
+    quick = replace(quick, max_jerk=1000 * robot.max_jerk)
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    human = handover.Human().placed(0.9, 0.0, np.pi)
+    spare = []
+    for threat in (
+        ThreatSettings(),
+        ThreatSettings(acceleration=9.0),
+        ThreatSettings(noise=0.003),
+    ):
+        story = new_story(setup, sim.StorySettings(threat=threat), human)
+        spare.append(story.targets.settings.spare_m)
+    assert spare[1] > 2.0 * spare[0] and spare[2] > spare[0] + 0.003
+    most = sim.StorySettings(threat=ThreatSettings(acceleration=1e4))
+    assert new_story(setup, most, human).targets.settings.spare_m == 1.0
+    sensor = slow_to_stop(quick, ThreatSettings(noise=0.01))
+    assert re.search(r"wrong by up to 10 mm.*better sensor", sensor)
+    thrust = slow_to_stop(quick, ThreatSettings(acceleration=100.0))
+    assert "sensor" not in thrust and "[robot]" in thrust
