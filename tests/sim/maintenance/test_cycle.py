@@ -18,6 +18,7 @@ from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
 from sim.maintenance import play as cycle_play
+from sim.maintenance import tell as cycle_tell
 from sim.maintenance.cases import (
     PLACES_XY,
     SIZES,
@@ -160,6 +161,23 @@ def test_what_goes_wrong_ends_the_cycle_with_a_reason(setups, bare, monkeypatch,
     assert len(cycle.begun) == 2
     if how != "for ever":
         assert trouble_of(cycle.run) == "it said why"
+
+
+@pytest.mark.parametrize("json", [None, "-"])
+def test_a_robot_that_takes_long_to_stop_says_so_before_the_cycle(
+    setups, monkeypatch, capsys, json
+):
+    said = []
+
+    def played(*told):
+        said.append(capsys.readouterr().out)
+        raise BadInput("it is played elsewhere")
+
+    monkeypatch.setattr(cycle_tell, "_played", played)
+    request = DemoRequest("maintenance", pads=["flange"], json=json)
+    with pytest.raises(BadInput, match="elsewhere"):
+        cycle_tell.tell_cycles(request, setups[0].cell_map, setups[0].reach)
+    assert ("to stop even from its slowest speed" in said[0]) == (json is None)
 
 
 def test_a_ladder_out_of_reach_is_refused_before_the_run(setups, monkeypatch):
