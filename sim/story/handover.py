@@ -35,7 +35,7 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
-from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
@@ -53,6 +53,7 @@ from sim.story.grasping import (
     Reach,
     Reaches,
     box_of,
+    check_grasps,
     is_valid,
     quarter_turns,
     straight_back,
@@ -188,10 +189,10 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
+        index = self.targets.finder.index
         if not self._give or self._T_place is not None:
             # what is in the hand already may lie in it: nobody has to close on that
-            _check_grasps(self.planner, grasps, meet.obj.capsules)
-        index = self.targets.finder.index
+            check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
         beside = meet.obj.capsules, s.room
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
@@ -1043,31 +1044,6 @@ def _check_room(planner: ReactivePlanner, q: np.ndarray) -> None:
         raise BadInput(
             f"the object does not fit in where the robot stands: {why}; begin at "
             "another configuration, or give another grasp T_tool_object"
-        )
-
-
-def _check_grasps(
-    planner: ReactivePlanner, grasps: np.ndarray, capsules: np.ndarray
-) -> None:
-    """Refuse an object that the hand itself is too near to, however it is grasped."""
-    robot, links = planner.robot, planner.cover().links
-    pads = planner.settings.finger_pads
-    keeps = gripper_links(robot) - set(pads)
-    which = [name in keeps for name in links]
-    if not any(which):
-        return
-    q = 0.5 * (robot.lower + robot.upper)  # wherever it is: only the hand counts
-    balls = cover_balls(robot, q)[robot.moving][which]
-    T = tool_pose(robot, q)
-    gaps = [ball_gaps(balls, moved_rods(capsules, T @ grasp)) for grasp in grasps]
-    gap = max(float(one.min()) for one in gaps)
-    if gap < GRIPPER_KEEPS:
-        hand = links[int(np.flatnonzero(which)[gaps[0].min(axis=1).argmin()])]
-        raise BadInput(
-            f"{hand} is {1e3 * gap:.0f} mm from the object where it is grasped, but "
-            f"must keep {1e3 * GRIPPER_KEEPS:.0f} mm, since the pads alone may touch "
-            "it; give a grasp T_tool_object that holds it farther out along the "
-            "tool's z (HeldObject.held_by)"
         )
 
 

@@ -23,8 +23,8 @@ from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.story.cases import LIVE, setup_of, slow_to_stop
-from sim.story.grasping import Reach, Reaches, straight_back
-from sim.story.handover import Step, _check_grasps
+from sim.story.grasping import Reach, Reaches, check_grasps, straight_back
+from sim.story.handover import Step
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
 
@@ -474,7 +474,7 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
     look = story._reaches
     rooms = iter([0.004, 0.001, 0.03])
     look._before = lambda T, q: (q, next(rooms, 0.002))
-    look._can_leave = lambda *told: True
+    look._can_come = look._can_leave = lambda *told: True
     look.begin(T, story._rest)
     while not look.over and not look.found:
         look.work()
@@ -488,24 +488,59 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
 def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(maps):
     story, _ = story_of(maps, "receive")
     planner, capsules = story.planner, story._obj.capsules
-    _check_grasps(planner, story.grasps, capsules)  # the flange is the pad
-    settings = SimpleNamespace(finger_pads=())
-    bare = SimpleNamespace(robot=planner.robot, cover=planner.cover, settings=settings)
+    nodes = story.targets.finder.index.nodes
+    check_grasps(planner, story.grasps, capsules, nodes)  # the flange is the pad
+    told = {"robot": planner.robot, "cover": planner.cover, "extra": 0.0}
+    told |= {"settings": SimpleNamespace(finger_pads=())}
+    bare = SimpleNamespace(**told, cell_map=planner.cell_map)
     into, far = np.array(story.grasps), np.array(story.grasps)
     into[:, 2, 3], far[:, 2, 3] = 0.03, 0.5
-    _check_grasps(bare, far, capsules)
+    check_grasps(bare, far, capsules, nodes)
     with pytest.raises(
         BadInput, match=r"flange is -?\d+ mm .* must keep 10 mm.*held_by"
     ):
-        _check_grasps(bare, into, capsules)
+        check_grasps(bare, into, capsules, nodes)
+
+
+def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
+    """A robot without a hand takes with its last link: who is before it is no pad."""
+    story, _ = story_of(maps, "receive")
+    planner, capsules = story.planner, story._obj.capsules
+    nodes = story.targets.finder.index.nodes
+    into = np.array(story.grasps)
+    into[:, 2, 3] = 0.0
+    told = into, capsules, nodes
+    with pytest.raises(BadInput, match=r"wrist is -?\d+ mm .* must keep 10 mm"):
+        check_grasps(planner, *told)
+
+
+def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
+    """The arm could not keep its clearance from it: no such motion is ever free."""
+    story, _ = story_of(maps, "receive")
+    planner, index = story.planner, story.targets.finder.index
+    T, found = index.T_base_tool[0], {}
+    for out in (0.0, 0.05):
+        grasps = np.array(story.grasps)
+        grasps[:, 2, 3] += out - 0.05
+        grasps = grasps[:1]
+        beside = story._obj.capsules, story.settings.room
+        look = Reaches(planner, index, grasps, 0.10, None, *beside)
+        blind = Reaches(planner, index, grasps, 0.10)
+        for one in (look, blind):
+            one.begin(T @ grasps[0], story._rest)
+            while not one.over:
+                one.work()
+        assert blind.found
+        found[out] = len(look.found)
+    assert not found[0.0] and found[0.05]
 
 
 def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     maps, monkeypatch
 ):
     asked = []
-    home = "sim.story.handover._check_grasps"
-    monkeypatch.setattr(home, lambda planner, grasps, rods: asked.append(grasps))
+    home = "sim.story.handover.check_grasps"
+    monkeypatch.setattr(home, lambda planner, grasps, *told: asked.append(grasps))
     story_of(maps, "give")
     assert not asked
     story, _ = story_of(maps, "receive")
