@@ -25,7 +25,13 @@ from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
-from sim.story.grasping import box_of, is_valid, quarter_turns, straight_back
+from sim.story.grasping import (
+    box_of,
+    held_farther_out,
+    is_valid,
+    quarter_turns,
+    straight_back,
+)
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
@@ -243,7 +249,7 @@ def setup_of(
     Args:
         cell_map: The robot's map.
         reach: Its reach map.
-        obj: What is handed over; None: a wrench.
+        obj: What is handed over; None: a wrench, held as far out as hand and arm ask.
         place: Whether it has its place on the table.
         pads: Links that may touch it; see `pads_of`.
 
@@ -252,8 +258,10 @@ def setup_of(
     """
     robot = cell_map.robot
     pads = pads_of(robot, pads)
-    obj = obj or story_wrench()
     index = NodeIndex(robot, cell_map.roadmap.nodes)
+    if obj is None:
+        planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
+        obj = held_farther_out(planner, story_wrench(), index.nodes)
     T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)

@@ -1,6 +1,7 @@
 """Where the robot grasps an object that somebody holds out, found a little a frame."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,7 @@ SEEDS, KEPT = 6, 4  # near nodes to begin from, for each grasp; pairs that are k
 _STEPS = 40  # of the inverse kinematics
 _STRAIGHT = 0.9  # [rad] a joint moves no more from before the object to it
 _TOLERANCE = 1e-3  # [m], [rad]
+_OUT_STEPS, _MOST_OUT = 20, 0.25  # until nothing is too near; [m]
 _LOOKED_AT = 100  # nodes at which the arm beside a grasped object is looked at
 _LENGTHS, _MORE = 3, 0.002  # ways back that are tried for room; beyond what lacks [m]
 
@@ -89,13 +91,21 @@ def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> boo
     return True
 
 
-def check_grasps(
+class TooNear(NamedTuple):
+    """A link that is too near to an object in the hand, however it is grasped."""
+
+    link: str
+    gap: float  # [m] of its cover from the object
+    keeps: float  # [m] it must keep: the pads alone may touch the object
+
+
+def too_near(
     planner: ReactivePlanner,
     grasps: np.ndarray,
     capsules: np.ndarray,
     nodes: np.ndarray,
-) -> None:
-    """Refuse an object that a link is too near to, however it is grasped, and wherever.
+) -> TooNear | None:
+    """Return a link that is too near to an object, however it is grasped, or None.
 
     Args:
         planner: Its finger pads may touch the object. The rest of the hand keeps 1 cm,
@@ -103,9 +113,6 @@ def check_grasps(
         grasps: (n, 4, 4) T_tool_object of the grasps that will do.
         capsules: (k, 7) the object's, object frame [m].
         nodes: (n, dof) where the arm is looked at [rad or m].
-
-    Raises:
-        BadInput: Some link is; it is named.
     """
     robot, links = planner.robot, planner.cover().links
     own, pads = gripper_links(robot), planner.settings.finger_pads
@@ -117,12 +124,53 @@ def check_grasps(
         which = np.flatnonzero(part)
         gap, ball = _most_room(robot, which, grasps, capsules, where, keeps)
         if gap < keeps:
-            raise BadInput(
-                f"{links[ball]} is {1e3 * gap:.0f} mm from the object where it is "
-                f"grasped, but must keep {1e3 * keeps:.0f} mm, since the pads alone "
-                "may touch it; give a grasp T_tool_object that holds it farther out "
-                "along the tool's z (HeldObject.held_by)"
-            )
+            return TooNear(links[ball], gap, keeps)
+    return None
+
+
+def check_grasps(
+    planner: ReactivePlanner,
+    grasps: np.ndarray,
+    capsules: np.ndarray,
+    nodes: np.ndarray,
+) -> None:
+    """Refuse an object that a link is too near to; see `too_near`.
+
+    Raises:
+        BadInput: Some link is; it is named.
+    """
+    found = too_near(planner, grasps, capsules, nodes)
+    if found is not None:
+        raise BadInput(
+            f"{found.link} is {1e3 * found.gap:.0f} mm from the object where it is "
+            f"grasped, but must keep {1e3 * found.keeps:.0f} mm, since the pads alone "
+            "may touch it; give a grasp T_tool_object that holds it farther out along "
+            "the tool's z (HeldObject.held_by)"
+        )
+
+
+def held_farther_out(
+    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray
+) -> HeldObject:
+    """Return an object as it is held, or farther out where a link is too near to it.
+
+    Along the tool's z, by what hand and arm have to keep from it and no more; as it is
+    where 25 cm are too little.
+
+    Args:
+        planner: See `too_near`.
+        obj: What is held.
+        nodes: See `too_near`.
+    """
+    T = np.array(obj.T_tool_object)
+    for _ in range(_OUT_STEPS):
+        found = too_near(planner, quarter_turns(T), obj.capsules, nodes)
+        if found is None:
+            return obj.held_by(T)
+        T[2, 3] += found.keeps - found.gap + _MORE
+        if T[2, 3] - obj.T_tool_object[2, 3] > _MOST_OUT:
+            break
+    return obj
 
 
 def _arm_keeps(planner: ReactivePlanner) -> float:

@@ -74,6 +74,7 @@ _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
+_HURRIES = 2.0  # times the speed of what is held still: it is not put between pads
 _GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
 _LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
 _AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
@@ -399,6 +400,7 @@ class Handover:
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
+        self.view.hurries = speed > _HURRIES * self.settings.still_speed
         who = threat, people, near
         seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
         self._tell(seen, _LATE_S)

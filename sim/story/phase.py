@@ -45,6 +45,8 @@ class PhasePlanner:
         held_out: Tests of stops against what somebody holds out, and nobody else.
         meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
             part, and the object. Nobody evades them then; all else is evaded as ever.
+        hurries: Whether what is held out goes too fast to be put between pads: then
+            they evade it, too.
         looked: Whether a motion that evades somebody was looked for since this was set
             to False: that takes as long as a path.
         at_place: Whether straight motions lead to the object's place or from it: what
@@ -62,6 +64,7 @@ class PhasePlanner:
         self.meant = np.zeros(0, np.int64)
         self.at_place = False
         self.looked = False
+        self.hurries = False
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -148,8 +151,10 @@ class PhasePlanner:
 
     def is_met(self, path: np.ndarray, extra: float, coming: Obstacles) -> bool:
         """Whether somebody comes to a path who is not meant to; see `evasion`."""
-        if self.phase is None:
+        if self.phase is None and not self.hurries:
             return self.blocked_leg(path, extra, coming) is not None
+        if self.phase is None:
+            return self.planner.blocked_leg(path, extra, coming) is not None
         # of these, nothing may be touched: the phase makes no difference
         return self.planner.blocked_leg(path, extra, self._others(coming)) is not None
 

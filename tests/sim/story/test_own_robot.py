@@ -22,8 +22,16 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
-from sim.story.cases import LIVE, setup_of, slow_to_stop
-from sim.story.grasping import Reach, Reaches, check_grasps, straight_back
+from sim.story.cases import LIVE, setup_of, slow_to_stop, story_wrench
+from sim.story.grasping import (
+    Reach,
+    Reaches,
+    check_grasps,
+    held_farther_out,
+    quarter_turns,
+    straight_back,
+    too_near,
+)
 from sim.story.handover import Step
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
@@ -514,6 +522,30 @@ def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
         check_grasps(planner, *told)
 
 
+def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
+    maps, monkeypatch
+):
+    cell_map, reach, index = maps
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    planner = setup.planner()
+
+    def near(obj):
+        grasps = quarter_turns(obj.T_tool_object)
+        return too_near(planner, grasps, obj.capsules, index.nodes)
+
+    assert near(story_wrench()).link == "wrist" and near(setup.obj) is None
+    T = np.array(setup.obj.T_tool_object)
+    more = T[2, 3] - story_wrench().T_tool_object[2, 3]
+    assert 0.0 < more < 0.06
+    T[2, 3] -= 0.006
+    assert near(setup.obj.held_by(T)) is not None
+    again = held_farther_out(planner, setup.obj, index.nodes)
+    assert again.T_tool_object[2, 3] == setup.obj.T_tool_object[2, 3]
+    monkeypatch.setattr("sim.story.grasping._MOST_OUT", 0.001)  # more is needed
+    nearer = setup.obj.held_by(T)
+    assert held_farther_out(planner, nearer, index.nodes) is nearer
+
+
 def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
     """The arm could not keep its clearance from it: no such motion is ever free."""
     story, _ = story_of(maps, "receive")
@@ -778,6 +810,30 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
         story.update(seen)
     assert set_to[0][0] is found[0].q_before
     assert set_to[2][0] is found[1].q_before and view_is_plain(story)
+
+
+def test_pads_evade_an_object_that_is_carried_past_but_not_one_put_between_them(maps):
+    """A quick hand went through a flange, which may touch its object, into the arm."""
+    story, human = story_of(maps, "receive")
+    view, q = story.view, story.executor.set_point.q
+    T = tool_pose(story.planner.robot, q)
+    hurried = []
+    for speed in (0.1, 0.3):
+        for k in range(15):
+            now = PERIOD * (len(hurried) * 100 + k)
+            there = FAR @ pose_of((speed * PERIOD * k, 0.0, 0.0), (0.0, 0.0, 0.0))
+            seen = sim.StoryFrame(now, human, pulled(0.0), True, False, there)
+            story.update(seen)
+        hurried.append(view.hurries)
+    assert hurried == [False, True]
+    n = len(view.classes)
+    rows = np.tile(human.capsules()[:1], (n, 1))
+    rows[:, [0, 3]] += 9.0
+    tip = T[:3, 3] + 0.02 * T[:3, 2]
+    rows[-view.offered :] = [*tip, *tip, 0.02]
+    for hurries in (False, True):
+        view.hurries = hurries
+        assert view.is_met(q[None], -0.002, odm.Obstacles(capsules=rows)) == hurries
 
 
 def test_a_motion_that_could_not_be_tested_leaves_the_phase_as_it_was(
