@@ -34,6 +34,7 @@ from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
+from sim.story.grasping import held_farther_out
 from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult
 from sim.story.record import StoryRecorder, play_again, same
@@ -55,7 +56,10 @@ def setups(meet_maps):
     rest = np.array(index.nodes[0])
     shared = (index, rest, "right", ("flange",), None)
     reach = load_reach_map(meet_maps[1])
-    return tuple(Coarse(cell_map, reach, wrench_of(s), *shared) for s in SIZES[:2])
+    settings = odm.PlannerSettings(finger_pads=("flange",))
+    planner = odm.ReactivePlanner(cell_map, settings=settings)
+    tools = [held_farther_out(planner, wrench_of(s), index.nodes) for s in SIZES[:2]]
+    return tuple(Coarse(cell_map, reach, tool, *shared) for tool in tools)
 
 
 def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
