@@ -181,6 +181,16 @@ def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
     return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or ThreatSettings())
 
 
+def grasp_spare(robot: Robot) -> float:
+    """Return how much more a slow robot's links keep from what it takes [m].
+
+    Beside an object that could come so far while it stops it would creep for as long as
+    it is patient; a quick robot needs no more than the clearance.
+    """
+    comes = _comes(robot, None)[1]
+    return comes if comes > LIVE.spare_m else 0.0
+
+
 def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
     """Return a sentence about a robot that takes long to stop; "": it does not.
 
@@ -261,7 +271,8 @@ def setup_of(
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     if obj is None:
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
-        obj = held_farther_out(planner, story_wrench(), index.nodes)
+        told = story_wrench(), index.nodes, grasp_spare(robot)
+        obj = held_farther_out(planner, *told)
     T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)

@@ -104,6 +104,7 @@ def too_near(
     grasps: np.ndarray,
     capsules: np.ndarray,
     nodes: np.ndarray,
+    spare: float = 0.0,
 ) -> TooNear | None:
     """Return a link that is too near to an object, however it is grasped, or None.
 
@@ -113,6 +114,7 @@ def too_near(
         grasps: (n, 4, 4) T_tool_object of the grasps that will do.
         capsules: (k, 7) the object's, object frame [m].
         nodes: (n, dof) where the arm is looked at [rad or m].
+        spare: More distance that is asked for [m].
     """
     robot, links = planner.robot, planner.cover().links
     own, pads = gripper_links(robot), planner.settings.finger_pads
@@ -121,7 +123,7 @@ def too_near(
         ([n in own and n not in pads for n in links], GRIPPER_KEEPS, middle[None]),
         ([n not in own for n in links], _arm_keeps(planner), nodes[:_LOOKED_AT]),
     ):
-        which = np.flatnonzero(part)
+        which, keeps = np.flatnonzero(part), keeps + spare
         gap, ball = _most_room(robot, which, grasps, capsules, where, keeps)
         if gap < keeps:
             return TooNear(links[ball], gap, keeps)
@@ -150,7 +152,7 @@ def check_grasps(
 
 
 def held_farther_out(
-    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray
+    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray, spare: float = 0.0
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 
@@ -161,10 +163,11 @@ def held_farther_out(
         planner: See `too_near`.
         obj: What is held.
         nodes: See `too_near`.
+        spare: More distance that is asked for [m].
     """
     T = np.array(obj.T_tool_object)
     for _ in range(_OUT_STEPS):
-        found = too_near(planner, quarter_turns(T), obj.capsules, nodes)
+        found = too_near(planner, quarter_turns(T), obj.capsules, nodes, spare)
         if found is None:
             return obj.held_by(T)
         T[2, 3] += found.keeps - found.gap + _MORE
