@@ -25,7 +25,7 @@ import numpy as np
 
 from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.shell_test import ShellTest
-from odm.execution.stop_test import BrakingTest
+from odm.execution.stop_test import BrakingTest, HeldOut
 from odm.execution.threat import Moving, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
@@ -121,8 +121,7 @@ class Executor:
 
     Args:
         robot: The robot.
-        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them;
-            with `parted` and `held_out` where people hold something out.
+        planner: Asked with `blocked_leg`, `separation` and `evasion` where it has them.
         q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
@@ -170,9 +169,8 @@ class Executor:
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
-        # what a person holds out is no part of them to a planner that knows of it
-        told = getattr(planner, "held_out", None)
-        self._held_out = None if told is None else BrakingTest(told)
+        # see `part_from`
+        self._held_out: tuple[HeldOut, BrakingTest] | None = None
         self._timed = TimedBefore()
         self.timed_path = False
         self._looked = False  # whether this frame looked if somebody comes
@@ -256,6 +254,14 @@ class Executor:
                 it [s], as `SpeedLimit.jerk_share` does; None: all of the limits.
         """
         self._jerk_rule = rule
+
+    def part_from(self, held_out: HeldOut | None) -> None:
+        """Test who is evaded, and what they hold out, each by rules of its own.
+
+        Args:
+            held_out: Knows which is which; None: all that is told of is the person.
+        """
+        self._held_out = None if held_out is None else (held_out, BrakingTest(held_out))
 
     def commit(self) -> Commit:
         """Return where a new path would begin: the planner plans from there.
@@ -551,8 +557,9 @@ class Executor:
         begin, stop = self._stop_behind(motion, t)
         how, person = (motion, t, begin, stop), threat
         if self._held_out is not None:
-            person, there = self.planner.parted(threat)
-            if there is not None and not self._held_out.passes(*how, there, closer):
+            held_out, test = self._held_out
+            person, there = held_out.parted(threat)
+            if there is not None and not test.passes(*how, there, closer):
                 return False
         if not self._shells.passes(*how, person, gap):
             return False

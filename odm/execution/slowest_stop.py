@@ -8,20 +8,21 @@ from roadmap.robot.robot import Robot
 
 
 def slowest_stop(
-    robot: Robot, settings: ExecutionSettings, period: float
+    robot: Robot, settings: ExecutionSettings, period: float, threat: ThreatSettings
 ) -> tuple[float, float]:
     """Return how long the shortest stop takes [s], and how far somebody comes [m].
 
     A robot that is slowed down for a person uses its slowest level of speed. The joint
     that takes longest to stop from there counts, by its limits of acceleration and
-    jerk, after one more period; the person stands before, and starts off as hard as is
-    assumed of them. Nearer to them than that, and the clearance, it does not get: it
-    brakes as soon as it has begun to move.
+    jerk, after one more period; the person stands before, as far as the sensor can
+    tell, and starts off as hard as is assumed of them. Nearer to them than that, and
+    the clearance, it does not get: it brakes as soon as it has begun to move.
 
     Args:
         robot: The robot.
         settings: Of its execution.
         period: Time between frames [s].
+        threat: What is assumed of the person, and of the sensor.
     """
     speed = settings.slowest_scale * robot.max_velocity
     a, jerk = robot.max_acceleration, robot.max_jerk
@@ -30,4 +31,4 @@ def slowest_stop(
         speed >= a * a / jerk, speed / a + a / jerk, 2.0 * (speed / jerk) ** 0.5
     )
     time = period + float(times.max())
-    return time, 0.5 * ThreatSettings().acceleration * time * time
+    return time, threat.strays(time, period)

@@ -5,11 +5,12 @@ all times of it (design, step 7; `odm.execution.threat` proves that they do).
 """
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from odm.execution.threat import Moving, Threat
+from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
 from roadmap.motion.motion import Motion
@@ -20,11 +21,29 @@ _NEAR = 0.01  # [m] beyond m: the close test's own share is less
 _ROUNDING = 1e-9  # [m]
 
 
+class HeldOut(Protocol):
+    """Tells a person and what they hold out apart, and tests what is held out."""
+
+    def parted(self, threat: Threat) -> tuple[Threat, Threat | None]:
+        """Return where the person can be, and what they hold out; None: nothing."""
+
+    def blocked_leg(
+        self, path: np.ndarray, extra: float, points: Obstacles
+    ) -> int | None:
+        """Return the first leg of a path that what is held out blocks; None: none.
+
+        Args:
+            path: (k, dof) its corners [rad or m].
+            extra: Distance that is kept beyond the clearance [m].
+            points: What is held out, and nobody, at any number of moments.
+        """
+
+
 class BrakingTest:
     """Tests stops against a person who moves on.
 
     Args:
-        planner: Asked with `blocked_leg`.
+        planner: Asked with `blocked_leg`: a planner, or a `HeldOut`.
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401

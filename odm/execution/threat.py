@@ -106,6 +106,34 @@ class ThreatSettings:
         }
         check_settings(self, ranges)
 
+    @property
+    def window(self) -> float:
+        """Time over which a mean velocity is best known [s]; 0: the shortest there is.
+
+        See the module; 1 s at most, and the drift's where nobody speeds up.
+        """
+        if not self.noise:
+            return 0.0
+        a = self.acceleration
+        return min(2.0 * math.sqrt(self.noise / a) if a else _DRIFT, 1.0)
+
+    def velocity_error(self, window: float) -> float:
+        """Return the bound on the error of a mean velocity over a time [s], in m/s."""
+        return 2.0 * self.noise / window + 0.5 * self.acceleration * window
+
+    def strays(self, time: float, period: float) -> float:
+        """Return how far somebody who seems to stand may be by then [m].
+
+        Args:
+            time: From the last frame on [s].
+            period: Time between frames [s]; a velocity is a mean over some of them.
+        """
+        frames = max(1, math.floor(self.window / period + 1e-9))
+        known = max(frames, math.floor(max(_DRIFT, self.window) / period + 1e-9))
+        near = (frames, min(frames + 1, known))  # the best time lies between them
+        error = min(self.velocity_error(n * period) for n in near)
+        return self.noise + error * time + 0.5 * self.acceleration * time * time
+
 
 class Moving(Protocol):
     """Who moves near a robot: a person (`Threat`), a cloud, or another robot."""
@@ -363,8 +391,7 @@ class Watcher:
                 s.max_plausible_speed,
             ]
         )
-        best = 2.0 * math.sqrt(s.noise / s.acceleration) if s.acceleration else _DRIFT
-        self._window = min(best, 1.0) if s.noise else 0.0  # best for a velocity [s]
+        self._window = s.window
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._radii = np.zeros(0)  # of the frame before [m]
         self._count = np.zeros(0, np.int64)  # frames each part was followed for
@@ -461,18 +488,14 @@ class Watcher:
             first = max(0, last + 1 - count)
             i = last - 1  # the shortest time is best where nothing is wrong by noise
             if s.noise:
-                i = min(range(i, first - 1, -1), key=lambda k: self._error(ages[k]))
+                error = s.velocity_error
+                i = min(range(i, first - 1, -1), key=lambda k: error(ages[k]))
             # mostly all were followed for as long
             these = self._count == count if len(counts) > 1 else slice(None)
             moved = past[-1][1][these] - past[i][1][these]
             self._rates[0, these] = moved / ages[i]
-            self._slack[these] = self._error(ages[i])
+            self._slack[these] = s.velocity_error(ages[i])
             self._windows[these] = ages[i]
             # seen for less: it rested before
             moved = past[-1][1][these] - past[first][1][these]
             self._rates[1, these] = moved / max(ages[first], _DRIFT)
-
-    def _error(self, window: float) -> float:
-        """Return the bound on the error of a mean velocity over a time [s], in m/s."""
-        s = self.settings
-        return 2.0 * s.noise / window + 0.5 * s.acceleration * window

@@ -3,7 +3,7 @@
 import gc
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ def run(
     map_dir: str | Path,
     *,
     reach: str | Path | None = None,
+    pads: Sequence[str] = (),
     seconds: float = 5.0,
     seed: int = 0,
     short: bool = False,
@@ -45,6 +46,7 @@ def run(
     Args:
         map_dir: Folder of a map of a robot with fingers.
         reach: Folder of its reach map; None: maps/built/reach/NAME.
+        pads: Links that may touch an object; see `sim.story.cases.pads_of`.
         seconds: Simulated time of each run [s].
         seed: Of the person.
         short: One second, one round: to see that it runs, not to measure.
@@ -61,7 +63,7 @@ def run(
     seconds = min(seconds, 1.0) if short else seconds
     cell_map = load_map(map_dir, verify=False)
     folder = REACH_MAPS / cell_map.robot.name if reach is None else Path(reach)
-    setup = setup_of(cell_map, load_reach_map(folder))
+    setup = setup_of(cell_map, load_reach_map(folder), pads=pads)
     case = StoryCase.drawn("give", seed)
     tell("compiling")
     rehearse(setup)

@@ -62,6 +62,11 @@ class BenchRequest:
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
     workers: int | None = flag(None, "Build on so many processes, too (build).", min=1)
     reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
+    pads: list[str] | None = flag(
+        None,
+        "A link that may touch an object; again for more (story, view).",
+        metavar="LINK",
+    )
     distances: list[float] | None = flag(
         None, "Of the person, in m; again for more (targets).", "--distance"
     )

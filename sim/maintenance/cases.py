@@ -14,9 +14,16 @@ from roadmap.geometry.gaps import capsule_gap
 from roadmap.transforms import pose_of
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
-from sim.story.cases import HOLDER, StoryCase, StorySetup, in_reach, setup_of
+from sim.story.cases import (
+    HOLDER,
+    StoryCase,
+    StorySetup,
+    grasp_spare,
+    in_reach,
+    setup_of,
+)
 from sim.story.cases import story_wrench as whole_wrench
-from sim.story.grasping import box_of
+from sim.story.grasping import box_of, held_farther_out
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
 PLACES_XY = ((0.38, -0.42), (0.20, -0.46), (0.53, -0.33))  # where they stand [m]
@@ -117,7 +124,10 @@ def tools_of(
         BadInput: The robot has no fingers.
     """
     shared = setup_of(cell_map, reach, pads=pads)
-    tools = [wrench_of(size) for size in SIZES]
+    planner, nodes = shared.planner(), shared.index.nodes
+    spare = grasp_spare(cell_map.robot)
+    whole = [wrench_of(size) for size in SIZES]
+    tools = [held_farther_out(planner, tool, nodes, spare) for tool in whole]
     standing = [(t, upright(t, xy)) for t, xy in zip(tools, PLACES_XY, strict=True)]
     setups = []
     for k, (tool, T_place) in enumerate(standing):

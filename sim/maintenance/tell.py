@@ -17,7 +17,7 @@ from sim.maintenance.record import CycleRecorder
 from sim.record import write_record
 from sim.record.run_record import RunRecord
 from sim.run.demo import open_world
-from sim.story.cases import StorySetup
+from sim.story.cases import StorySetup, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.play import StoryMoment, StoryPlay
 from sim.story.request import DemoRequest
@@ -62,6 +62,8 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
     setups = tools_of(cell_map, reach, request.pads or ())
+    if slow := slow_to_stop(cell_map.robot):
+        say(slow)
     files: list[Path] = []
     cycles = []
     for seed in range(request.seed, request.seed + request.cycles):

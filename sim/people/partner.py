@@ -11,7 +11,7 @@ import numpy as np
 from handover.human.body import Part
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from sim.people.arm_path import minimum_jerk
 
 ARMS = {
@@ -22,8 +22,11 @@ SLOWEST = 0.25  # [s] no reach is quicker
 _TRIES = 0.15  # [s] between two attempts to find joints for a grasp
 _MOVED = 0.04  # [m] the hand's aim is chosen anew when the object has moved by this
 _BACK = 0.15  # [m] a hand is drawn back from what was handed over
+_BACKS = (0.30, 0.20, 0.15)  # [m] ... and waits there
 _LOOKED_AT = 40  # grasps that are looked at in one attempt, nearest first
 _KEEPS = 0.0  # [m] from the cover, which is 2 cm thicker than the robot
+_CLEARS = 0.03  # [m] of what was given to the robot, where the arm comes to rest
+_STILL = 0.002  # [m] between two looks
 _AT = 0.004  # [rad] an arm is there
 
 
@@ -126,6 +129,9 @@ class Partner:
         self._touched, self._slack_from = np.inf, np.inf
         self._done = False
         self._walked = 0.0
+        self._given = np.zeros((0, 7))  # what was given to the robot, and where it is
+        self._was = self._given  # the same at the last look
+        self._waits = False  # with the hand drawn back, until that is out of the way
 
     def tracked(self, now: float) -> tuple[None, None]:
         """Return nothing: all of the person is seen, and where `human` says."""
@@ -154,6 +160,10 @@ class Partner:
             held: Whether the robot's fingers hold the object.
         """
         t = self.traits
+        if self.gives and held:
+            self._given = moved_rods(self.obj.capsules, T_object)
+        elif len(self._given):
+            self._given = np.zeros((0, 7))
         if now >= t.leaves_s:
             self._walk(now)
         elif self.gives:
@@ -224,6 +234,7 @@ class Partner:
     def _give(self, now: float, fingers: str, held: bool) -> None:
         t = self.traits
         if self._done:
+            self._wait(now)
             return
         if self._ready == np.inf:
             self._ready = now + t.delay_s
@@ -253,27 +264,82 @@ class Partner:
         self._withdraw(now)
 
     def _withdraw(self, now: float) -> None:
-        """Draw the hand back to the body, then let the arm hang, round the robot."""
+        """Draw the hand back to the body, then let the arm hang, round the robot.
+
+        Where the arm would hang in what was given the hand waits, drawn back.
+        """
         T, ways = self.human.T_world_hand(self.side), [[self._rest]]
         for back in (2.0 * _BACK, _BACK):
             before = self._drawn_back(T, self.arm, back)
             if before is not None:
                 ways.insert(0, [before, self._rest])
-        first, *then = next((w for w in ways if self._passes(w)), ways[0])
+        able = [w for w in ways if self._passes(w)]
+        way = next((w for w in able if self._clears(w)), None)
+        self._waits = way is None
+        if way is None:
+            backs = (q for far in _BACKS for q in self._ways_back(T, far))
+            parts = ([q] for q in backs)
+            good = (w for w in parts if self._passes(w) and self._clears(w))
+            way = next(good, (able or ways)[0])
+        first, *then = way
         self._go(now, first)
         self._then = then[0] if then else None
+
+    def _wait(self, now: float) -> None:
+        """Let the arm hang once what was given is out of its way."""
+        if not self._waits or now < max(self._next_try, self._leg[1]):
+            return
+        self._next_try, before, self._was = now + _TRIES, self._was, self._given
+        same = before.shape == self._given.shape
+        if same and np.abs(before - self._given).max(initial=0.0) > _STILL:
+            return  # nobody knows yet where the robot takes it
+        if self._passes([self._rest]) and self._clears([self._rest]):
+            self._waits = False
+            self._go(now, self._rest)
+
+    def _clears(self, legs: list[np.ndarray]) -> bool:
+        """Whether the arm comes to rest clear of what was given to the robot.
+
+        And gets there round it: no leg comes nearer to it than it begins, or than that.
+        """
+        begin = self.arm
+        for q in legs:
+            least = min(_CLEARS, self._gap_from_given(begin) - 0.002)
+            for share in np.linspace(0.1, 1.0, 10):
+                if self._gap_from_given(begin + share * (q - begin)) < least:
+                    return False
+            begin = q
+        return self._gap_from_given(begin) >= _CLEARS
+
+    def _gap_from_given(self, q: np.ndarray) -> float:
+        """Return how far what was given is from the arm at q (7,) [m]."""
+        rows = self._arm_at(q)
+        gaps = (capsule_gap(a, b) for a in rows for b in self._given)
+        return min(gaps, default=np.inf)
 
     def _drawn_back(
         self, T_world_hand: np.ndarray, q: np.ndarray, back_m: float = _BACK
     ) -> np.ndarray | None:
         """Return (7,) near q with the hand drawn back to the shoulder; None: none."""
-        T = np.array(T_world_hand)
-        back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
-        T[:3, 3] += back_m * back / np.linalg.norm(back)
-        found = self.body.arm_ik(self.side, T).q
+        found = self._all_drawn_back(T_world_hand, back_m)
         if not len(found):
             return None
         return np.array(found[np.abs(found - q).max(axis=1).argmin()])
+
+    def _all_drawn_back(self, T_world_hand: np.ndarray, back_m: float) -> np.ndarray:
+        """Return (k, 7) all with the hand drawn back to the shoulder by a way [m]."""
+        T = np.array(T_world_hand)
+        back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
+        T[:3, 3] += back_m * back / np.linalg.norm(back)
+        return self.body.arm_ik(self.side, T).q
+
+    def _ways_back(self, T_world_hand: np.ndarray, back_m: float) -> np.ndarray:
+        """Return (k, 7) all of those, the nearest first."""
+        found = self._all_drawn_back(T_world_hand, back_m)
+        if not len(found):
+            return found
+        order = np.abs(found - self.arm).max(axis=1).argsort(kind="stable")
+        return found[order]
 
     def _reach(self, now: float, T_object: np.ndarray) -> None:
         """Aim the hand at a grasp of the object: the nearest one, round the robot."""
@@ -312,9 +378,14 @@ class Partner:
 
     def _gap_at(self, q: np.ndarray) -> float:
         """Return how far the robot is from the arm at q (7,) [m]."""
+        if not len(self.balls):
+            return np.inf
+        return float(ball_gaps(self.balls, self._arm_at(q)).min())
+
+    def _arm_at(self, q: np.ndarray) -> np.ndarray:
+        """Return (k, 7) the capsules of the arm at q (7,) [m]."""
         there = self.body.with_arm(self.side, q)
-        rows = there.capsules()[np.isin(there.labels, ARMS[self.side])]
-        return float(ball_gaps(self.balls, rows).min()) if len(self.balls) else np.inf
+        return there.capsules()[np.isin(there.labels, ARMS[self.side])]
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

@@ -15,6 +15,7 @@ from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import ExecutionSettings
 from odm.execution.slowest_stop import slowest_stop
+from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
@@ -24,7 +25,13 @@ from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
-from sim.story.grasping import box_of, is_valid, quarter_turns, straight_back
+from sim.story.grasping import (
+    box_of,
+    held_farther_out,
+    is_valid,
+    quarter_turns,
+    straight_back,
+)
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
@@ -36,6 +43,7 @@ EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
+_MOST_SPARE = 1.0  # [m] nobody hands over from farther away
 _APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
@@ -148,24 +156,64 @@ class StorySetup:
         settings = MeetSettings(side=self.side)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
-    def targets(self, planner: ReactivePlanner, human: Human) -> LiveTargets:
-        """Return a live thread that knows nothing yet."""
-        _, comes = slowest_stop(planner.robot, EXECUTION, 1.0 / RATE)
-        settings = replace(LIVE, spare_m=max(LIVE.spare_m, comes))
+    def targets(
+        self,
+        planner: ReactivePlanner,
+        human: Human,
+        threat: ThreatSettings | None = None,
+    ) -> LiveTargets:
+        """Return a live thread that knows nothing yet.
+
+        Args:
+            planner: The planner.
+            human: The person at the beginning.
+            threat: What is assumed of them in the story; None: as by default.
+        """
+        comes = _comes(planner.robot, threat)[1]
+        spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
+        settings = replace(LIVE, spare_m=spare)
         told = self.meet(human), self.rest, self.index, settings
         return LiveTargets(planner, *told)
 
 
-def slow_to_stop(robot: Robot) -> str:
-    """Return a sentence about a robot that takes long to stop; "": it does not."""
-    time, comes = slowest_stop(robot, EXECUTION, 1.0 / RATE)
+def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
+    """Return how long the slowest stop takes [s], and how far somebody comes [m]."""
+    return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or ThreatSettings())
+
+
+def grasp_spare(robot: Robot) -> float:
+    """Return how much more a slow robot's links keep from what it takes [m].
+
+    Beside an object that could come so far while it stops it would creep for as long as
+    it is patient; a quick robot needs no more than the clearance.
+    """
+    comes = _comes(robot, None)[1]
+    return comes if comes > LIVE.spare_m else 0.0
+
+
+def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
+    """Return a sentence about a robot that takes long to stop; "": it does not.
+
+    Args:
+        robot: The robot.
+        threat: What is assumed of the person in the story; None: as by default.
+    """
+    threat = threat or ThreatSettings()
+    time, comes = _comes(robot, threat)
     if comes <= LIVE.spare_m:
         return ""
-    return (
+    said = (
         f"{robot.name} takes {1e3 * time:.0f} ms to stop even from its slowest speed, "
-        f"in which a person may come {1e2 * comes:.1f} cm nearer: closer to them it "
-        "creeps; if its limits of acceleration and jerk are those assumed where a URDF "
-        "has none, give its own in [robot] of its recipe"
+        f"in which a person may come {1e2 * comes:.1f} cm nearer"
+    )
+    if threat.noise:
+        said += f", as far as a sensor wrong by up to {1e3 * threat.noise:.0f} mm tells"
+    said += ": closer to them it creeps; "
+    if _comes(robot, replace(threat, noise=0.0))[1] <= LIVE.spare_m:
+        return said + "with a better sensor (ThreatSettings(noise=...)) it goes nearer"
+    return said + (
+        "if its limits of acceleration and jerk are those assumed where a URDF has "
+        "none, give its own in [robot] of its recipe"
     )
 
 
@@ -211,7 +259,7 @@ def setup_of(
     Args:
         cell_map: The robot's map.
         reach: Its reach map.
-        obj: What is handed over; None: a wrench.
+        obj: What is handed over; None: a wrench, held as far out as hand and arm ask.
         place: Whether it has its place on the table.
         pads: Links that may touch it; see `pads_of`.
 
@@ -220,8 +268,11 @@ def setup_of(
     """
     robot = cell_map.robot
     pads = pads_of(robot, pads)
-    obj = obj or story_wrench()
     index = NodeIndex(robot, cell_map.roadmap.nodes)
+    if obj is None:
+        planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
+        told = story_wrench(), index.nodes, grasp_spare(robot)
+        obj = held_farther_out(planner, *told)
     T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)
@@ -245,8 +296,8 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
     if not pads:
         raise BadInput(
             f"{robot.name}'s tool carries no link with 'finger' or 'pad' in its name, "
-            "so nothing could be grasped; say which may touch an object with `odm demo "
-            f"handover --pads LINK`, of {', '.join(own)}"
+            "so nothing could be grasped; say which may touch an object with `--pads "
+            f"LINK`, of {', '.join(own)}"
         )
     for name in names:
         if name not in own:

@@ -1,24 +1,31 @@
 """Where the robot grasps an object that somebody holds out, found a little a frame."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from handover.meet.held_object import HeldObject
 from handover.targets.node_index import NodeIndex
+from odm.checks import OBJECT
 from odm.close_test.static import StaticTest
 from odm.frame.freedom import check_valid
+from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadConfiguration
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
-from roadmap.kinematics.forward import cover_balls
+from roadmap.kinematics.forward import cover_balls, tool_pose
+from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_rpy
 
 SEEDS, KEPT = 6, 4  # near nodes to begin from, for each grasp; pairs that are kept
 _STEPS = 40  # of the inverse kinematics
 _STRAIGHT = 0.9  # [rad] a joint moves no more from before the object to it
 _TOLERANCE = 1e-3  # [m], [rad]
+_OUT_STEPS, _MOST_OUT = 20, 0.25  # until nothing is too near; [m]
+_LOOKED_AT = 100  # nodes at which the arm beside a grasped object is looked at
 _LENGTHS, _MORE = 3, 0.002  # ways back that are tried for room; beyond what lacks [m]
 
 
@@ -82,6 +89,124 @@ def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> boo
     except BadConfiguration:
         return False
     return True
+
+
+class TooNear(NamedTuple):
+    """A link that is too near to an object in the hand, however it is grasped."""
+
+    link: str
+    gap: float  # [m] of its cover from the object
+    keeps: float  # [m] it must keep: the pads alone may touch the object
+
+
+def too_near(
+    planner: ReactivePlanner,
+    grasps: np.ndarray,
+    capsules: np.ndarray,
+    nodes: np.ndarray,
+    spare: float = 0.0,
+) -> TooNear | None:
+    """Return a link that is too near to an object, however it is grasped, or None.
+
+    Args:
+        planner: Its finger pads may touch the object. The rest of the hand keeps 1 cm,
+            the arm its clearance.
+        grasps: (n, 4, 4) T_tool_object of the grasps that will do.
+        capsules: (k, 7) the object's, object frame [m].
+        nodes: (n, dof) where the arm is looked at [rad or m].
+        spare: More distance that is asked for [m].
+    """
+    robot, links = planner.robot, planner.cover().links
+    own, pads = gripper_links(robot), planner.settings.finger_pads
+    middle = 0.5 * (robot.lower + robot.upper)  # wherever it is: the hand is the same
+    for part, keeps, where in (
+        ([n in own and n not in pads for n in links], GRIPPER_KEEPS, middle[None]),
+        ([n not in own for n in links], _arm_keeps(planner), nodes[:_LOOKED_AT]),
+    ):
+        which, keeps = np.flatnonzero(part), keeps + spare
+        gap, ball = _most_room(robot, which, grasps, capsules, where, keeps)
+        if gap < keeps:
+            return TooNear(links[ball], gap, keeps)
+    return None
+
+
+def check_grasps(
+    planner: ReactivePlanner,
+    grasps: np.ndarray,
+    capsules: np.ndarray,
+    nodes: np.ndarray,
+) -> None:
+    """Refuse an object that a link is too near to; see `too_near`.
+
+    Raises:
+        BadInput: Some link is; it is named.
+    """
+    found = too_near(planner, grasps, capsules, nodes)
+    if found is not None:
+        raise BadInput(
+            f"{found.link} is {1e3 * found.gap:.0f} mm from the object where it is "
+            f"grasped, but must keep {1e3 * found.keeps:.0f} mm, since the pads alone "
+            "may touch it; give a grasp T_tool_object that holds it farther out along "
+            "the tool's z (HeldObject.held_by)"
+        )
+
+
+def held_farther_out(
+    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray, spare: float = 0.0
+) -> HeldObject:
+    """Return an object as it is held, or farther out where a link is too near to it.
+
+    Along the tool's z, by what hand and arm have to keep from it and no more; as it is
+    where 25 cm are too little.
+
+    Args:
+        planner: See `too_near`.
+        obj: What is held.
+        nodes: See `too_near`.
+        spare: More distance that is asked for [m].
+    """
+    T = np.array(obj.T_tool_object)
+    for _ in range(_OUT_STEPS):
+        found = too_near(planner, quarter_turns(T), obj.capsules, nodes, spare)
+        if found is None:
+            return obj.held_by(T)
+        T[2, 3] += found.keeps - found.gap + _MORE
+        if T[2, 3] - obj.T_tool_object[2, 3] > _MOST_OUT:
+            break
+    return obj
+
+
+def _arm_keeps(planner: ReactivePlanner) -> float:
+    """Return what the arm keeps from an object in the last phase [m]."""
+    return planner.cell_map.safety.m + planner.extra
+
+
+def _most_room(
+    robot: Robot,
+    which: np.ndarray,
+    grasps: np.ndarray,
+    capsules: np.ndarray,
+    nodes: np.ndarray,
+    enough: float,
+) -> tuple[float, int]:
+    """Return what some balls keep from a grasped object [m], and the nearest of them.
+
+    At the node and with the grasp that leave most; the first ones that leave `enough`.
+    """
+    best, nearest = -np.inf, -1
+    if not len(which):
+        return np.inf, nearest
+    for q in nodes:
+        balls = cover_balls(robot, q)[robot.moving][which]
+        T = tool_pose(robot, q)
+        for grasp in grasps:
+            gaps = ball_gaps(balls, moved_rods(capsules, T @ grasp)).min(axis=1)
+            k = int(gaps.argmin())
+            if gaps[k] > best:
+                best, nearest = float(gaps[k]), int(which[k])
+            if best >= enough:
+                return best, nearest
+    return best, nearest
 
 
 class Reaches:
@@ -203,7 +328,9 @@ class Reaches:
             if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
                 continue
             before, room = self._before(T, q)
-            if before is not None and self._can_leave(grasp, q, before):
+            if before is None or not self._can_come(q, before):
+                continue
+            if self._can_leave(grasp, q, before):
                 reach = Reach(q, before, self.T_tool_object[grasp], grasp, room)
                 tight = room < self._room
                 (self._tight if tight else self.found).append(reach)
@@ -236,6 +363,20 @@ class Reaches:
         balls = cover_balls(robot, q)[robot.moving]
         gaps = ball_gaps(balls, moved_rods(self._rods, self._T))
         return float(gaps.min()) - self.planner.keep
+
+    def _can_come(self, q: np.ndarray, before: np.ndarray) -> bool:
+        """Whether the straight way to the object is free beside the object itself.
+
+        By the rules of the last phase: pads may touch it, the rest of the hand keeps 1
+        cm and the arm its clearance. Where that fails nobody could move out of the way.
+        """
+        planner = self.planner
+        if self._rods is None or planner.attached is not None:
+            return True
+        there = Obstacles(capsules=moved_rods(self._rods, self._T))
+        there.shape_classes[:] = OBJECT
+        way = np.array([before, before + planner.frame.difference(before, q)])
+        return planner.blocked_leg(way, 0.0, there, "receive") is None
 
     def _can_leave(self, grasp: int, q: np.ndarray, before: np.ndarray) -> bool:
         """Whether the straight way back is free with the object in the hand."""

@@ -35,7 +35,7 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
-from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
@@ -53,6 +53,7 @@ from sim.story.grasping import (
     Reach,
     Reaches,
     box_of,
+    check_grasps,
     is_valid,
     quarter_turns,
     straight_back,
@@ -73,6 +74,7 @@ _GRIP = 2  # the step of a fetch in which the fingers close
 _GONE_S = 0.5  # [s] a hand that is away for so long has gone
 _MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
 _EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
+_HURRIES = 2.0  # times the speed of what is held still: it is not put between pads
 _GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
 _LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
 _AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
@@ -161,6 +163,7 @@ class Handover:
                 "the executor was not made with a PhasePlanner, so it could not tell "
                 "who may be touched; give it PhasePlanner(planner) for its planner"
             )
+        executor.part_from(self.view.held_out)
         self._T_place = None
         if T_base_place is not None:
             self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
@@ -187,10 +190,10 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
+        index = self.targets.finder.index
         if not self._give or self._T_place is not None:
             # what is in the hand already may lie in it: nobody has to close on that
-            _check_grasps(self.planner, grasps, meet.obj.capsules)
-        index = self.targets.finder.index
+            check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
         beside = meet.obj.capsules, s.room
         self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
@@ -397,6 +400,7 @@ class Handover:
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
+        self.view.hurries = speed > _HURRIES * self.settings.still_speed
         who = threat, people, near
         seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
         self._tell(seen, _LATE_S)
@@ -958,12 +962,10 @@ class Handover:
         if reach is None:
             self._free_lines = []
             return
-        view = self.view
-        before, view.phase = (view.phase, view.classes), "receive"
-        view.classes = np.array(view.classes)
-        view.classes[seen.people :] = OBJECT
-        free = view.line_free(reach.q_before, reach.q, seen.there)
-        view.phase, view.classes = before
+        classes = np.array(self.view.classes)
+        classes[seen.people :] = OBJECT
+        with self.view.as_in("receive", classes):
+            free = self.view.line_free(reach.q_before, reach.q, seen.there)
         others = [one for one in self._free_lines if one[0] is not reach]
         kept = [one for one in others if any(one[0] is r for r in found)]
         self._free_lines = [*kept, (reach, free)]
@@ -1045,31 +1047,6 @@ def _check_room(planner: ReactivePlanner, q: np.ndarray) -> None:
         raise BadInput(
             f"the object does not fit in where the robot stands: {why}; begin at "
             "another configuration, or give another grasp T_tool_object"
-        )
-
-
-def _check_grasps(
-    planner: ReactivePlanner, grasps: np.ndarray, capsules: np.ndarray
-) -> None:
-    """Refuse an object that the hand itself is too near to, however it is grasped."""
-    robot, links = planner.robot, planner.cover().links
-    pads = planner.settings.finger_pads
-    keeps = gripper_links(robot) - set(pads)
-    which = [name in keeps for name in links]
-    if not any(which):
-        return
-    q = 0.5 * (robot.lower + robot.upper)  # wherever it is: only the hand counts
-    balls = cover_balls(robot, q)[robot.moving][which]
-    T = tool_pose(robot, q)
-    gaps = [ball_gaps(balls, moved_rods(capsules, T @ grasp)) for grasp in grasps]
-    gap = max(float(one.min()) for one in gaps)
-    if gap < GRIPPER_KEEPS:
-        hand = links[int(np.flatnonzero(which)[gaps[0].min(axis=1).argmin()])]
-        raise BadInput(
-            f"{hand} is {1e3 * gap:.0f} mm from the object where it is grasped, but "
-            f"must keep {1e3 * GRIPPER_KEEPS:.0f} mm, since the pads alone may touch "
-            "it; give a grasp T_tool_object that holds it farther out along the "
-            "tool's z (HeldObject.held_by)"
         )
 
 

@@ -16,7 +16,8 @@ motion to its place and back may bring what is held, and nothing else, to the sc
 person, robot and object are tested against each other as on any motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -44,6 +45,8 @@ class PhasePlanner:
         held_out: Tests of stops against what somebody holds out, and nobody else.
         meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
             part, and the object. Nobody evades them then; all else is evaded as ever.
+        hurries: Whether what is held out goes too fast to be put between pads: then
+            they evade it, too.
         looked: Whether a motion that evades somebody was looked for since this was set
             to False: that takes as long as a path.
         at_place: Whether straight motions lead to the object's place or from it: what
@@ -57,10 +60,11 @@ class PhasePlanner:
         self.classes = np.zeros(0, np.int8)
         self.offered = 0
         self.person = np.zeros((0, 7))
-        self.held_out = HeldOut(self)
+        self.held_out = OfferedObject(self)
         self.meant = np.zeros(0, np.int64)
         self.at_place = False
         self.looked = False
+        self.hurries = False
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -112,13 +116,6 @@ class PhasePlanner:
         told = (path, extra, there, "receive")
         return self.planner.blocked_leg(*told, escape=self.phase is None)
 
-    def parted(self, threat: Threat) -> tuple[Threat, Threat | None]:
-        """Return where the person can be, and what they hold out; None: nothing."""
-        n = len(threat.error) - self.offered
-        if not self.offered:
-            return threat, None
-        return threat.of(slice(n)), threat.of(slice(n, None))
-
     def _leg_beside(
         self, path: np.ndarray, extra: float, points: Obstacles
     ) -> int | None:
@@ -154,8 +151,10 @@ class PhasePlanner:
 
     def is_met(self, path: np.ndarray, extra: float, coming: Obstacles) -> bool:
         """Whether somebody comes to a path who is not meant to; see `evasion`."""
-        if self.phase is None:
+        if self.phase is None and not self.hurries:
             return self.blocked_leg(path, extra, coming) is not None
+        if self.phase is None:
+            return self.planner.blocked_leg(path, extra, coming) is not None
         # of these, nothing may be touched: the phase makes no difference
         return self.planner.blocked_leg(path, extra, self._others(coming)) is not None
 
@@ -175,6 +174,21 @@ class PhasePlanner:
             return np.inf
         balls = cover_balls(robot, q)[robot.moving]
         return float(ball_gaps(balls, self.person).min())
+
+    @contextmanager
+    def as_in(self, phase: str | None, classes: np.ndarray) -> Iterator[None]:
+        """Test by the rules of another phase meanwhile; afterwards as before.
+
+        Args:
+            phase: "give", "receive" or None.
+            classes: (k,) class of each of the shapes that are told meanwhile.
+        """
+        before = self.phase, self.classes
+        self.phase, self.classes = phase, classes
+        try:
+            yield
+        finally:
+            self.phase, self.classes = before
 
     def line_free(self, q: np.ndarray, q_end: np.ndarray, there: Obstacles) -> bool:
         """Whether a straight motion passes all four tests, by the rules of the phase.
@@ -200,8 +214,10 @@ class PhasePlanner:
         return self._leg(np.array([q, q + dq]), 0.0, there) is None
 
 
-class HeldOut:
+class OfferedObject:
     """What somebody holds out, as it is told alone while the robot stops.
+
+    It is the `odm.execution.stop_test.HeldOut` of an executor.
 
     The shells that test who is within the cover know no pads and no way out from what
     lies against a link already: that is tested here, by the cover.
@@ -213,6 +229,13 @@ class HeldOut:
     def __init__(self, view: PhasePlanner) -> None:
         """Keep the view."""
         self.view = view
+
+    def parted(self, threat: Threat) -> tuple[Threat, Threat | None]:
+        """Return where the person can be, and what they hold out; None: nothing."""
+        n = len(threat.error) - self.view.offered
+        if not self.view.offered:
+            return threat, None
+        return threat.of(slice(n)), threat.of(slice(n, None))
 
     def blocked_leg(
         self, path: np.ndarray, extra: float, points: Obstacles

@@ -382,7 +382,7 @@ def new_story(
         1.0 / RATE,
         EXECUTION,
     )
-    targets = setup.targets(planner, human)
+    targets = setup.targets(planner, human, settings.threat)
     T_place = setup.T_place if fetch or not give else None
     return Handover(planner, targets, executor, settings, None, T_place)
 

@@ -52,8 +52,8 @@ class DemoRequest:
     )
     pads: list[str] | None = flag(
         None,
-        "A link that may touch an object (handover); again for more; those with "
-        "'finger' or 'pad' in their name if left.",
+        "A link that may touch an object (handover, maintenance); again for more; "
+        "those with 'finger' or 'pad' in their name if left.",
         metavar="LINK",
     )
     record: Path | None = flag(

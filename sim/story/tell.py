@@ -113,7 +113,8 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
     """Return what is to be known before the first frame, a line each."""
     robot = setup.cell_map.robot
     told = f"{robot.name}, {run.case.direction}: {note}"
-    return "\n".join(filter(None, (told, slow_to_stop(robot))))
+    slow = slow_to_stop(robot, run.story.settings.threat)
+    return "\n".join(filter(None, (told, slow)))
 
 
 def _written(

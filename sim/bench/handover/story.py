@@ -2,7 +2,7 @@
 
 import gc
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from handover import ReachMap
 from odm import CellMap, load_map
 from roadmap.errors import BadInput
 from sim.run.meet import reach_map_of
-from sim.story.cases import StoryCase, setup_of, with_traits
+from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop, with_traits
 from sim.story.machine import DIRECTIONS
 from sim.story.play import RATE, StoryPlay, play
 from sim.story.rehearsal import rehearse
@@ -41,6 +41,7 @@ def run(
     map_dir: str | Path,
     *,
     reach: str | Path | None = None,
+    pads: Sequence[str] = (),
     runs: int = 100,
     seconds: float = 20.0,
     seed: int = 0,
@@ -57,6 +58,7 @@ def run(
     Args:
         map_dir: Folder of a map of a robot with fingers, such as of `odm build story`.
         reach: Folder of its reach map; None: maps/built/reach/NAME, built if missing.
+        pads: Links that may touch an object; see `sim.story.cases.pads_of`.
         runs: Of each direction.
         seconds: Simulated time at most [s]; what changes hands after 15 s is no
             success.
@@ -75,8 +77,10 @@ def run(
         raise BadInput(f"{runs} runs are none; give 1 or more")
     cell_map = load_map(map_dir, verify=False)
     tell("reach map")
+    pads = pads_of(cell_map.robot, pads)
     found = _reach_of(cell_map, reach)
-    jobs = [(str(map_dir), reach, *c, seconds) for c in _cases(runs, seed, short)]
+    shared = str(map_dir), reach, pads
+    jobs = [(*shared, *c, seconds) for c in _cases(runs, seed, short)]
     played = []
     tell(f"{len(jobs)} runs")
     for one in _all(jobs, min(processes, len(jobs))):
@@ -89,7 +93,10 @@ def run(
         "reach map": found.hash[:12],
         "runs at a time": min(processes, len(jobs)),
         "contact": "exact distance of robot and person, the object apart, at 0",
+        "links that may touch an object": ", ".join(pads),
     }
+    if slow := slow_to_stop(cell_map.robot):
+        setup["slow to stop"] = slow
     told = {"bench": "story", "header": header(cell_map), "setup": setup}
     return told | _tables(played, short)
 
@@ -131,10 +138,10 @@ def _reach_of(cell_map: CellMap, reach: str | Path | None) -> ReachMap:
 
 
 def _played(job: tuple) -> dict:
-    map_dir, reach, name, case, seconds = job
+    map_dir, reach, pads, name, case, seconds = job
     if "setup" not in _KEPT:
         cell_map = load_map(map_dir, verify=False)
-        _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach))
+        _KEPT["setup"] = setup_of(cell_map, _reach_of(cell_map, reach), pads=pads)
         rehearse(_KEPT["setup"])  # nothing is compiled or loaded from here on
     run = StoryPlay(_KEPT["setup"], case)
     whole = 60.0 if name else seconds

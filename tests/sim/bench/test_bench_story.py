@@ -23,7 +23,7 @@ def test_a_run_with_a_late_frame_is_played_again(monkeypatch, turns, played, aga
     monkeypatch.setattr(bench, "StoryPlay", lambda setup, case: case)
     monkeypatch.setattr(bench, "play", lambda run, seconds: left.pop(0))
     monkeypatch.setattr(bench, "figures_of", lambda result: {"direction": "give"})
-    told = bench._played(("map", None, "", StoryCase("give"), 20.0))
+    told = bench._played(("map", None, ("jaw",), "", StoryCase("give"), 20.0))
     assert len(left) == len(turns) - played
     assert told["cpu_ms"] == turns[0] and told["late_again"] == again
 

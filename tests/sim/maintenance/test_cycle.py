@@ -18,6 +18,7 @@ from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
 from sim.maintenance import play as cycle_play
+from sim.maintenance import tell as cycle_tell
 from sim.maintenance.cases import (
     PLACES_XY,
     SIZES,
@@ -33,6 +34,7 @@ from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
+from sim.story.grasping import held_farther_out
 from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult
 from sim.story.record import StoryRecorder, play_again, same
@@ -54,7 +56,10 @@ def setups(meet_maps):
     rest = np.array(index.nodes[0])
     shared = (index, rest, "right", ("flange",), None)
     reach = load_reach_map(meet_maps[1])
-    return tuple(Coarse(cell_map, reach, wrench_of(s), *shared) for s in SIZES[:2])
+    settings = odm.PlannerSettings(finger_pads=("flange",))
+    planner = odm.ReactivePlanner(cell_map, settings=settings)
+    tools = [held_farther_out(planner, wrench_of(s), index.nodes) for s in SIZES[:2]]
+    return tuple(Coarse(cell_map, reach, tool, *shared) for tool in tools)
 
 
 def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
@@ -160,6 +165,23 @@ def test_what_goes_wrong_ends_the_cycle_with_a_reason(setups, bare, monkeypatch,
     assert len(cycle.begun) == 2
     if how != "for ever":
         assert trouble_of(cycle.run) == "it said why"
+
+
+@pytest.mark.parametrize("json", [None, "-"])
+def test_a_robot_that_takes_long_to_stop_says_so_before_the_cycle(
+    setups, monkeypatch, capsys, json
+):
+    said = []
+
+    def played(*told):
+        said.append(capsys.readouterr().out)
+        raise BadInput("it is played elsewhere")
+
+    monkeypatch.setattr(cycle_tell, "_played", played)
+    request = DemoRequest("maintenance", pads=["flange"], json=json)
+    with pytest.raises(BadInput, match="elsewhere"):
+        cycle_tell.tell_cycles(request, setups[0].cell_map, setups[0].reach)
+    assert ("to stop even from its slowest speed" in said[0]) == (json is None)
 
 
 def test_a_ladder_out_of_reach_is_refused_before_the_run(setups, monkeypatch):

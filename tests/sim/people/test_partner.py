@@ -5,7 +5,7 @@ import pytest
 
 from handover import Human, wrench
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps, capsule_gap
+from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.transforms import pose_of
 from sim.people.partner import Partner, PartnerTraits
 from sim.story.request import DemoRequest
@@ -51,6 +51,35 @@ def test_nobody_reaches_for_what_is_not_held_out_and_some_withdraw_once():
     assert not shy.holds
     play(shy, held_out(shy), 8.0)
     assert shy.traits.withdraws_at == 0.0
+
+
+def test_the_arm_does_not_hang_in_what_it_gave_until_that_is_gone():
+    """Nobody lets a hand hang in a wrench: it waits, drawn back."""
+    body = Human().placed(0.8, 0.0, np.pi)
+    rest = np.array(body.arms["right"])
+    traits = PartnerTraits(tremble=0.0, delay_s=0.2)
+    person = Partner(body, "right", OBJ, traits, True, rest + np.radians(5.0))
+    play(person, np.eye(4), 2.0, held=False)
+    T = person.T_world_object
+
+    def gap():
+        rods = moved_rods(OBJ.capsules, T)
+        return min(capsule_gap(a, b) for a in person._arm_at(person.arm) for b in rods)
+
+    held = person.arm.copy()
+    assert gap() < -0.02 and person.holds
+    for k in range(500):
+        person.step(2.0 + 0.01 * k, T, False, "closed", True)
+    assert not person.holds and gap() >= 0.03
+    assert np.abs(person.arm - held).max() > 0.3
+    for k in range(40):  # the robot takes it away: the hand waits meanwhile
+        T = pose_of((-0.01, 0.0, 0.01), (0.0, 0.0, 0.0)) @ T
+        person.step(7.0 + 0.01 * k, T, False, "closed", True)
+        waits = np.abs(person.arm - rest).max() > 0.3
+    assert waits and gap() > 0.1
+    for k in range(300):
+        person.step(7.4 + 0.01 * k, T, False, "closed", True)
+    assert np.allclose(person.arm, rest)
 
 
 def test_an_arm_that_would_run_into_the_robot_stays():

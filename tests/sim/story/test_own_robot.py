@@ -22,10 +22,19 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
-from sim.story.cases import LIVE, setup_of, slow_to_stop
-from sim.story.grasping import Reach, Reaches, straight_back
-from sim.story.handover import Step, _check_grasps
+from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
+from sim.story.grasping import (
+    Reach,
+    Reaches,
+    check_grasps,
+    held_farther_out,
+    quarter_turns,
+    straight_back,
+    too_near,
+)
+from sim.story.handover import Step
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
+from sim.story.play import new_story
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -473,7 +482,7 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
     look = story._reaches
     rooms = iter([0.004, 0.001, 0.03])
     look._before = lambda T, q: (q, next(rooms, 0.002))
-    look._can_leave = lambda *told: True
+    look._can_come = look._can_leave = lambda *told: True
     look.begin(T, story._rest)
     while not look.over and not look.found:
         look.work()
@@ -487,24 +496,86 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
 def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(maps):
     story, _ = story_of(maps, "receive")
     planner, capsules = story.planner, story._obj.capsules
-    _check_grasps(planner, story.grasps, capsules)  # the flange is the pad
-    settings = SimpleNamespace(finger_pads=())
-    bare = SimpleNamespace(robot=planner.robot, cover=planner.cover, settings=settings)
+    nodes = story.targets.finder.index.nodes
+    check_grasps(planner, story.grasps, capsules, nodes)  # the flange is the pad
+    told = {"robot": planner.robot, "cover": planner.cover, "extra": 0.0}
+    told |= {"settings": SimpleNamespace(finger_pads=())}
+    bare = SimpleNamespace(**told, cell_map=planner.cell_map)
     into, far = np.array(story.grasps), np.array(story.grasps)
     into[:, 2, 3], far[:, 2, 3] = 0.03, 0.5
-    _check_grasps(bare, far, capsules)
+    check_grasps(bare, far, capsules, nodes)
     with pytest.raises(
         BadInput, match=r"flange is -?\d+ mm .* must keep 10 mm.*held_by"
     ):
-        _check_grasps(bare, into, capsules)
+        check_grasps(bare, into, capsules, nodes)
+
+
+def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
+    """A robot without a hand takes with its last link: who is before it is no pad."""
+    story, _ = story_of(maps, "receive")
+    planner, capsules = story.planner, story._obj.capsules
+    nodes = story.targets.finder.index.nodes
+    into = np.array(story.grasps)
+    into[:, 2, 3] = 0.0
+    told = into, capsules, nodes
+    with pytest.raises(BadInput, match=r"wrist is -?\d+ mm .* must keep 10 mm"):
+        check_grasps(planner, *told)
+
+
+def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
+    maps, monkeypatch
+):
+    cell_map, reach, index = maps
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    planner = setup.planner()
+
+    spare = grasp_spare(cell_map.robot)  # it takes long to stop
+    assert spare > 0.01
+
+    def near(obj, spare=spare):
+        grasps = quarter_turns(obj.T_tool_object)
+        return too_near(planner, grasps, obj.capsules, index.nodes, spare)
+
+    assert near(story_wrench(), 0.0).link == "wrist" and near(setup.obj) is None
+    T = np.array(setup.obj.T_tool_object)
+    more = T[2, 3] - story_wrench().T_tool_object[2, 3]
+    assert spare < more < 0.06 + spare
+    T[2, 3] -= 0.006
+    assert near(setup.obj.held_by(T)) is not None
+    again = held_farther_out(planner, setup.obj, index.nodes, spare)
+    assert again.T_tool_object[2, 3] == setup.obj.T_tool_object[2, 3]
+    monkeypatch.setattr("sim.story.grasping._MOST_OUT", 0.001)  # more is needed
+    nearer = setup.obj.held_by(T)
+    assert held_farther_out(planner, nearer, index.nodes, spare) is nearer
+
+
+def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
+    """The arm could not keep its clearance from it: no such motion is ever free."""
+    story, _ = story_of(maps, "receive")
+    planner, index = story.planner, story.targets.finder.index
+    T, found = index.T_base_tool[0], {}
+    for out in (0.0, 0.05):
+        grasps = np.array(story.grasps)
+        grasps[:, 2, 3] += out - 0.05
+        grasps = grasps[:1]
+        beside = story._obj.capsules, story.settings.room
+        look = Reaches(planner, index, grasps, 0.10, None, *beside)
+        blind = Reaches(planner, index, grasps, 0.10)
+        for one in (look, blind):
+            one.begin(T @ grasps[0], story._rest)
+            while not one.over:
+                one.work()
+        assert blind.found
+        found[out] = len(look.found)
+    assert not found[0.0] and found[0.05]
 
 
 def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     maps, monkeypatch
 ):
     asked = []
-    home = "sim.story.handover._check_grasps"
-    monkeypatch.setattr(home, lambda planner, grasps, rods: asked.append(grasps))
+    home = "sim.story.handover.check_grasps"
+    monkeypatch.setattr(home, lambda planner, grasps, *told: asked.append(grasps))
     story_of(maps, "give")
     assert not asked
     story, _ = story_of(maps, "receive")
@@ -744,6 +815,48 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
     assert set_to[6][0] is found[1].q_before and view_is_plain(story)
 
 
+def test_pads_evade_an_object_that_is_carried_past_but_not_one_put_between_them(maps):
+    """A quick hand went through a flange, which may touch its object, into the arm."""
+    story, human = story_of(maps, "receive")
+    view, q = story.view, story.executor.set_point.q
+    T = tool_pose(story.planner.robot, q)
+    hurried = []
+    for speed in (0.1, 0.3):
+        for k in range(15):
+            now = PERIOD * (len(hurried) * 100 + k)
+            there = FAR @ pose_of((speed * PERIOD * k, 0.0, 0.0), (0.0, 0.0, 0.0))
+            seen = sim.StoryFrame(now, human, pulled(0.0), True, False, there)
+            story.update(seen)
+        hurried.append(view.hurries)
+    assert hurried == [False, True]
+    n = len(view.classes)
+    rows = np.tile(human.capsules()[:1], (n, 1))
+    rows[:, [0, 3]] += 9.0
+    tip = T[:3, 3] + 0.02 * T[:3, 2]
+    rows[-view.offered :] = [*tip, *tip, 0.02]
+    for hurries in (False, True):
+        view.hurries = hurries
+        assert view.is_met(q[None], -0.002, odm.Obstacles(capsules=rows)) == hurries
+
+
+def test_a_motion_that_could_not_be_tested_leaves_the_phase_as_it_was(
+    maps, monkeypatch
+):
+    story, human = story_of(maps, "receive")
+    q = story.executor.set_point.q
+    update = story.update
+    update(sim.StoryFrame(0.0, human, pulled(0.0), True, False, FAR))
+    classes = story.view.classes
+
+    def line_free(view, begin, end, there):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sim.PhasePlanner, "line_free", line_free)
+    with pytest.raises(KeyboardInterrupt):
+        story._look_along(story._last, [Reach(q, q, np.eye(4))])
+    assert story.view.classes is classes and view_is_plain(story)
+
+
 def view_is_plain(story):
     return story.view.phase is None and (story.view.classes == odm.AVOID).all()
 
@@ -805,7 +918,7 @@ def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(
     robot = cell_map.robot
     quick = replace(robot, max_acceleration=20 * robot.max_acceleration)
     quick = replace(quick, max_jerk=1000 * robot.max_jerk)
-    assert slow_to_stop(quick) == ""
+    assert slow_to_stop(quick) == "" and grasp_spare(quick) == 0.0
     assert re.search(r"stop even from its slowest.*\[robot\]", slow_to_stop(robot))
     setup = setup_of(cell_map, reach, place=False, pads=["flange"])
     spare = []
@@ -815,3 +928,27 @@ def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(
         targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
         spare.append(targets.settings.spare_m)
     assert spare[0] > 0.015 and spare[1] == LIVE.spare_m
+
+
+def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
+    cell_map, reach, _ = maps
+    robot = cell_map.robot
+    quick = replace(robot, max_acceleration=20 * robot.max_acceleration)
+    quick = replace(quick, max_jerk=1000 * robot.max_jerk)
+    setup = setup_of(cell_map, reach, place=False, pads=["flange"])
+    human = handover.Human().placed(0.9, 0.0, np.pi)
+    spare = []
+    for threat in (
+        ThreatSettings(),
+        ThreatSettings(acceleration=9.0),
+        ThreatSettings(noise=0.003),
+    ):
+        story = new_story(setup, sim.StorySettings(threat=threat), human)
+        spare.append(story.targets.settings.spare_m)
+    assert spare[1] > 2.0 * spare[0] and spare[2] > spare[0] + 0.003
+    most = sim.StorySettings(threat=ThreatSettings(acceleration=1e4))
+    assert new_story(setup, most, human).targets.settings.spare_m == 1.0
+    sensor = slow_to_stop(quick, ThreatSettings(noise=0.01))
+    assert re.search(r"wrong by up to 10 mm.*better sensor", sensor)
+    thrust = slow_to_stop(quick, ThreatSettings(acceleration=100.0))
+    assert "sensor" not in thrust and "[robot]" in thrust

@@ -1,10 +1,14 @@
 """`--pads`: which links may touch an object, whatever their names are."""
 
+from types import SimpleNamespace
+
 import pytest
 
 import handover
 import odm as package
 from roadmap.errors import BadInput
+from sim.bench import view as view_bench
+from sim.bench.handover import story as story_bench
 from sim.people.partner import Partner
 from sim.record import write_record
 from sim.story.cases import StoryCase, setup_of
@@ -34,6 +38,35 @@ def test_the_command_takes_pads_and_only_of_a_hand_over(odm, meet_maps, tmp_path
         assert code == 2 and told in error and "flange" in error
     with pytest.raises(BadInput, match="--pads goes with `odm demo handover`"):
         DemoRequest(pads=["flange"])
+
+
+def test_benches_of_a_hand_over_take_pads(maps, meet_maps, monkeypatch):
+    told = dict(reach=meet_maps[1], short=True)
+    for bench in (story_bench, view_bench):
+        with pytest.raises(BadInput, match=r"--pads nail: .*flange"):
+            bench.run(meet_maps[0], pads=["nail"], **told)
+    jobs = []
+
+    def played(some, processes):
+        jobs.extend(some)
+        return []
+
+    monkeypatch.setattr(story_bench, "_all", played)
+    monkeypatch.setattr(story_bench, "_tables", lambda played, short: {})
+    found = story_bench.run(meet_maps[0], pads=["flange"], **told)
+    assert found["setup"]["links that may touch an object"] == "flange"
+    assert "slowest speed" in found["setup"]["slow to stop"]
+    monkeypatch.setattr(story_bench, "_KEPT", {})
+    monkeypatch.setattr(story_bench, "rehearse", lambda setup: None)
+    given = []
+    monkeypatch.setattr(
+        story_bench, "StoryPlay", lambda setup, case: given.append(setup.pads)
+    )
+    ran = SimpleNamespace(cpu_s=[0.0])
+    monkeypatch.setattr(story_bench, "play", lambda run, seconds: ran)
+    monkeypatch.setattr(story_bench, "figures_of", lambda result: {})
+    story_bench._played(jobs[0])
+    assert given == [("flange",)]
 
 
 def test_a_recording_is_played_again_with_its_own_pads(odm, maps, meet_maps, tmp_path):
