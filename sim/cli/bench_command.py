@@ -59,6 +59,9 @@ class BenchRequest:
         None, "Only these; again for more (motions).", "--motion", metavar="NAME"
     )
     runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
+    repeats: int | None = flag(
+        None, "Times each run is played; of a frame the least counts (story).", min=1
+    )
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
     workers: int | None = flag(None, "Build on so many processes, too (build).", min=1)
     reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
