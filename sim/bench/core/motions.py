@@ -6,7 +6,6 @@ geometry, if the robot moves by itself meanwhile: if its set-point does. That so
 presses a robot that stands against a person is no contact of the planner's.
 """
 
-import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from odm import ReactivePlanner, load_map
 from sim.bench.evadable import Oracle, TouchWatch
 from sim.bench.lost_time import PaceWatch, lost_time, lost_time_table
+from sim.bench.many import play_all
 from sim.loop.loop import Frame, Loop, LoopSettings, exact_audit, run_frames
 from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
@@ -78,14 +78,11 @@ def run(
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
     jobs += [(file, seed) for file in files]
     shared = (str(map_dir), seconds, execution, pushed)
-    (tell or (lambda text: None))(f"{len(jobs)} runs of {seconds:g} s")
+    tell = tell or (lambda text: None)
+    tell(f"{len(jobs)} runs of {seconds:g} s")
     alone = _played((*shared, *jobs[0], None))
     jobs = [(*shared, *job, alone["trip_s"]) for job in jobs[1:]]
-    if processes > 1:
-        with multiprocessing.get_context("spawn").Pool(processes) as pool:
-            runs = pool.map(_played, jobs, chunksize=1)
-    else:
-        runs = [_played(job) for job in jobs]
+    runs = play_all(_played, jobs, processes, tell)
     rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
     for name in (*names, *(Path(file).stem for file in files)):
         own = [r for r in runs if r["motion"] == name]

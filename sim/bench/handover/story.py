@@ -1,8 +1,7 @@
 """`odm bench story`: random people take things from the robot and give things to it."""
 
 import gc
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from handover import ReachMap
 from odm import CellMap, load_map
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
+from sim.bench.many import play_all
 from sim.run.meet import reach_map_of
 from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop, with_traits
 from sim.story.machine import DIRECTIONS
@@ -85,7 +85,8 @@ def run(
     found = _reach_of(cell_map, reach)
     shared = str(map_dir), reach, pads
     jobs = [(*shared, *c, seconds, repeats) for c in _cases(runs, seed, short)]
-    played = _all(jobs, min(processes, len(jobs)), tell)
+    tell(f"{len(jobs)} runs")
+    played = play_all(_played, jobs, processes, tell)
     setup = {
         "runs of each direction": runs,
         "first seed": seed,
@@ -129,24 +130,6 @@ def _cases(runs: int, seed: int, short: bool) -> list[tuple[str, StoryCase]]:
 
 
 _KEPT: dict = {}  # of a process: maps are loaded once
-
-
-def _all(jobs: list, processes: int, tell: Callable[[str], None]) -> list[dict]:
-    """Play all runs, and tell how many are done."""
-    tell(f"{len(jobs)} runs")
-    played = []
-    for one in _in_turn(jobs, processes):
-        played.append(one)
-        tell(f"{len(played)} of {len(jobs)} runs done")
-    return played
-
-
-def _in_turn(jobs: list, processes: int) -> Iterator[dict]:
-    if processes <= 1:
-        yield from map(_played, jobs)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(_played, jobs, chunksize=1)
 
 
 def _reach_of(cell_map: CellMap, reach: str | Path | None) -> ReachMap:

@@ -1,6 +1,5 @@
 """`odm bench targets`: to the best reachable hand-over target, at ten distances."""
 
-import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +8,7 @@ import numpy as np
 
 from odm import load_map
 from roadmap.errors import BadInput
+from sim.bench.many import play_all
 from sim.loop.loop import run_frames
 from sim.run.meet import GRASPS, MeetTask, reach_map_of
 from sim.run.request import RunRequest
@@ -93,12 +93,8 @@ def run(
     cell_map = load_map(map_dir, verify=False)
     tell("reach map")
     found = reach_map_of(cell_map.robot, asked.reach, lambda *progress: None)
-    runs = []
     tell(f"{len(jobs)} runs of {seconds:g} s, {execution}")
-    for one in _all(jobs, min(processes, len(jobs))):
-        runs.append(one)
-        if len(runs) < len(jobs):
-            tell(f"{len(runs)} of {len(jobs)} runs done")
+    runs = play_all(_played, jobs, processes, tell)
     setup = {
         "motion": MOTION,
         "seconds of each run": seconds,
@@ -122,15 +118,6 @@ def run(
         "tables": _tables(runs),
         "runs": runs,
     }
-
-
-def _all(jobs: list[RunRequest], processes: int) -> "Sequence[dict]":
-    """Yield the runs in order, several at a time."""
-    if processes <= 1:
-        yield from map(_played, jobs)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(_played, jobs, chunksize=1)
 
 
 def _played(job: RunRequest) -> dict:

@@ -47,11 +47,11 @@ def test_benches_of_a_hand_over_take_pads(maps, meet_maps, monkeypatch):
             bench.run(meet_maps[0], pads=["nail"], **told)
     jobs = []
 
-    def played(some, processes):
+    def played(play, some, processes, tell):
         jobs.extend(some)
         return []
 
-    monkeypatch.setattr(story_bench, "_all", played)
+    monkeypatch.setattr(story_bench, "play_all", played)
     monkeypatch.setattr(story_bench, "_tables", lambda played, short: {})
     found = story_bench.run(meet_maps[0], pads=["flange"], **told)
     assert found["setup"]["links that may touch an object"] == "flange"
