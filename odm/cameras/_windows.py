@@ -1,7 +1,7 @@
 """Least and largest readings over rectangles of an image, in a few look-ups each.
 
 Level k of a table holds at [i, j] the least value of the 2^k x 2^k square that begins
-there (`odm.cameras.camera_view.lift`). Four squares that may overlap cover a rectangle.
+there (`odm.cameras.view.lift`). Four squares that may overlap cover a rectangle.
 """
 
 import numpy as np

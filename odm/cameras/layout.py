@@ -7,8 +7,8 @@ import numpy as np
 from odm.cameras._cubes import Cells, pack
 from odm.cameras._seen import BEYOND
 from odm.cameras.camera import DepthCamera
-from odm.cameras.camera_view import View, lay_out_view
 from odm.cameras.settings import SeenSettings
+from odm.cameras.view import View, lay_out_view
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import largest_robot
 from odm.obstacles.grid import bounding_ball

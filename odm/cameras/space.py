@@ -14,8 +14,8 @@ from odm.cameras import _windows as windows
 from odm.cameras import layout
 from odm.cameras._seen import REMEMBERED, UNKNOWN
 from odm.cameras.camera import DepthCamera
-from odm.cameras.camera_view import lift
 from odm.cameras.settings import SeenSettings
+from odm.cameras.view import lift
 from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
