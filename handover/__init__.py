@@ -8,7 +8,7 @@ from handover.grasps.arm_choice import (
     build_arm_reach,
     choose_arm,
 )
-from handover.grasps.build import GraspSettings, build_grasps
+from handover.grasps.grasp_build import GraspSettings, build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import Hand, load_hand
 from handover.grasps.hands import HandSpec, hand_names

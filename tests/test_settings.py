@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from handover.grasps.build import GraspSettings
+from handover.grasps.grasp_build import GraspSettings
 from handover.reach.reach_build import ReachSettings
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm.approach.approach_answer import ApproachSettings

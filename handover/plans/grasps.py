@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from handover.grasps._closing import clearance
-from handover.grasps.build import Progress, build_grasps
 from handover.grasps.closing import Target, is_outside, target_of
+from handover.grasps.grasp_build import Progress, build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec, hand_spec

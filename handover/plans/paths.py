@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans import _connect as kernels
+from handover.plans import _trees as kernels
 from handover.plans._space import follow, postures
 from handover.plans.grasps import BACK, line_clear
 from handover.plans.mover import TOLERANCE, Mover, solver_of

@@ -3,10 +3,10 @@
 import difflib
 from pathlib import Path
 
-from handover.scenes.clearance import check_start
 from handover.scenes.paper import PAPER_SCENES
 from handover.scenes.scene import Scene
 from handover.scenes.scene_file import read_scene
+from handover.scenes.start_check import check_start
 from handover.scenes.varied import varied
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number

@@ -11,7 +11,7 @@ import numpy as np
 
 from handover.grasps.agents import load_agent
 from handover.grasps.objects import load_object
-from handover.scenes.body import agent_body, reach_pose, upright
+from handover.scenes.agent_body import agent_body, reach_pose, upright
 from handover.scenes.scene import GAP, Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.shapes import Box, Cylinder
 from roadmap.transforms import pose_of

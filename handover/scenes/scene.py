@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.grasps.agents import Agent
 from handover.grasps.objects import GraspObject
-from handover.scenes.body import AgentBody, agent_body
+from handover.scenes.agent_body import AgentBody, agent_body
 from odm.obstacles.shapes import Shape
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput

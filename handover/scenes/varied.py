@@ -6,10 +6,10 @@ from handover.grasps.agents import load_agent
 from handover.grasps.objects import load_object, object_names
 from handover.human.anthropometry import ARM_JOINTS
 from handover.human.postures import HANGING
-from handover.scenes.body import upright
-from handover.scenes.clearance import start_distances
+from handover.scenes.agent_body import upright
 from handover.scenes.paper import TABLE_TOP, floor
 from handover.scenes.scene import GAP, Fixture, PlacedAgent, Scene, stand
+from handover.scenes.start_check import start_distances
 from odm.obstacles.shapes import Box
 
 _BEHIND = 0.25  # [m] from the board's far rim to the receiver's middle

@@ -17,7 +17,7 @@ from odm.search._items import (
     item_free,
     pool_free,
 )
-from odm.search._slack import clearance_of, near_free, near_free_again
+from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 from roadmap.jit_options import INNER, LEAN
 

@@ -64,8 +64,8 @@ def plan(request: PlanRequest) -> None:
     odm handover plan butler --seed 7 --plot out.png --json plan.json
     """
     from handover.plans.grasps import grasps_for
+    from handover.plans.plan_record import report_facts
     from handover.plans.planner import plan_handover
-    from handover.plans.record import report_facts
     from handover.scenes.load import load_scene
 
     scene = load_scene(request.scene, request.seed)
@@ -97,7 +97,7 @@ def _is_plan_file(request: PlanRequest, found: "HandoverPlan") -> bool:
 
 def _chosen(found: "HandoverPlan", request: PlanRequest) -> dict:
     """Return what was chosen as plain data; write files that were asked for."""
-    from handover.plans.record import record_of, tuple_facts
+    from handover.plans.plan_record import record_of, tuple_facts
     from handover.scenes.plan_file import write_plan
 
     record = record_of(found)

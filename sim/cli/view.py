@@ -79,7 +79,7 @@ def recorded_show(request: ViewRequest) -> "Show":
     """Return a recording as what a page shows."""
     from sim.record import read_record
     from sim.view.page import Show
-    from sim.view.shapes import robot_parts
+    from sim.view.robot_shapes import robot_parts
     from sim.view.sources import Recorded, standing_of_record
 
     record = read_record(request.file)
@@ -133,11 +133,11 @@ def _map_of(
 def _map_alone(folder: Path) -> "Show":
     """Return a map with an arm that can be dragged through it as a show."""
     from odm import load_map
-    from sim.draw.standing import all_triangles
+    from sim.draw.surroundings import all_triangles
     from sim.people.human_motion import make_motion
     from sim.view.beside import ArmBeside
     from sim.view.page import Show
-    from sim.view.shapes import robot_parts
+    from sim.view.robot_shapes import robot_parts
 
     cell_map = load_map(folder)
     asked = cell_map.recipe.robot

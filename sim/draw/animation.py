@@ -8,8 +8,8 @@ import numpy as np
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, best_stretch, write_gif
-from sim.draw.standing import balls_of
 from sim.draw.style import FAINT, INK, TEAL
+from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import Camera, clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
-from sim.draw.standing import balls_of
+from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import Camera
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)

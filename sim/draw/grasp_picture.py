@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from handover import GraspSet, load_hand
-from sim.draw.standing import show_box
 from sim.draw.style import (
     AMBER,
     FAINT,
@@ -16,6 +15,7 @@ from sim.draw.style import (
     new_figure,
     save,
 )
+from sim.draw.surroundings import show_box
 
 _SHOWN = 5  # closed hands
 _ARROW = 0.03  # [m] length of a palm's line

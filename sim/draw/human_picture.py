@@ -26,7 +26,7 @@ from sim.draw.style import (
     tidy,
 )
 from sim.people.grips import grip_points
-from sim.people.mocap.motion import MocapMotion
+from sim.people.mocap.mocap_motion import MocapMotion
 
 _COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: FAINT}
 BIN = 0.025  # side of a square of the cut [m]

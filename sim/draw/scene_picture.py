@@ -8,8 +8,8 @@ import numpy as np
 from handover import Scene
 from handover.scenes.plan_file import WHO, change_time, joints_at, object_at
 from handover.scenes.scene import PlacedAgent
-from sim.draw.standing import add_shaded, all_triangles, show_box
 from sim.draw.style import AMBER, FAINT, INK, TEAL, new_figure, save
+from sim.draw.surroundings import add_shaded, all_triangles, show_box
 
 _GIVER, _RECEIVER, _FURNITURE = TEAL, "#4a7fb5", "#d8cdbd"
 _START, _GOAL, _HANDOVER = AMBER, "#c43e3e", "#7b4fa3"

@@ -6,8 +6,8 @@ in real time.
 """
 
 from sim.keyboard.control import KeyEvent
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.live import KeyboardPerson
-from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.terminal import NoTerminal
 
 __all__ = ["KeyEvent", "KeyboardArm", "KeyboardPerson", "NoTerminal"]

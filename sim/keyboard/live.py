@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sim.keyboard.control import KeyEvent
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.signals import ENDINGS
 from sim.keyboard.terminal import open_terminal

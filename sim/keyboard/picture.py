@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sim.keyboard.bindings import OTHERS, SLIDERS
-from sim.keyboard.view import View
+from sim.keyboard.shown import View
 
 WIDE = (72, 20)  # columns and lines that the full screen needs
 _COLOURS = {

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sim.keyboard.bindings import ARM_KEYS, END, HELP, PAUSE, plain
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.picture import key_lines, painted, picture
+from sim.keyboard.shown import View, plain_line
 from sim.keyboard.signals import Signals
 from sim.keyboard.tally import Tally
 from sim.keyboard.terminal import Keys, PlainScreen, Screen, taken
-from sim.keyboard.view import View, plain_line
 from sim.loop.loop import Frame
 
 REDRAW = 0.1  # from picture to picture [s]

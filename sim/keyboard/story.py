@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from handover import Human
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.live import KEPT_S
-from sim.keyboard.motion import KeyboardArm
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.terminal import open_terminal
 from sim.loop.loop import Frame

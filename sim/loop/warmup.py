@@ -465,7 +465,7 @@ def _meet(reach: "ReachMap") -> None:
 def _hand_over() -> None:
     """Plan a whole hand-over, with a handful of grasps."""
     from handover import build_grasps, load_scene, plan_handover
-    from handover.grasps.build import GraspSettings
+    from handover.grasps.grasp_build import GraspSettings
 
     scene, few = load_scene("kneeling", 0), GraspSettings(samples=5, rolls=2)
     giver = replace(scene.giver, arms=("left",))

@@ -12,7 +12,7 @@ from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Loop, LoopSettings
-from sim.record.check import BadRecord
+from sim.record.record_check import BadRecord
 from sim.record.recorder import Recorder
 from sim.record.run_record import NOBODY, RunRecord
 from sim.record.standing import set_up

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from sim.record.check import BadRecord, check_arrays
+from sim.record.record_check import BadRecord, check_arrays
 from sim.record.run_record import FORMAT, INPUTS, STORY, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole

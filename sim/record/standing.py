@@ -7,7 +7,7 @@ import numpy as np
 from odm import Box, Capsule, Cylinder, Mesh, ReactivePlanner, Sphere
 from odm.obstacles.surfaces import Surface
 from roadmap.errors import BadInput
-from sim.record.check import BadRecord
+from sim.record.record_check import BadRecord
 
 _KINDS = {kind.__name__: kind for kind in (Box, Capsule, Cylinder, Mesh, Sphere)}
 

@@ -9,8 +9,8 @@ from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
 from roadmap.unfinished import beside
 from sim.draw.scene_picture import agent_triangles
-from sim.draw.standing import add_shaded, all_triangles, show_box
 from sim.draw.style import AMBER, INK, TEAL
+from sim.draw.surroundings import add_shaded, all_triangles, show_box
 from sim.run.played_plan import PlayedPlan
 
 _FRAMES, _FPS = 60, 10

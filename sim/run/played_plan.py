@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handover.scenes.body import AgentBody, agent_body
+from handover.scenes.agent_body import AgentBody, agent_body
 from handover.scenes.plan_file import WHO, duration, read_plan
 from handover.scenes.scene import Fixture
 from odm.obstacles.shapes import Shape

@@ -185,7 +185,7 @@ def write_files(
 
 def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) -> None:
     from sim.draw.animation import FilmSettings, write_animation
-    from sim.draw.standing import all_triangles, standing_of
+    from sim.draw.surroundings import all_triangles, standing_of
     from sim.run.demo import open_world
 
     film, film_s = FilmSettings(), getattr(loop.motion, "film_s", None)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from roadmap.geometry.gaps import moved_rods
-from sim.draw.standing import scene_of
+from sim.draw.surroundings import scene_of
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.view.gate import LOCAL, PORT
 from sim.view.viewer import Viewer

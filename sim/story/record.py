@@ -10,7 +10,7 @@ from handover.human.human_arm import SIDES
 from handover.human.skeleton import Skeleton
 from roadmap.errors import BadInput
 from sim.loop.run_result import STATUS, holds_of
-from sim.record.check import BadRecord
+from sim.record.record_check import BadRecord
 from sim.record.recorder import PACES, versions
 from sim.record.run_record import STORY, RunRecord
 from sim.story.cases import StorySetup

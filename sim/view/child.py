@@ -36,7 +36,7 @@ def open_page(told: dict) -> "Page":
     """Return the page of what the loop's process told."""
     from roadmap.robot.robot import Robot
     from sim.view.page import Page, Show
-    from sim.view.shapes import robot_parts
+    from sim.view.robot_shapes import robot_parts
     from sim.view.sources import Letters
 
     robot = Robot.from_store(*told["robot"])

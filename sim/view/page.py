@@ -20,7 +20,7 @@ from sim.view.gate import LOCAL, Gate
 from sim.view.moment import Moment
 from sim.view.panel import Panel
 from sim.view.playback import Playback
-from sim.view.shapes import Part, solid_parts
+from sim.view.robot_shapes import Part, solid_parts
 from sim.view.sources import Source
 from sim.view.stage import Stage
 

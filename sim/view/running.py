@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from sim.draw.standing import scene_of
+from sim.draw.surroundings import scene_of
 from sim.loop.loop import Frame, Loop
 from sim.view.dragged import DraggedPerson
 from sim.view.gate import LOCAL

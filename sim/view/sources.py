@@ -13,7 +13,7 @@ from odm.obstacles.scenery import parse_scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
-from sim.draw.standing import all_triangles
+from sim.draw.surroundings import all_triangles
 from sim.loop.run_result import STATUS
 from sim.record import RunRecord
 from sim.record.again import robot_of

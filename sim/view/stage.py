@@ -19,7 +19,7 @@ from sim.view.blocked import (
     seen_points,
 )
 from sim.view.moment import NOBODY, Moment
-from sim.view.shapes import Part
+from sim.view.robot_shapes import Part
 
 # name of a layer: what it says, whether it is shown at first
 LAYERS = {

@@ -15,7 +15,7 @@ import numpy as np
 from odm.cell_map.cell_map import CellMap
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput, PlanningError
-from sim.draw.standing import all_triangles
+from sim.draw.surroundings import all_triangles
 from sim.view.gate import LOCAL, PORT, is_local, listening, new_token
 from sim.view.mailbox import HAND, READY, Mailbox
 from sim.view.moment import NOBODY, ON_THE_WAY, Event, Happenings, Moment, state_of

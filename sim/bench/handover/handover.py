@@ -19,8 +19,8 @@ import numpy as np
 
 from handover import load_object, load_scene
 from handover.grasps.hands import hand_spec
+from handover.plans.plan_record import record_of
 from handover.plans.planner import HandoverPlan, plan_handover
-from handover.plans.record import record_of
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
 from roadmap.errors import BadInput

@@ -12,7 +12,11 @@ from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.people.mocap.bvh import parse_bvh
 from sim.people.mocap.defects import defects
 from sim.people.mocap.faults import Faults, fastest, find_faults, first_frame
-from sim.people.mocap.gaps import (
+from sim.people.mocap.mocap_motion import MocapMotion
+from sim.people.mocap.placing import base_from_recording
+from sim.people.mocap.skeletons import joints_of
+from sim.people.mocap.tracks import BadMocap, Tracks, read_text
+from sim.people.mocap.unseen import (
     WALKING,
     bridge,
     displacement,
@@ -20,10 +24,6 @@ from sim.people.mocap.gaps import (
     remember,
     smooth,
 )
-from sim.people.mocap.motion import MocapMotion
-from sim.people.mocap.placing import base_from_recording
-from sim.people.mocap.skeletons import joints_of
-from sim.people.mocap.tracks import BadMocap, Tracks, read_text
 from sim.people.mocap.vicon import HEADER, parse_csv
 
 ENOUGH_HZ = 100.0  # a faster recording is thinned to this or just above

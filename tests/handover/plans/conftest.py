@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import handover
-from handover.grasps.build import GraspSettings
+from handover.grasps.grasp_build import GraspSettings
 
 FEW = GraspSettings(samples=16, rolls=6)
 

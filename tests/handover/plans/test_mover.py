@@ -7,7 +7,7 @@ import numpy as np
 import handover
 from handover.plans.limb import limb_of
 from handover.plans.mover import Mover
-from handover.scenes.clearance import start_distances
+from handover.scenes.start_check import start_distances
 
 
 def test_a_bent_wrist_must_not_bring_a_finger_into_the_forearm():

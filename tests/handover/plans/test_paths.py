@@ -7,7 +7,7 @@ import pytest
 from doors import with_door
 
 import handover
-from handover.grasps.build import GraspSettings
+from handover.grasps.grasp_build import GraspSettings
 from handover.plans import _space
 from handover.plans.choose import Pair
 from handover.plans.limb import limb_of

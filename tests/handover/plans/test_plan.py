@@ -8,8 +8,8 @@ import pytest
 import handover
 from handover.plans.limb import limb_of
 from handover.plans.motions import home_of
+from handover.plans.plan_record import record_of
 from handover.plans.planner import plan_handover
-from handover.plans.record import record_of
 from handover.plans.settings import PlanSettings
 from handover.scenes.plan_file import object_at
 from roadmap.errors import BadInput
@@ -65,7 +65,7 @@ def test_the_same_scene_gives_the_same_bytes(plan, scene, grasps):
 
 def test_motions_are_free_by_other_means(plan):
     """Poses between the proved ones, by exact distances of `odm.audit`."""
-    from handover.scenes.clearance import start_distances
+    from handover.scenes.start_check import start_distances
 
     record, scene = record_of(plan), plan.scene
     from handover.scenes.plan_file import WHO, joints_at

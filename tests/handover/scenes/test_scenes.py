@@ -5,11 +5,11 @@ import pytest
 
 import handover
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
-from handover.scenes.body import agent_body, upright
-from handover.scenes.clearance import check_start, start_distances
+from handover.scenes.agent_body import agent_body, upright
 from handover.scenes.paper import PAPER_SCENES, butler, kneeling, stool
 from handover.scenes.person import arm_joint, person_urdf
 from handover.scenes.scene import Scene
+from handover.scenes.start_check import check_start, start_distances
 from roadmap import load_robot
 from roadmap.errors import BadInput, PlanningError
 from roadmap.kinematics.forward import tool_pose

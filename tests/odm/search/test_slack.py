@@ -18,7 +18,7 @@ from small import AWAY, HOME, draw_valid
 import odm
 from odm.close_test._slack import displaced
 from odm.search import _judge as judge
-from odm.search._slack import RESERVE, SAG
+from odm.search._measured import RESERVE, SAG
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 

@@ -212,7 +212,7 @@ def test_the_gap_of_two_boxes_is_never_too_large(plan, rng):
 
 def test_its_links_stand_where_ours_do(rng):
     import handover
-    from handover.scenes.body import agent_body
+    from handover.scenes.agent_body import agent_body
 
     scene = handover.load_scene("kneeling", 0)
     record = plan_file.plan_record(scene, [], [plan_file.Hold(

@@ -10,7 +10,7 @@ import pytest
 from odm import Box
 from roadmap import load_robot, tool_pose
 from sim.draw.cover_world import CoverWorld
-from sim.draw.standing import all_triangles
+from sim.draw.surroundings import all_triangles
 from sim.draw.viewpoint import Camera
 from sim.draw.world import SimulatorMissing, World, capsule_mesh, with_normals
 from sim.loop.loop import exact_audit

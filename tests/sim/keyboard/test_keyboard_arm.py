@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from roadmap.errors import BadInput
 from sim.keyboard.bindings import ARM_KEYS, MOVES, SLIDERS
 from sim.keyboard.control import NUDGES, TICK, KeyEvent
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.picture import painted, picture
 from sim.keyboard.session import Pacer
+from sim.keyboard.shown import View, plain_line
 from sim.keyboard.tally import Histogram, Tally
-from sim.keyboard.view import View, plain_line
 from sim.loop.loop import Frame
 
 REASON = (

@@ -17,7 +17,7 @@ from odm.cell_map.recipe import Recipe, RobotRecipe
 from odm.planner.planner import ReactivePlanner
 from roadmap.graph.connecting import RoadmapSettings
 from sim.keyboard.control import KeyEvent
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.terminal import NoTerminal, Screen, open_terminal
 from sim.loop.loop import LoopSettings, run_loop
 from sim.run.places import DEMO, find_places
@@ -26,7 +26,7 @@ from sim.run.places import DEMO, find_places
 FAKE = """
 import json, os, sys
 from types import SimpleNamespace
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.signals import ENDINGS
 from sim.keyboard.terminal import open_terminal

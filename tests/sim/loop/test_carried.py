@@ -12,7 +12,7 @@ from odm.cell_map.recipe import PayloadRecipe
 from roadmap.kinematics.forward import tool_pose
 from sim.loop.carried import ball_rows, take_ball
 from sim.record import read_record, write_record
-from sim.record.check import BadRecord
+from sim.record.record_check import BadRecord
 from sim.record.run_record import RunRecord
 
 

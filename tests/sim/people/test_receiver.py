@@ -6,7 +6,7 @@ from planned import plan_by_hand
 
 import handover
 from handover.plans.limb import agent_model
-from handover.scenes.body import agent_body
+from handover.scenes.agent_body import agent_body
 from roadmap.errors import BadInput
 from sim.people.receiver import PlannedReceiver, capsules_of, elsewhere
 

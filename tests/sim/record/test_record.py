@@ -16,7 +16,7 @@ from recorded import (
 import odm
 from odm import build_map, load_map
 from sim.keyboard.control import KeyEvent
-from sim.keyboard.motion import KeyboardArm
+from sim.keyboard.key_motion import KeyboardArm
 from sim.loop.loop import LoopSettings, run_frames
 from sim.loop.run_result import STATUS
 from sim.people.mocap import MocapSettings, load_mocap
@@ -28,7 +28,7 @@ from sim.record import (
     run_again,
     write_record,
 )
-from sim.record.check import BadRecord
+from sim.record.record_check import BadRecord
 from sim.record.recorder import Column
 
 

@@ -8,8 +8,8 @@ from odm import build_map, load_map, load_recipe
 from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_names
 from sim.record import first_difference, is_record, read_record, run_again, write_record
 from sim.record.again import RecordedPerson, build_again, check_built, check_map
-from sim.record.check import BadRecord
 from sim.record.recipe_toml import recipe_text
+from sim.record.record_check import BadRecord
 
 HEAD = "recording.json"
 

@@ -11,7 +11,7 @@ import trimesh
 
 from sim.record import read_record
 from sim.view.gate import listening
-from sim.view.shapes import (
+from sim.view.robot_shapes import (
     Part,
     drawn_parts,
     link_frames,
