@@ -10,6 +10,7 @@ import numpy as np
 from handover import ReachMap
 from odm import CellMap, load_map
 from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
 from sim.run.meet import reach_map_of
 from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop, with_traits
 from sim.story.machine import DIRECTIONS
@@ -93,12 +94,17 @@ def run(
         "reach map": found.hash[:12],
         "runs at a time": min(processes, len(jobs)),
         "contact": "exact distance of robot and person, the object apart, at 0",
-        "links that may touch an object": ", ".join(pads),
     }
-    if slow := slow_to_stop(cell_map.robot):
-        setup["slow to stop"] = slow
+    setup |= _of_the_robot(cell_map.robot, pads)
     told = {"bench": "story", "header": header(cell_map), "setup": setup}
     return told | _tables(played, short)
+
+
+def _of_the_robot(robot: Robot, pads: Sequence[str]) -> dict[str, str]:
+    """Return what is to be known of a robot beside its figures."""
+    known = {"links that may touch an object": ", ".join(pads)}
+    slow = slow_to_stop(robot)
+    return known | {"slow to stop": slow} if slow else known
 
 
 def _tables(played: list[dict], short: bool) -> dict:
