@@ -20,6 +20,7 @@ from sim.run.demo import open_world
 from sim.story.cases import StorySetup, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.play import StoryMoment, StoryPlay
+from sim.story.rehearsal import rehearse
 from sim.story.request import DemoRequest
 from sim.story.tell import figures_of, line_of, wrist_of
 from sim.story.wrist import Wrist
@@ -64,6 +65,8 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     setups = tools_of(cell_map, reach, request.pads or ())
     if slow := slow_to_stop(cell_map.robot):
         say(slow)
+    with Bars("rehearsing"):
+        rehearse(setups[0])  # nothing is compiled or loaded from here on
     files: list[Path] = []
     cycles = []
     for seed in range(request.seed, request.seed + request.cycles):

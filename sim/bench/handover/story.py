@@ -96,17 +96,16 @@ def run(
         "times each run is played": repeats,
         "contact": "exact distance of robot and person, the object apart, at 0",
     }
-    told = {"bench": "story", "header": header(cell_map)}
-    told["setup"] = setup | _about(cell_map.robot, pads)
+    setup |= _of_the_robot(cell_map.robot, pads)
+    told = {"bench": "story", "header": header(cell_map), "setup": setup}
     return told | _tables(played, short)
 
 
-def _about(robot: Robot, pads: tuple[str, ...]) -> dict[str, str]:
-    """Return what is to be known of the robot."""
-    told = {"links that may touch an object": ", ".join(pads)}
-    if slow := slow_to_stop(robot):
-        told["slow to stop"] = slow
-    return told
+def _of_the_robot(robot: Robot, pads: Sequence[str]) -> dict[str, str]:
+    """Return what is to be known of a robot beside its figures."""
+    known = {"links that may touch an object": ", ".join(pads)}
+    slow = slow_to_stop(robot)
+    return known | {"slow to stop": slow} if slow else known
 
 
 def _tables(played: list[dict], short: bool) -> dict:

@@ -177,11 +177,14 @@ def test_a_robot_that_takes_long_to_stop_says_so_before_the_cycle(
         said.append(capsys.readouterr().out)
         raise BadInput("it is played elsewhere")
 
+    rehearsed = []
+    monkeypatch.setattr(cycle_tell, "rehearse", rehearsed.append)
     monkeypatch.setattr(cycle_tell, "_played", played)
     request = DemoRequest("maintenance", pads=["flange"], json=json)
     with pytest.raises(BadInput, match="elsewhere"):
         cycle_tell.tell_cycles(request, setups[0].cell_map, setups[0].reach)
     assert ("to stop even from its slowest speed" in said[0]) == (json is None)
+    assert len(rehearsed) == 1  # else the first cycle compiled in its frames
 
 
 def test_a_ladder_out_of_reach_is_refused_before_the_run(setups, monkeypatch):
