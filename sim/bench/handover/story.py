@@ -67,14 +67,13 @@ def run(
         seed: Of the first run.
         short: One run of each, and no failures: to see that it runs.
         processes: Runs at a time; only times depend on it.
-        repeats: Times that each run is played: the same frames, of whose times the
-            least counts.
+        repeats: Times each run is played; of a frame's times the least counts.
         tell: Called with what is done.
 
     Raises:
         BadInput: No runs, or a robot without fingers.
     """
-    tell = tell or (lambda text: None)
+    tell = tell or (lambda *told: None)
     if short:
         runs, seconds, processes = 1, min(seconds, 10.0), 1
     if runs < 1:
@@ -83,8 +82,8 @@ def run(
     tell("reach map")
     pads = pads_of(cell_map.robot, pads)
     found = _reach_of(cell_map, reach)
-    shared = str(map_dir), reach, pads
-    jobs = [(*shared, *c, seconds, repeats) for c in _cases(runs, seed, short)]
+    cases = _cases(runs, seed, short)
+    jobs = [(str(map_dir), reach, pads, *c, seconds, repeats) for c in cases]
     tell(f"{len(jobs)} runs")
     played = play_all(_played, jobs, processes, tell)
     setup = {
@@ -97,8 +96,8 @@ def run(
         "contact": "exact distance of robot and person, the object apart, at 0",
     }
     setup |= _of_the_robot(cell_map.robot, pads)
-    told = {"bench": "story", "header": header(cell_map), "setup": setup}
-    return told | _tables(played, short)
+    head = {"bench": "story", "header": header(cell_map), "setup": setup}
+    return head | _tables(played, short)
 
 
 def _of_the_robot(robot: Robot, pads: Sequence[str]) -> dict[str, str]:
