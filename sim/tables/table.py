@@ -8,6 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
+# columns with longer cells, the first one and others, are text that may be broken
+_FIRST, _TEXT = 21, 18
 _VALUES = (0, 1, 2, 6)  # columns of a table without times
 
 
@@ -25,20 +27,52 @@ def print_bench(result: dict, console: Console | None = None) -> None:
 
 
 def _print_more(more: dict, console: Console) -> None:
-    console.print(plain_table(more["title"], more["head"], more["rows"]))
+    if not more["rows"]:
+        console.print(f"{more['title']}: none", highlight=False, markup=False)
+        return
+    lines = [[str(cell) for cell in line] for line in (more["head"], *more["rows"])]
+    for k, columns in enumerate(_parts(lines, console.width)):
+        head, *rows = [[line[c] for c in columns] for line in lines]
+        title = more["title"] if not k else ""
+        console.print(plain_table(title, head, rows))
+
+
+def _parts(lines: list[list[str]], width: int) -> list[list[int]]:
+    """Return which columns stand side by side; the first one in each part.
+
+    All of them where they fit; text that is broken counts with its least width.
+    """
+    wide = [
+        min(max(map(len, column)), _TEXT) + 1 for column in zip(*lines, strict=True)
+    ]
+    parts, left = [[0]], width - wide[0]
+    for k in range(1, len(wide)):
+        if wide[k] > left and len(parts[-1]) > 1:
+            parts.append([0])
+            left = width - wide[0]
+        parts[-1].append(k)
+        left -= wide[k]
+    return parts
 
 
 def plain_table(title: str, head: Sequence[str], rows: Sequence[Sequence]) -> Table:
-    """Return a table whose numbers are never broken; the first column gives way.
+    """Return a table whose numbers are never broken; what is text gives way.
 
     What stands in it is text: "[ms]" is no markup.
     """
     table = Table(
-        title=Text(title), title_justify="left", box=None, padding=(0, 1, 0, 0)
+        title=Text(title) if title else None,
+        title_justify="left",
+        box=None,
+        padding=(0, 1, 0, 0),
     )
     table.pad_edge, table.title_style = False, "bold"
     for k, name in enumerate(head):
-        options = {} if k < 1 else {"justify": "right", "no_wrap": True}
+        longest = max((len(str(line[k])) for line in (head, *rows)), default=0)
+        least = min(longest, _TEXT if k else _FIRST)
+        options: dict = {"justify": "right", "no_wrap": True}
+        if not k or longest > least:
+            options = {"min_width": least}
         table.add_column(Text(name, style="dim"), overflow="fold", **options)
     for row in rows:
         table.add_row(*(Text(str(cell)) for cell in row))
