@@ -26,14 +26,14 @@ P50_MS, P99_MS = 1.5, 4.0  # asked of a frame
 _PERIOD_S = 1.0 / RATE  # that a frame has
 # what goes wrong on purpose: traits, and the direction
 FAILURES = {
-    "dropped": ("give", {"drops_s": 6.0}),
+    "dropped": ("give", {"drops_s": 4.5}),
     "the person leaves": ("give", {"leaves_s": 3.0}),
     "pulls early": ("give", {"pulls_early": True, "delay_s": 0.0}),
     "never pulls": ("give", {"pull": 0.0}),
     "lets go as it opens": ("give", {"slack_s": 0.6}),
     "lets go early": ("receive", {"lets_go": "early"}),
     "never lets go": ("receive", {"lets_go": "never"}),
-    "the giver leaves": ("receive", {"leaves_s": 4.0}),
+    "the giver leaves": ("receive", {"leaves_s": 3.0}),
 }
 HEAD = ("case", "ended in", "outcome", "on the way", "contacts")
 
