@@ -32,7 +32,7 @@ from handover.targets.allowance import (
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
-from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
+from odm.execution.executor import BRAKED, RETREATING, SLOWED, STANDING, Executor
 from odm.execution.speed_limit import SpeedLimit
 from odm.execution.threat import Threat, Watcher
 from odm.frame.last_phase import gripper_links
@@ -207,6 +207,7 @@ class Handover:
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
         self._farthest = 0.0  # that the hand was from the object, in this state [m]
+        self._hindered_s = 0.0  # of this state, slowed or stopped for the person [s]
         self._goals: list[np.ndarray] = []
         self._last: _Seen | None = None
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
@@ -488,6 +489,8 @@ class Handover:
             more = _GRAVITY * self._obj.mass_kg if taken else 0.0
             self._pull.feel(frame.wrench, seen.dt, moving, more)
         passed = self._now - self.machine.since
+        if self.executor.state in (SLOWED, BRAKED):
+            self._hindered_s += seen.dt
         away = seen.hand_gap > s.gone
         fetching = self.state in (table.FETCH, table.PUT_DOWN)
         limits = s.fetch_s if fetching else s.wait_s
@@ -500,6 +503,7 @@ class Handover:
                 "gone", away and not self._pull.pulls, seen.dt, _GONE_S
             ),
             "open": frame.opened,
+            "hindered": passed > limits and 2.0 * self._hindered_s > passed,
             "late": passed > limits,
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
@@ -617,6 +621,7 @@ class Handover:
         """Begin what belongs to the state."""
         state = self.state
         self._at, self._begun, self._farthest = 0, None, 0.0
+        self._hindered_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
         steps: list[Step] = []
@@ -754,10 +759,11 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        beside = signal in ("open", "free", "late", "missed")
+        late = signal in ("late", "hindered")
+        beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()
-        opens = signal == "late" and self.holding  # it moves once they are open
+        opens = late and self.holding  # it moves once they are open
         first = [Step("grip", OPEN), Step("let")] if opens else []
         if not self.holding:
             self.fingers = OPEN

@@ -57,6 +57,7 @@ SIGNALS = {
     "no_place": "the robot is at rest, and knows no place for the object",
     "blocked": "no certified motion has led on for a while",
     "in_vain": "no certified motion has led on, as often as it is tried",
+    "hindered": "the time limit is over, most of it slowed or stopped for the person",
     "late": "the state has lasted longer than its time limit",
     "late_holding": "the state has lasted too long, and the object is in the hand",
 }
@@ -68,6 +69,13 @@ GIVE = (
     Row(APPROACH, "lost", RETREAT, "the object was dropped on the way", True),
     Row(APPROACH, "pulled", WAIT, "somebody pulls on the way: it stands", True),
     Row(APPROACH, "arrived", PRESENT, "at the best place in reach"),
+    Row(
+        APPROACH,
+        "hindered",
+        PUT_DOWN,
+        "slowed for the person, it ran out of time",
+        True,
+    ),
     Row(APPROACH, "late", PUT_DOWN, "nobody came within reach in time", True),
     Row(PRESENT, "lost", RETREAT, "the object was dropped", True),
     Row(PRESENT, "near", WAIT, "a hand is near: it stands"),
@@ -93,6 +101,9 @@ GIVE = (
 RECEIVE = (
     Row(APPROACH, "between", CLOSE, "the object was put between the fingers"),
     Row(APPROACH, "arrived", WAIT, "before the object"),
+    Row(
+        APPROACH, "hindered", RETREAT, "slowed for the person, it ran out of time", True
+    ),
     Row(APPROACH, "late", RETREAT, "nothing was held out in reach in time", True),
     Row(WAIT, "between", CLOSE, "the object was put between the fingers"),
     Row(WAIT, "left", APPROACH, "the person left", True),
@@ -104,6 +115,7 @@ RECEIVE = (
     Row(CLOSE, "moved", APPROACH, "the object was drawn back: it follows", True),
     Row(CLOSE, "in_vain", RETREAT, "no way to the object is free: it gives up", True),
     Row(CLOSE, "blocked", APPROACH, "the object is blocked: another way", True),
+    Row(CLOSE, "hindered", RETREAT, "slowed for the person, it ran out of time", True),
     Row(CLOSE, "late", RETREAT, "the person holds on: it lets go", True),
     Row(RETREAT, "lost", RETREAT, "the object was dropped", True),
     Row(RETREAT, "away_holding", PUT_DOWN, "back with the object"),

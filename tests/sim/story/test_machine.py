@@ -43,6 +43,10 @@ def test_who_cannot_go_back_stands_and_says_so():
     states, machine = walk("receive", ["late"], m.RETREAT)
     assert states == [m.DONE] and machine.events[0].failure
     assert walk("receive", ["late_holding"], m.RETREAT)[0] == [m.KEPT]
+    for direction, state in (("give", m.APPROACH), ("receive", m.CLOSE)):
+        machine = Machine(TABLES[direction], state)
+        row = machine.step({"hindered", "late"}, 0.0)
+        assert row.failure and "slowed for the person" in machine.reason
     assert walk("give", ["late"], m.RELEASE)[0] == [m.KEPT]
 
 

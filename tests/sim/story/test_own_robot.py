@@ -952,3 +952,18 @@ def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
     assert re.search(r"wrong by up to 10 mm.*better sensor", sensor)
     thrust = slow_to_stop(quick, ThreatSettings(acceleration=100.0))
     assert "sensor" not in thrust and "[robot]" in thrust
+
+
+@pytest.mark.parametrize("pace", ["slowed", "braked", "moving"])
+def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
+    maps, monkeypatch, pace
+):
+    story, human = story_of(maps, wait_s=0.5)
+    monkeypatch.setattr(type(story.executor), "update", lambda *told: None)
+    monkeypatch.setattr(story.executor, "state", pace)
+    for k in range(60):
+        story.update(sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True))
+    event = next(e for e in story.events if e.failure)
+    hindered = pace != "moving"
+    assert event.signal == ("hindered" if hindered else "late")
+    assert ("slowed for the person" in event.reason) == hindered
