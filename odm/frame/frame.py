@@ -129,6 +129,8 @@ class Frame:
         # the arrays that came last, as they were found good: they need no second look
         self._taken, self._taken_shape = self._nothing.xyz, (-1,)
         self._asked: np.ndarray | None = self.q
+        # views of them: who closes an array to writing later does not close these
+        self._points_view, self._q_view = self._nothing.xyz[:], self.q[:]
         self._copies_q, self._dof = False, cell_map.robot.dof
         self._q_given = np.zeros(
             self._dof
@@ -195,13 +197,17 @@ class Frame:
         ):
             points = check_points(points, labels, covering_radius, self.rho)
             self._taken, self._taken_shape = points, points.shape
+            self._points_view = points[:]
+        points = self._points_view
         if q is not self._asked or len(q) != self._dof or dq is not None:
             given, q = q, check_configuration(self.robot, q, dq)
             self._asked = given if type(given) is np.ndarray else None
-            self._copies_q = q is not given
+            self._copies_q, self._q_view = q is not given, q[:]
         elif self._copies_q:  # a read-only array is of another type to compiled loops
             self._q_given[:] = q
             q = self._q_given
+        else:
+            q = self._q_view
         self.classes = None if classes is None else check_classes(classes, len(points))
         self.obstacles = obstacles
         return points, q

@@ -83,13 +83,33 @@ def test_read_only_arrays_do_not_make_the_frame_compile(small_map, planner):
     from odm.search import _frame as frame
     from odm.search import _step as step
 
+    kernels = step.respond, frame.take_points, frame.begin_step, frame.begin_shapes
     planner.set_goals([AWAY])
-    points = odm.sample_capsules(POST, 0.03)
-    planner.step(points, q=HOME)
-    seen = len(step.respond.signatures), len(frame.take_points.signatures)
-    points.flags.writeable = False
+    points, q = odm.sample_capsules(POST, 0.03), np.array(HOME)
+    shapes = odm.Obstacles(capsules=POST, points=points)
+    for given in (points, shapes, points):
+        planner.step(given, q=q)
+    seen = [len(kernel.signatures) for kernel in kernels]
+    for array in (points, q):  # the very arrays that the frames before had
+        array.flags.writeable = False
+        for given in (points, shapes, points):
+            planner.step(given, q=q)
     planner.step(points, q=small_map.roadmap.nodes[3])
-    assert (len(step.respond.signatures), len(frame.take_points.signatures)) == seen
+    assert [len(kernel.signatures) for kernel in kernels] == seen
+
+
+def test_an_array_that_is_written_anew_is_read_anew(planner):
+    planner.set_goals([AWAY])
+    points, q = odm.sample_capsules(POST, 0.03) + [9.0, 0.0, 0.0], np.array(HOME)
+    assert planner.step(points, q=q).status != "holding"
+    points -= [9.0, 0.0, 0.0]
+    fresh = odm.ReactivePlanner(planner.cell_map)
+    fresh.set_goals([AWAY])
+    told = [p.step(points, q=q) for p in (planner, fresh)]
+    assert np.array_equal(planner.invalid_nodes(), fresh.invalid_nodes())
+    assert len(planner.invalid_nodes()) and told[0].status
+    q += 0.1
+    assert np.array_equal(planner.step(points, q=q).path[0], q)
 
 
 def test_the_memory_is_freed_with_its_last_user_without_a_search_for_garbage(small_map):
