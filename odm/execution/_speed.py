@@ -4,6 +4,7 @@ import math
 
 from numba import njit
 
+from roadmap.geometry._gaps import nearest
 from roadmap.jit_options import INNER, LEAN
 
 
@@ -36,24 +37,11 @@ def allowed_share(balls, ahead, rate, moving, capsules, rates, hands, rule):
                 share = min(share, one)
         if speed * share > rule[6]:
             for k in range(len(hands)):
-                if _nearest(place, hands[k])[1] < rule[5]:
+                far = nearest(x, y, z, hands[k])[1]
+                if far - hands[k, 6] - balls[i, 3] < rule[5]:
                     share = rule[6] / speed
                     break
     return share
-
-
-@njit(**INNER)
-def _nearest(place, rod):
-    """Return where on a capsule's axis a ball is nearest, as a share, and the gap."""
-    x, y, z, radius = place
-    ux, uy, uz = rod[3] - rod[0], rod[4] - rod[1], rod[5] - rod[2]
-    length = ux * ux + uy * uy + uz * uz
-    t = 0.0
-    if length > 0.0:
-        t = ((x - rod[0]) * ux + (y - rod[1]) * uy + (z - rod[2]) * uz) / length
-        t = min(1.0, max(0.0, t))
-    x, y, z = rod[0] + t * ux - x, rod[1] + t * uy - y, rod[2] + t * uz - z
-    return t, math.sqrt(x * x + y * y + z * z) - rod[6] - radius
 
 
 @njit(**INNER)
@@ -61,9 +49,9 @@ def _pair_share(place, velocity, rod, rates, rule):
     """Return the share of its speed that one ball may have for one capsule."""
     reaction, stopping, lost = rule[0], rule[1], rule[2]
     least, coming = rule[3], rule[4]
-    t, gap = _nearest(place, rod)
+    t, far = nearest(place[0], place[1], place[2], rod)
     vx, vy, vz, toward = velocity
-    far = gap + rod[6] + place[3]
+    gap = far - rod[6] - place[3]
     if far > 1e-9:
         nx = (rod[0] + t * (rod[3] - rod[0]) - place[0]) / far
         ny = (rod[1] + t * (rod[4] - rod[1]) - place[1]) / far
