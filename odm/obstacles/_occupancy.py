@@ -28,7 +28,7 @@ def place(points, T, out):
 
 @njit(**INNER)
 def clear(cloud):
-    """Forget the last frame's points."""
+    """Forget the last frame's points, or the cells picked last."""
     for k in range(cloud.counts[N_OCCUPIED]):
         cloud.words[cloud.occupied[k]] = 0
     cloud.counts[:] = 0

@@ -6,7 +6,7 @@ from numba import njit
 from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import displacement, place_clear, set_point
 from odm.obstacles._cloud import IS_SORTED, N_LISTED, N_OCCUPIED
-from odm.obstacles._occupancy import pick_points, sort_points
+from odm.obstacles._occupancy import clear, pick_points, sort_points
 from odm.search._items import (
     BLOCKED,
     FREE,
@@ -44,14 +44,6 @@ def place_free(state, cloud, q):
 def close_free(state, q, dq):
     """Run the close test of a motion against all of the frame's points."""
     return near_free(state, sorted_cloud(state), q, dq)
-
-
-@njit(**INNER)
-def forget_cells(pick):
-    """Begin anew: no cells are picked."""
-    for k in range(pick.counts[N_OCCUPIED]):
-        pick.words[pick.occupied[k]] = 0
-    pick.counts[:] = 0
 
 
 @njit(**INNER)
@@ -107,7 +99,7 @@ def pick_ref(state, ref):
     if view(state, "stats").close[0] >= SORTED_AFTER:
         sorted_cloud(state)
     picked = view(state, "picked")
-    forget_cells(picked)
+    clear(picked)
     if ref >= 0:
         pool = view(state, "pool")
         begin, end = pool.begin[ref], pool.end[ref]
