@@ -104,6 +104,20 @@ def test_a_cloud_is_seen_by_all_who_are_there(cell_map):
         assert path is None or not judge.look(path, seen)[0]
 
 
+class EndlessPath:
+    """As VAMP's paths: what is read past the last row is no error."""
+
+    def __init__(self, rows):
+        self.rows = np.array(rows, np.float32)
+
+    def __getitem__(self, k):
+        assert k < len(self.rows), "read past the last row"
+        return self.rows[k]
+
+    def numpy(self):
+        return self.rows
+
+
 def test_without_vamp_it_says_so_and_with_it_the_world_is_built(monkeypatch):
     monkeypatch.setitem(sys.modules, "vamp", None)
     with pytest.raises(VampMissing, match="not installed"):
@@ -117,7 +131,7 @@ def test_without_vamp_it_says_so_and_with_it_the_world_is_built(monkeypatch):
         def add_cuboid(self, cuboid):
             seen.append(cuboid)
 
-    found = SimpleNamespace(solved=True, path=[[0.0] * 7, [1.0] * 7])
+    found = SimpleNamespace(solved=True, path=EndlessPath([[0.0] * 7, [1.0] * 7]))
     robot = SimpleNamespace(
         halton=lambda: SimpleNamespace(reset=lambda: None),
         rrtc=lambda *args: found,
@@ -140,10 +154,10 @@ def test_without_vamp_it_says_so_and_with_it_the_world_is_built(monkeypatch):
     vamp.begin(Case("sweep", np.zeros(7), np.ones(7), (), ()))
     rods = np.random.default_rng(0).uniform(-1, 1, (5, 7))
     path = vamp.path(Frame(rods, (Box([0.1, 0.2, 0.4]),)))
-    assert path.shape == (2, 7) and len(seen) == 6
+    assert path.shape == (2, 7) and path.dtype == float and len(seen) == 6
     for (_, middle, (x, y, z), radius, length), rod in zip(seen, rods, strict=False):
-        # Rx(x) Ry(y) turns z onto the axis
-        axis = [np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)]
+        # Ry(y) Rx(x) turns z onto the axis
+        axis = [np.sin(y) * np.cos(x), -np.sin(x), np.cos(y) * np.cos(x)]
         ends = np.array(middle) + np.outer([-0.5, 0.5], length * np.array(axis))
         np.testing.assert_allclose(ends, [rod[:3], rod[3:6]], atol=1e-9)
         assert radius == rod[6] and z == 0.0
@@ -155,8 +169,38 @@ def test_angles_give_the_rotation_back():
 
     R = Rotation.random(20, random_state=1)
     for one in R:
-        again = Rotation.from_euler("XYZ", _euler_xyz(one.as_matrix()))
+        again = Rotation.from_euler("xyz", _euler_xyz(one.as_matrix()))  # Rz Ry Rx
         assert (again * one.inv()).magnitude() < 1e-9
+
+
+@pytest.mark.parametrize("of", ["rods", "boxes"])
+def test_vamp_where_it_is_there_has_obstacles_where_they_are(of):
+    pytest.importorskip("vamp")
+    from scipy.spatial.transform import Rotation
+
+    vamp, rng, touched = Vamp("panda", False), np.random.default_rng(0), 0
+    vamp_limits = vamp.robot.lower_bounds(), vamp.robot.upper_bounds()
+    for _ in range(1000):
+        q = rng.uniform(*vamp_limits).tolist()
+        spheres = [(s.x, s.y, s.z, s.r) for s in vamp.robot.fk(q)]
+        centers, radii = np.split(np.array(spheres), [3], axis=1)
+        T, half = np.eye(4), rng.uniform(0.05, 0.25, 3)
+        T[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+        T[:3, 3] = rng.uniform(-0.6, 0.6, 3)
+        local = (centers - T[:3, 3]) @ T[:3, :3]
+        if of == "rods":  # along z of T
+            along = np.clip(local[:, 2], -half[2], half[2])
+            away = np.linalg.norm(local - along[:, None] * [0, 0, 1], axis=1) - 0.05
+            ends = [T[:3, 3] + s * half[2] * T[:3, 2] for s in (-1, 1)]
+            frame = Frame(np.r_[ends[0], ends[1], 0.05][None])
+        else:
+            away = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
+            frame = Frame(NO_RODS, (Box((2 * half).tolist(), T),))
+        near = (away - radii[:, 0]).min()
+        if vamp.robot.validate(q) and abs(near) > 1e-3:
+            assert vamp.robot.validate(q, vamp._world(frame)) == (near > 0)
+            touched += near < 0
+    assert touched > 20
 
 
 def test_the_bench_tells_every_figure(small_folder, tmp_path, monkeypatch):
