@@ -22,7 +22,6 @@ from typing import NamedTuple
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import version_info
-from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
@@ -57,8 +56,7 @@ class LoopCompiler(CompilerBase):
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
         state = self.state
-        ours = KNOWN and config.OPT != 0
-        if ours and state.library is None:
+        if KNOWN and state.library is None:
             library = LoopLibrary(
                 state.targetctx.codegen(), state.func_id.func_qualname
             )

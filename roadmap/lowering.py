@@ -33,6 +33,7 @@ from numba.core.typing import Signature
 from numba.np import arrayobj
 
 _NUMBERS = (types.Number, types.Boolean)
+_WITH_CONSTANTS = ("static_getitem", "static_setitem")  # numba has none for arrays
 _sizes: dict[str, int] = {}
 _alignments: dict[str, int] = {}
 
@@ -91,7 +92,7 @@ class _LoopContext(CPUContext):
     def get_function(self, fn: Any, sig: Signature, _firstcall: bool = True) -> Any:
         """Return what makes the code of a call."""
         key = getattr(fn, "typing_key", fn)
-        if key == "static_getitem" and type(sig.args[0]) is types.Array:
+        if key in _WITH_CONSTANTS and _is_of_numbers(sig.args[0]):
             raise NotImplementedError  # what asks takes `operator.getitem` then
         if key is operator.getitem and _is_plain(sig.args):
             return _Bound(_read, self, sig)
@@ -147,9 +148,11 @@ def _rank(index: types.Type) -> int:
 def _is_plain(args: tuple) -> bool:
     """Return True for a plain array of numbers, and whole numbers as its index."""
     array, index = args
-    if type(array) is not types.Array or not isinstance(array.dtype, _NUMBERS):
-        return False
-    return 1 <= _rank(index) <= array.ndim
+    return _is_of_numbers(array) and 1 <= _rank(index) <= array.ndim
+
+
+def _is_of_numbers(array: types.Type) -> bool:
+    return type(array) is types.Array and isinstance(array.dtype, _NUMBERS)
 
 
 def _place(
