@@ -3,27 +3,33 @@
 Numba links the optimised bodies of all that a loop calls, directly or not, into it,
 optimises the lot again and makes machine code of it, for each loop anew. With loops
 that call each other a dozen deep, most of compiling is that. Here a loop is optimised
-beside those callees alone that may be written into it, the small ones. The others are
-known by name until that is done, and their bodies, optimised already, are linked
-then. And a loop that Python never calls gets no machine code of its own: whatever
-calls it holds its body. Nothing is left to be found at run time.
+beside those callees alone that may be written into it, the small ones. A large loop
+has machine code of its own, an object file, which all that call it share; a small one
+that Python never calls has none.
+
+What is kept of a loop holds the objects of all that it calls, so it is whole in itself;
+whoever loads two loops loads what both call once. A name says the loop, its types and
+its options, and what is kept is dropped when a source changes (`kernel_cache.py`): a
+name has one meaning.
 
 What is kept on disk has numba's own form and is loaded by numba alone; processes take
 turns to write it (`cache_lock.py`).
 """
 
 from itertools import islice
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import version_info
-from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
+from numba.core.registry import cpu_target
 
 from roadmap.cache_lock import save_in_turn
 from roadmap.door import give_small_doors
+from roadmap.lowering import keep_values, reach_elements_directly
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
@@ -44,13 +50,13 @@ class LoopCompiler(CompilerBase):
         super().__init__(*given)
         if KNOWN:
             self.state.typingctx = LookupContext(self.state.typingctx)
+            reach_elements_directly(self.state.targetctx)
             give_small_doors(self.state.targetctx)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
         state = self.state
-        ours = KNOWN and config.OPT != 0
-        if ours and state.library is None:
+        if KNOWN and state.library is None:
             library = LoopLibrary(
                 state.targetctx.codegen(), state.func_id.func_qualname
             )
@@ -61,32 +67,100 @@ class LoopCompiler(CompilerBase):
             state.library = library
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         if KNOWN:
+            keep_values(passes)
             passes = SharedFlagsPasses(passes)
         return [passes]
+
+
+class MachineCode(NamedTuple):
+    """An object file.
+
+    Attributes:
+        code: It.
+        calls: Large loops that it calls, by name.
+        variables: Names of those variables that numba writes to when it loads a loop.
+    """
+
+    code: bytes
+    calls: tuple[str, ...]
+    variables: tuple[str, ...]
+
+
+made: dict[str, MachineCode] = {}  # of large loops in this process, by name
+
+
+def needed(names: tuple[str, ...]) -> dict[str, MachineCode]:
+    """Return the machine code of loops and of all that they call."""
+    found: dict[str, MachineCode] = {}
+    todo = list(names)
+    while todo:
+        name = todo.pop()
+        if name not in found:
+            found[name] = made[name]
+            todo += made[name].calls
+    return found
+
+
+class KeptCode:
+    """Machine code of a loop as it is kept on disk: bytes, once it is loaded.
+
+    Args:
+        code: An object file.
+        own: It, by the names under which others call it.
+        others: All that it calls, directly or not.
+    """
+
+    def __init__(
+        self,
+        code: bytes,
+        own: dict[str, MachineCode],
+        others: dict[str, MachineCode],
+    ) -> None:
+        """Hold it."""
+        self._kept = code, own, others
+
+    def __reduce__(self) -> tuple:
+        """Let what reads this have the bytes."""
+        code, own, others = self._kept
+        told = {name: (one.calls, one.variables) for name, one in own.items()}
+        return _loaded, (code, told, {n: tuple(one) for n, one in others.items()})
+
+
+def _loaded(code: bytes, own: dict, others: dict) -> bytes:
+    """Load the machine code that a loop calls; return its own, which numba loads."""
+    engine = cpu_target.target_context.codegen()._engine._ee
+    for name, one in others.items():
+        if name not in made:
+            made[name] = MachineCode(*one)
+            engine.add_object_file(llvm.ObjectFileRef.from_data(one[0]))
+    for name, told in own.items():
+        made.setdefault(name, MachineCode(code, *told))
+    return code
 
 
 class LoopLibrary(JITCodeLibrary):
     """The code of one loop.
 
     Attributes:
-        has_door: Whether Python calls it, so that it needs machine code.
+        has_door: Whether Python calls it.
     """
 
     has_door = True
     _final_module: llvm.ModuleRef
+    _own: frozenset[str] = frozenset()  # functions of its own
+    _calls: tuple[str, ...] = ()  # loops whose machine code its own calls
 
     def _optimize_functions(self, ll_module: llvm.ModuleRef) -> None:
         """Leave it to the one run over the module; there are no counts to prune."""
         ll_module.data_layout = str(self.codegen.target_data)
 
     def finalize(self) -> None:
-        """Optimise the loop beside its small callees, then link all it calls."""
+        """Optimise the loop beside its small callees, and make its machine code."""
         require_global_compiler_lock()
         self._raise_if_finalized()
         module = self._final_module
-        functions = list(module.functions)
-        wanted = {f.name for f in functions if f.is_declaration}
-        own = {f.name for f in functions} - wanted
+        wanted = _declared(module)
+        self._own = frozenset(f.name for f in module.functions) - wanted
         libraries = list(dict.fromkeys(self._linking_libraries))
         large: set[str] = set()
         for library in libraries:
@@ -95,39 +169,68 @@ class LoopLibrary(JITCodeLibrary):
             large |= {name for name, is_large in of_library.items() if is_large}
             if any(not of_library.get(name, True) for name in wanted):
                 module.link_in(library._get_module_for_linking(), preserve=True)
-        for name in large - own:
+        for name in large - self._own:
             _pass_over(module, name)
         passes, builder = self.codegen._module_pass_manager()
         passes.run(module, builder)
-        for library in libraries:
-            module.link_in(library._get_module_for_linking(), preserve=True)
+        self._link_others(libraries)
         module.verify()
+        self._calls = tuple(sorted(_declared(module) & made.keys()))
         self._finalize_final_module()
 
+    def _link_others(self, libraries: list[JITCodeLibrary]) -> None:
+        """Link what is called and has no machine code that is kept: numba's own."""
+        module, linked = self._final_module, set()
+        while True:
+            wanted = _declared(module) - made.keys()
+            new = [
+                k
+                for k, library in enumerate(libraries)
+                if k not in linked and not wanted.isdisjoint(_large(library))
+            ]
+            if not new:
+                return
+            for k in new:
+                linked.add(k)
+                library = libraries[k]
+                module.link_in(library._get_module_for_linking(), preserve=True)
+
     def _finalize_final_module(self) -> None:
-        """Make machine code, of the loop if Python calls it, else of no function."""
-        shared = self._final_module.clone()  # machine code is made from a changed one
+        """Make machine code, if Python calls the loop or it is too large to vanish."""
+        module = self._final_module
+        shared = module.clone()  # machine code is made from a changed one
         for function in shared.functions:
             external = function.linkage == llvm.Linkage.external
             if external and not function.is_declaration:
                 function.linkage = "linkonce_odr"
         self._shared_module = shared
-        if not self.has_door:
+        self._own &= {name for name, large in _large_in(shared).items() if large}
+        variables = {
+            g.name for g in module.global_variables if g.linkage == llvm.Linkage.common
+        }
+        others = needed(self._calls)
+        if not (self.has_door or self._own):
             self._finalize_dynamic_globals()
             self._verify_declare_only_symbols()
-            self._final_module = self._environments()
+            self._final_module = self._environments(variables)
+        elif others:
+            more = {v for one in others.values() for v in one.variables} - variables
+            module.link_in(self._environments(more))
         super()._finalize_final_module()
+        own = MachineCode(self._compiled_object, self._calls, tuple(sorted(variables)))
+        made.update(dict.fromkeys(self._own, own))
 
-    def _environments(self) -> llvm.ModuleRef:
+    def serialize_using_object_code(self) -> tuple:
+        """Return what numba keeps, with the machine code of all that it calls."""
+        name, kind, (code, bitcode) = super().serialize_using_object_code()
+        kept = KeptCode(code, {n: made[n] for n in self._own}, needed(self._calls))
+        return name, kind, (kept, bitcode)
+
+    def _environments(self, names: set[str]) -> llvm.ModuleRef:
         """Return a module that holds nothing but what numba writes to when loading."""
         module = ir.Module(self._final_module.name)
         module.triple = llvm.get_process_triple()
-        names = [
-            g.name
-            for g in self._final_module.global_variables
-            if g.linkage == llvm.Linkage.common
-        ]
-        for name in names:
+        for name in sorted(names):
             pointer = ir.GlobalVariable(module, ir.IntType(8).as_pointer(), name)
             pointer.linkage = "common"
             pointer.initializer = ir.Constant(pointer.value_type, None)
@@ -136,14 +239,21 @@ class LoopLibrary(JITCodeLibrary):
         return new
 
 
+def _declared(module: llvm.ModuleRef) -> set[str]:
+    return {f.name for f in module.functions if f.is_declaration}
+
+
 _known: dict[str, bool] = {}  # whether a function is large; a body has one name
 
 
 def _large(library: JITCodeLibrary) -> dict[str, bool]:
     """Return of every function in a library whether LLVM leaves it on its own."""
-    functions = library._get_module_for_linking().functions
+    return _large_in(library._get_module_for_linking())
+
+
+def _large_in(module: llvm.ModuleRef) -> dict[str, bool]:
     found = {}
-    for function in functions:
+    for function in module.functions:
         name = function.name
         if not function.is_declaration:
             if name not in _known:

@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.arrayobj import get_itemsize, make_array, populate_array
+from numba.np.arrayobj import get_itemsize, make_array
 from numba.np.numpy_support import from_dtype
 
 from odm._groups import BLOCK, FRAME, GOAL, array, declared
@@ -24,6 +24,7 @@ from odm.close_test._arm import Arm, Work
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solid_samples import Patterns
 from odm.obstacles._solids import Solids
+from roadmap.lowering import array_value
 
 NO_ITEM, IS_GOAL, NO_MOTION = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free
@@ -485,11 +486,11 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
             strides = [size]
             for length in shape[:0:-1]:
                 strides.insert(0, builder.mul(strides[0], length))
-            made = make_array(member)(context, builder)
             data = builder.inttoptr(at, to.as_pointer())
             # without meminfo nothing is counted
-            populate_array(made, data, shape, strides, size, meminfo=None)
-            values.append(made._getvalue())
+            fields = {"data": data, "itemsize": size, "shape": shape}
+            made = array_value(context, builder, member, strides=strides, **fields)
+            values.append(made)
         return context.make_tuple(builder, result, values)
 
     return result(table, name), codegen

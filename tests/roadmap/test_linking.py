@@ -1,5 +1,10 @@
 """Loops are optimised once each, and the answers are those of numba's own compiler."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba import njit
@@ -7,6 +12,7 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from roadmap import linking
 from roadmap.jit_options import INNER, LEAN
+from roadmap.linking import made
 
 _FROM_PYTHON = {k: v for k, v in LEAN.items() if k != "cache"}
 _FROM_LOOPS = {k: v for k, v in INNER.items() if k != "cache"}
@@ -64,23 +70,111 @@ def test_the_same_bytes_come_out(small):
         assert small[-1](a, k) == usual(a, k)
 
 
-def test_a_large_callee_is_linked_as_it_was_optimised_a_small_one_is_gone(small):
+def _named(loop, names):
+    return {n for n in names if f"4{loop.py_func.__name__}" in n and "cpython" not in n}
+
+
+def test_a_large_callee_has_machine_code_of_its_own_a_small_one_is_gone(small):
     tiny, leaf, top = small
     module = _library(top)._final_module
-    names = _defined(module)
-    assert {n.split("B")[0] for n in names if "leaf" in n} != set()
+    names = {f.name for f in module.functions}
+    assert not _named(leaf, _defined(module))
+    (called,) = _named(leaf, names)
+    assert made[called].code and called in _defined(_library(leaf)._final_module)
     assert not any("tiny" in n for n in names)
     for function in module.functions:
         told = b" ".join(function.attributes)
         assert b"optnone" not in told, function.name
 
 
-def test_a_loop_that_python_never_calls_gets_no_machine_code(small):
+def test_a_small_loop_that_python_never_calls_gets_no_machine_code(small):
     tiny, leaf, top = small
-    assert isinstance(_library(leaf), linking.LoopLibrary)
-    assert _defined(_library(leaf)._final_module) == set()
-    assert any("leaf" in n for n in _defined(_library(leaf)._shared_module))
+    assert isinstance(_library(tiny), linking.LoopLibrary)
+    assert _defined(_library(tiny)._final_module) == set()
+    assert any("tiny" in n for n in _defined(_library(tiny)._shared_module))
     assert any("top" in n for n in _defined(_library(top)._final_module))
+
+
+LOOPS = """
+import numpy as np
+from numba import njit
+from roadmap import linking
+from roadmap.jit_options import INNER, LEAN
+
+linking.MOST_INSTRUCTIONS = 12
+
+@njit(**INNER)
+def leaf(a, k):
+    total = 0.0
+    for i in range(a.shape[0]):
+        if a[i] < 0.0:
+            raise ValueError("negative")
+        total += a[i] / (1.0 + a[(i + k) % a.shape[0]])
+    return total
+
+@njit(**INNER)
+def middle(a, k):
+    total = 0.0
+    for j in range(k):
+        total += leaf(a, j) * leaf(a, j + 1) - leaf(a, j + 2)
+    return total
+
+@njit(**LEAN)
+def top(a, k):
+    return middle(a, k) + middle(a, k + 1)
+
+@njit(**LEAN)
+def other(a, k):
+    return middle(a, k) - leaf(a, k)
+"""
+CALLS = """
+import sys
+import numpy as np
+from numba.core.registry import cpu_target
+from llvmlite.binding import ExecutionEngine
+
+objects, plain = [], ExecutionEngine.add_object_file
+def add(self, one):
+    objects.append(one)
+    plain(self, one)
+ExecutionEngine.add_object_file = add
+
+import loops
+a = np.array([0.5, 1.5, 2.5])
+print(loops.top(a, 3), loops.other(a, 3))
+try:
+    loops.other(-a, 3)
+except ValueError as error:
+    print(error)
+every = [loops.leaf, loops.middle, loops.top, loops.other]
+misses = sum(sum(one.stats.cache_misses.values()) for one in every)
+print(misses, len(objects), file=sys.stderr)
+"""
+
+
+def test_what_is_kept_of_a_loop_holds_all_that_it_calls_each_object_once(tmp_path):
+    """Another process needs nothing that is kept of the callees."""
+    (tmp_path / "loops.py").write_text(LOOPS)
+    root = Path(linking.__file__).parents[1]
+    env = os.environ | {
+        "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}",
+        "NUMBA_CACHE_DIR": str(tmp_path / "kept"),
+    }
+
+    def run():
+        told = subprocess.run(
+            [sys.executable, "-c", CALLS], env=env, capture_output=True, text=True
+        )
+        assert told.returncode == 0, told.stderr
+        return told.stdout, told.stderr.split()
+
+    first, (misses, _) = run()
+    assert misses == "4" and "negative" in first
+    for file in (tmp_path / "kept").rglob("*"):
+        if "leaf" in file.name or "middle" in file.name:
+            file.unlink()
+    again, (misses, objects) = run()
+    assert (again, misses, objects) == (first, "0", "2")
 
 
 def test_an_error_is_raised_out_of_a_callee(small):

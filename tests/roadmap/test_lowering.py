@@ -1,0 +1,155 @@
+"""Elements and variables in fewer instructions: the same answers."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba import njit, types
+from numba.core.lowering import Lower
+from numba.core.runtime import _nrt_python, rtsys
+from numba.np import arrayobj
+
+from roadmap import linking
+from roadmap.jit_options import FULL, LEAN
+
+FRESH = {"cache": False}
+pytestmark = pytest.mark.skipif(not linking.KNOWN, reason="numba's own pipeline")
+
+
+def _moved(a, flags, out, k, u):
+    """Read and write in every way: by one number, by several, rows, from the end."""
+    rows, columns, depth = a.shape
+    total = 0.0
+    for i in range(rows):
+        row = a[i]
+        for j in range(columns):
+            column = row[j]
+            for n in range(depth):
+                total += a[i, j, n] * column[n] - row[j, n] + a[i, j][n]
+                out[i, j] += k * a[-1 - i, j, -1]
+        total += out[i, 0] * flags[i] - row[k, u] + a[i, k][-1]
+        flags[i] = not flags[i]
+    out[-1, -1] = a[0, k, u] + a.shape[1] + row.shape[0] + flags.shape[0]
+    return total + out[u, u]
+
+
+def _arrays(order):
+    rng = np.random.default_rng(4)
+    a = rng.random((3, 4, 5))
+    if order == "F":
+        a = np.asfortranarray(a)
+    if order == "A":
+        a = rng.random((6, 4, 10))[::2, :, ::2]
+    out = np.asarray(np.zeros((3, 4)), order="F" if order == "F" else "C")
+    return a, np.array([True, False, True]), out
+
+
+@pytest.mark.parametrize("said", [LEAN, FULL])
+@pytest.mark.parametrize("order", ["C", "F", "A"])
+def test_what_is_read_and_written_is_what_python_reads_and_writes(order, said):
+    loop = njit(**said | FRESH)(_moved)
+    given, same = _arrays(order), _arrays(order)
+    for k, u in ((1, np.uint16(2)), (-1, np.uint16(0))):
+        assert loop(*given, k, u) == _moved(*same, k, u)
+    for one, other in zip(given, same, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_a_readonly_array_is_read_and_not_written():
+    def first(a):
+        return a[0, 1] + a[1][0]
+
+    def clear(a):
+        a[0, 0] = 0.0
+
+    a = np.arange(4.0).reshape(2, 2)
+    a.setflags(write=False)
+    assert njit(**LEAN | FRESH)(first)(a) == 3.0
+    with pytest.raises(Exception, match="readonly"):
+        njit(**LEAN | FRESH)(clear)(a)
+
+
+def test_a_row_that_is_handed_on_is_counted_as_any_array():
+    on = _nrt_python.memsys_stats_enabled()
+    _nrt_python.memsys_enable_stats()
+    try:
+
+        @njit(**FULL | FRESH)
+        def rows(n):
+            last = np.zeros(3)
+            for k in range(n):
+                made = np.full((2, 3), k * 1.0)
+                last = made[1]
+            return last
+
+        rows(2)
+        before = rtsys.get_allocation_stats()
+        for n in range(1, 5):
+            assert rows(n)[0] == n - 1.0
+        after = rtsys.get_allocation_stats()
+        assert after.alloc - before.alloc == after.free - before.free > 0
+    finally:
+        if not on:
+            _nrt_python.memsys_disable_stats()
+
+
+def test_numbers_in_plain_arrays_do_without_numbas_array_on_the_stack(monkeypatch):
+    loop = njit(**LEAN | FRESH)(_moved)
+
+    def refused(typ):
+        raise AssertionError(typ)
+
+    given = _arrays("C")
+    with monkeypatch.context() as here:
+        here.setattr(arrayobj, "make_array", refused)
+        kinds = tuple(map(loop.typeof_pyval, (*given, 1, np.uint16(2))))
+        loop.compile(kinds)
+    assert loop(*given, 1, np.uint16(2)) == _moved(*_arrays("C"), 1, np.uint16(2))
+
+
+class Group(NamedTuple):
+    """Two arrays."""
+
+    a: np.ndarray
+    b: np.ndarray
+
+
+def _rounds(group, n):
+    """Use variables of every kind: of one value, of the round before, of a branch."""
+    a, last, late, kept = group.a, -1.0, 0.0, 0.5
+    for i in range(n):
+        if i > 1:
+            late += last * kept  # of the round before
+        kept = a[i] + group.b[i]
+        if kept > 1.0:
+            high = kept * 2.0
+            for j in range(i):
+                late += high * group.a[j]
+            last = high
+        elif i % 2:
+            last = kept
+        if late > 1e6:
+            break
+    return late + last + group.b.shape[0] + kept
+
+
+@pytest.mark.parametrize("said", [LEAN, FULL])
+def test_variables_have_the_values_that_python_gives_them(said):
+    loop, rng = njit(**said | FRESH)(_rounds), np.random.default_rng(2)
+    for n in range(1, 8):
+        group = Group(rng.random(8), rng.random(8))
+        assert loop(group, n) == _rounds(group, n)
+
+
+def test_a_group_that_is_assigned_once_is_not_on_the_stack(monkeypatch):
+    places, plain = [], Lower.alloca
+
+    def noted(self, name, typ):
+        places.append(name)
+        return plain(self, name, typ)
+
+    monkeypatch.setattr(Lower, "alloca", noted)
+    loop = njit(**LEAN | FRESH)(_rounds)
+    loop.compile((loop.typeof_pyval(Group(np.ones(8), np.ones(8))), types.int64))
+    assert not {"group", "a", "n"} & set(places)
+    assert any("late" in name for name in places)
