@@ -1,6 +1,6 @@
 """Settings of the pursuit of targets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -96,6 +96,8 @@ class LiveSettings:
         rank_budget: Work of the ranking in a frame, about 1 us each: it goes on over
             several frames, of the person as they were when it began. 0: in each frame
             all of it, some milliseconds.
+        idle: So many times as many while there is no target to go to.
+        alike: Decimals of quality that tell targets apart.
         choices: Frames between two rankings, where it goes on over several: in each
             the targets known are weighed anew, and one costly job is done.
         from_rest: Whether the way of the person's hand counts from where their arm
@@ -127,6 +129,8 @@ class LiveSettings:
     goals_each: int = 2
     rank_budget: int = 0
     choices: int = 3
+    idle: int = 3
+    alike: int = 6
     from_rest: bool = False
     near_rest: bool = False
     spare_m: float = 0.0
@@ -150,6 +154,7 @@ class LiveSettings:
         )
         counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
         counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
+        counts |= {"idle": (1, 1000, ""), "alike": (0, 15, "")}
         counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
         check_settings(self, lengths | counts, tuple(counts))
@@ -158,3 +163,46 @@ class LiveSettings:
     def starts(self) -> int:
         """Starts of the inverse kinematics for a target, at most."""
         return self.before + 1 + self.after
+
+
+@dataclass(frozen=True)
+class AllowanceSettings:
+    """What work takes, in units of about a microsecond (`allowance.Allowance`).
+
+    They are measured means: on a machine that is slower by a factor give all of them
+    that factor, or a frame fewer units.
+
+    Attributes:
+        look_out: The executor looks whether somebody comes.
+        moves: Stops of a robot that is on its way are tested.
+        tell: The planner is told where the person will be.
+        set_goals: Goals are set: the step looks for a path to them.
+        rank: A ranking begins.
+        solve: A start of the inverse kinematics.
+        reach: ... of a place before an object and one at it.
+        prepare: A goal is joined to the roadmap.
+        test: A test of `improve`.
+        join: The step joined the robot to the roadmap.
+        time_path: The executor times a new path.
+        least: A frame's share of work that goes on over several is not less.
+        patience: Frames by which work is put off at most.
+    """
+
+    look_out: int = 600
+    moves: int = 500
+    tell: int = 250
+    set_goals: int = 600
+    rank: int = 300
+    solve: int = 500
+    reach: int = 900
+    prepare: int = 1500
+    test: int = 500
+    join: int = 1500
+    time_path: int = 900
+    least: int = 150
+    patience: int = 4
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        names = tuple(one.name for one in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")), names)
