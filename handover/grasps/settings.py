@@ -25,6 +25,5 @@ class HoldSettings:
     drawn: int = 40
 
     def __post_init__(self) -> None:
-        """Check every number."""
         names = tuple(one.name for one in fields(self))
         check_settings(self, dict.fromkeys(names, (1, 100_000, "")), names)

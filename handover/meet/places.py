@@ -45,7 +45,6 @@ class PlaceQualities:
     reached: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("points", "q", "reached"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
         best = {k: frozen(v, np.float64) for k, v in self.best.items()}

@@ -67,7 +67,6 @@ class QualitySettings:
     online_weight: float = 5.0 / 6.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         alpha, betas = np.asarray(self.joint_weights, float), np.array(self.betas)
         if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
             raise BadInput(
@@ -138,7 +137,6 @@ class FindSettings:
     batch: int = 10
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("attempts", "steps", "batch")
         ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
         ranges |= {"position_tolerance": (1e-9, 1.0, "m")}
@@ -180,7 +178,6 @@ class MeetSettings:
     obstacles: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         check_side(self.side)
         T = np.eye(4) if self.T_world_base is None else self.T_world_base
         T = frozen(check_pose(T, "T_world_base"), np.float64)

@@ -43,7 +43,6 @@ class ProofSettings:
     shortest: float = 5e-4
 
     def __post_init__(self) -> None:
-        """Check every number."""
         names = tuple(one.name for one in fields(self))
         check_settings(self, dict.fromkeys(names, (1e-6, 0.1, "m")))
 
@@ -73,7 +72,6 @@ class SolveSettings:
     shorter: tuple[float, ...] = (1.0, 0.6, 0.35)
 
     def __post_init__(self) -> None:
-        """Check every number."""
         counts = ("free_angles", "restarts", "steps", "samples")
         ranges: dict = dict.fromkeys(counts, (1, 50_000_000, ""))
         ranges |= {"error": (1e-9, 1.0, ""), "cell": (0.005, 0.5, "m")}
@@ -123,11 +121,6 @@ class PlanSettings:
     meetings: int = 8
 
     def __post_init__(self) -> None:
-        """Check every number.
-
-        Raises:
-            BadInput: One out of range; names it, its value and its limits.
-        """
         counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries",
                   "first_budget", "postures", "starts", "meetings")  # fmt: skip
         check_settings(self, _RANGES, counts)

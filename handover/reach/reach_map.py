@@ -55,7 +55,6 @@ class ReachMap:
     hash: str = ""
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         arrays = [frozen(a, t) for a, t in zip(self.packed, _PACKED.values())]
         object.__setattr__(self, "packed", lookup.Packed(*arrays))
 

@@ -39,7 +39,6 @@ class ChoiceSettings:
     patience_frames: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         if not is_between(self.quality_hysteresis, 0, 1):
             raise BadInput(
                 f"quality_hysteresis is {self.quality_hysteresis}, but must be 0 to 1 "
@@ -137,7 +136,6 @@ class LiveSettings:
     spare_frames: int = 400
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         lengths = {
             "node_tolerance_m": (0.0, 1.0, "m"),
             "node_tolerance_rad": (0.0, np.pi, "rad"),
@@ -203,6 +201,5 @@ class AllowanceSettings:
     patience: int = 4
 
     def __post_init__(self) -> None:
-        """Check every value."""
         names = tuple(one.name for one in fields(self))
         check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")), names)

@@ -85,11 +85,6 @@ class ExecutionSettings:
     lower: float = 0.6
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "speed_scale": (1e-6, 1.0, ""),
             "retreat_scale": (1e-6, 1.0, ""),

@@ -43,7 +43,6 @@ class PaceSettings:
     tracking: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("keep_every", "retreat_every")
         ranges: Ranges = dict.fromkeys(counts, (1, 10_000, ""))
         ranges |= dict.fromkeys(("look_ahead_s", "hindered_s"), (0.0, 10.0, "s"))
@@ -73,7 +72,6 @@ class LookoutSettings:
     between_searches: float = 0.05
 
     def __post_init__(self) -> None:
-        """Check every value."""
         names = ("between_looks", "between_searches")
         check_settings(self, dict.fromkeys(names, (0.0, 10.0, "s")))
         for name in ("meets", "ahead"):
@@ -102,7 +100,6 @@ class StopTestSettings:
     near: float = 0.01
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("at_once", "places")
         ranges: Ranges = {"at_once": (1, 1000, ""), "places": (2, 1000, "")}
         ranges |= dict.fromkeys(("slice_s", "shell_slice_s"), (1e-3, 10.0, "s"))
@@ -123,7 +120,6 @@ class TrackingSettings:
     held_s: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check every value."""
         check_settings(self, {"still": (0.0, 0.1, "m"), "held_s": (0.0, 10.0, "s")})
 
 
@@ -142,7 +138,6 @@ class IntentSettings:
     most: int = 24
 
     def __post_init__(self) -> None:
-        """Check every value."""
         check_settings(
             self, {"step_s": (1e-3, 10.0, "s"), "most": (1, 10_000, "")}, ("most",)
         )
@@ -168,7 +163,6 @@ class FollowSettings:
     most_growth: float = 4.0
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges: Ranges = dict.fromkeys(("drift_s", "spurt_s"), (1e-3, 10.0, "s"))
         ranges |= {"confirmed": (2, 1000, ""), "most_growth": (0.0, 100.0, "m")}
         check_settings(self, ranges, ("confirmed",))
@@ -189,6 +183,5 @@ class AheadSettings:
     jerk_s: tuple[float, ...] = (0.0, 0.2, 0.4)
 
     def __post_init__(self) -> None:
-        """Check every value."""
         check_settings(self, {"direction_s": (1e-3, 10.0, "s")})
         check_row(self, "jerk_s", 0.0, 10.0, "s")

@@ -71,11 +71,6 @@ class SpeedSettings:
     hand_jerk: float = 30.0
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "reaction_s": (0.001, 10.0, "s"),
             "stopping_s": (0.0, 10.0, "s"),

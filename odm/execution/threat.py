@@ -89,11 +89,6 @@ class ThreatSettings:
     rise: float = 1.5
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "speed": (0.0, 100.0, "m/s"),
             "acceleration": (0.0, 1e4, "m/s2"),

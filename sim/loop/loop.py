@@ -99,7 +99,6 @@ class NewPathSettings:
     expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("frames", "times")
         check_settings(self, dict.fromkeys(counts, (1, 1000, "")), counts)
         check_row(self, "expected", 0.0, 10.0, "s")

@@ -66,11 +66,6 @@ class PushSettings:
     lever: float = 0.02
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "pause": (0.1, 1e6, "s"),
             "push": (0.0, 1.0, "m"),

@@ -33,7 +33,6 @@ class WorkPlaceSettings:
     apart: float = 0.5
 
     def __post_init__(self) -> None:
-        """Check every value."""
         shares = ("forward", "side", "height", "apart")
         ranges: dict = dict.fromkeys(shares, (0.0, 1.0, ""))
         ranges["candidates"] = (1, 1_000_000, "")

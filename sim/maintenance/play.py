@@ -37,7 +37,6 @@ class CycleSettings:
     still: float = 1e-3
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges = dict.fromkeys(("uses_s", "limit_s"), (0.0, 3600.0, "s"))
         ranges |= dict.fromkeys(("at_rest", "still"), (1e-9, 0.1, "rad or m"))
         check_settings(self, ranges)

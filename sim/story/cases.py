@@ -324,7 +324,6 @@ class InReachSettings:
     apart: float = 0.02
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("tried", "starts", "steps")
         ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
         check_settings(self, ranges | {"apart": (0.0, 1.0, "m")}, counts)

@@ -35,11 +35,6 @@ class ComfortSettings:
     unseen: float = 0.20
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         radius = (0.0, 0.5, "m")
         check_settings(self, {"face_to_hand": radius, "unseen": radius})
 
@@ -60,7 +55,6 @@ class ShunnedSettings:
     down: float = 0.60
 
     def __post_init__(self) -> None:
-        """Check every value."""
         names = ("short", "behind", "down")
         check_settings(self, dict.fromkeys(names, (0.0, 2.0, "m")))
 
@@ -105,7 +99,6 @@ class ConductSettings:
     braked_every: int = 4
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("periods", "tests", "tests_moving", "braked_every")
         times = ("gone_s", "goes_on_s", "leap_s", "tell_s", "late_s")
         ranges: dict = dict.fromkeys(counts, (1, 1000, ""))
@@ -145,7 +138,6 @@ class GraspingSettings:
     most_out: float = 0.25
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("seeds", "kept", "steps", "lengths", "looked_at", "out_steps")
         ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
         ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
@@ -170,7 +162,6 @@ class GripperSettings:
     between: float = 0.025
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges = {"closing_s": (0.001, 60.0, "s"), "between": (0.0, 0.5, "m")}
         check_settings(self, ranges | dict.fromkeys(("held", "loose"), (0.0, 1.0, "")))
 
