@@ -95,8 +95,6 @@ class LiveSettings:
         rank_budget: Work of the ranking in a frame, about 1 us each: it goes on over
             several frames, of the person as they were when it began. 0: in each frame
             all of it, some milliseconds.
-        idle: So many times as many while there is no target to go to.
-        alike: Decimals of quality that tell targets apart.
         choices: Frames between two rankings, where it goes on over several: in each
             the targets known are weighed anew, and one costly job is done.
         from_rest: Whether the way of the person's hand counts from where their arm
@@ -109,6 +107,9 @@ class LiveSettings:
         near_rest: Whether ways from the place of rest are kept short: inverse
             kinematics begins there, in place of the last near node, and of targets
             with the same quality the one that turns the tool least goes first.
+        idle: So many times `choices` are between two rankings while there is no target
+            to go to.
+        alike: Targets have the same quality if it is so to this many decimals.
     """
 
     ranked: int = 10
@@ -128,12 +129,12 @@ class LiveSettings:
     goals_each: int = 2
     rank_budget: int = 0
     choices: int = 3
-    idle: int = 3
-    alike: int = 6
     from_rest: bool = False
     near_rest: bool = False
     spare_m: float = 0.0
     spare_frames: int = 400
+    idle: int = 3
+    alike: int = 6
 
     def __post_init__(self) -> None:
         lengths = {
