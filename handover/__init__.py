@@ -28,7 +28,7 @@ from handover.meet.constraints import Above, Constraint, Inside, Upright
 from handover.meet.find import Handover, find_handover
 from handover.meet.held_object import HeldObject, mallet, wrench
 from handover.meet.quality import ArmState, Quality, posture_quality, total_quality
-from handover.meet.settings import MeetSettings, QualitySettings
+from handover.meet.settings import FindSettings, MeetSettings, QualitySettings
 from handover.meet.validity import PlannerValidity
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.plans.motions import PlannedMotion
@@ -55,6 +55,7 @@ __all__ = [
     "Chain",
     "ChoiceSettings",
     "Constraint",
+    "FindSettings",
     "Fixture",
     "GraspObject",
     "GraspSet",

@@ -81,3 +81,28 @@ def check_settings(
         name = f"{field} [{unit}]" if unit else field
         where = type(settings).__name__
         check_number(name, value, low, high, field in whole, where)
+
+
+def check_row(
+    settings: object, field: str, low: float, high: float, unit: str = ""
+) -> None:
+    """Check a tuple of numbers of a frozen settings object.
+
+    Args:
+        settings: The object.
+        field: Name of the tuple.
+        low: Least that each number may be.
+        high: Largest that each may be.
+        unit: Of the numbers.
+
+    Raises:
+        BadInput: It is no tuple, is empty, or holds anything else; names the value.
+    """
+    row, where = getattr(settings, field), type(settings).__name__
+    if not isinstance(row, tuple) or not row:
+        raise BadInput(
+            f"{field} is {row!r}, but must be a tuple of numbers; change it in {where}"
+        )
+    name = f"{field} [{unit}]" if unit else field
+    for value in row:
+        check_number(f"a value of {name}", value, low, high, False, where)

@@ -59,9 +59,9 @@ def kept_unless_ended(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """Yield an empty folder, in `parent` or the system's place, removed at the end."""
-    with beside(Path(parent or tempfile.gettempdir(), "odm")) as made:
+def temporary_folder() -> Iterator[Path]:
+    """Yield an empty folder in the system's place for such, removed at the end."""
+    with beside(Path(tempfile.gettempdir(), "odm")) as made:
         made.mkdir(0o700)
         yield made
 

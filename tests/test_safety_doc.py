@@ -73,13 +73,13 @@ def test_lines_are_short_but_for_tables_and_names():
         ("odm/close_test/static.py", "MARGIN + 2.0 * more"),
         ("roadmap/geometry/self_collision.py", "MARGIN = 1e-4"),
         ("roadmap/geometry/self_collision.py", "_SAMPLES = 500"),
-        ("odm/execution/stop_test.py", "_SLICE = 0.04 "),
+        ("odm/execution/settings.py", "slice_s: float = 0.04"),
         ("odm/execution/threat.py", "speed: float = 2.0"),
         ("odm/execution/threat.py", "acceleration: float = 4.0"),
         ("odm/execution/threat.py", "noise: float = 0.0"),
         ("odm/execution/threat.py", "max_plausible_speed: float = 5.0"),
         ("odm/execution/threat.py", "max_plausible_acceleration: float = 60.0"),
-        ("odm/execution/threat.py", "_CONFIRMED = 3 "),
+        ("odm/execution/settings.py", "confirmed: int = 3"),
     ],
 )
 def test_numbers_it_rests_on_are_those_of_the_sources(file, stands):

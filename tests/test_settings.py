@@ -7,11 +7,27 @@ import pytest
 
 import odm
 from handover.grasps.grasp_build import GraspSettings
+from handover.grasps.settings import HoldSettings
+from handover.meet.settings import FindSettings
+from handover.plans.settings import PlanSettings, ProofSettings, SolveSettings
 from handover.reach.reach_build import ReachSettings
-from handover.targets.settings import ChoiceSettings, LiveSettings
+from handover.targets.settings import (
+    AllowanceSettings,
+    ChoiceSettings,
+    LiveSettings,
+)
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
 from odm.execution.executor import ExecutionSettings
+from odm.execution.settings import (
+    AheadSettings,
+    FollowSettings,
+    IntentSettings,
+    LookoutSettings,
+    PaceSettings,
+    StopTestSettings,
+    TrackingSettings,
+)
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from odm.planner.settings import (
@@ -23,9 +39,20 @@ from odm.planner.settings import (
 )
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
-from sim.loop.loop import LoopSettings
+from sim.loop.loop import LoopSettings, NewPathSettings
+from sim.loop.pushed import PushSettings
+from sim.loop.work_places import WorkPlaceSettings
+from sim.maintenance.play import CycleSettings
+from sim.story.cases import InReachSettings
 from sim.story.pull import PullSettings
-from sim.story.settings import ComfortSettings, StorySettings
+from sim.story.settings import (
+    ComfortSettings,
+    ConductSettings,
+    GraspingSettings,
+    GripperSettings,
+    ShunnedSettings,
+    StorySettings,
+)
 from sim.two.two_members import TwoSettings
 
 SETTINGS = [
@@ -45,12 +72,34 @@ SETTINGS = [
     ExecutionSettings,
     LoopSettings,
     ThreatSettings,
+    PaceSettings,
+    LookoutSettings,
+    StopTestSettings,
+    TrackingSettings,
+    IntentSettings,
+    FollowSettings,
+    AheadSettings,
     TwoSettings,
     GraspSettings,
     SpeedSettings,
     PullSettings,
     ComfortSettings,
     StorySettings,
+    ConductSettings,
+    GraspingSettings,
+    GripperSettings,
+    ShunnedSettings,
+    InReachSettings,
+    CycleSettings,
+    NewPathSettings,
+    PushSettings,
+    WorkPlaceSettings,
+    HoldSettings,
+    FindSettings,
+    PlanSettings,
+    ProofSettings,
+    SolveSettings,
+    AllowanceSettings,
 ]
 
 
@@ -79,6 +128,27 @@ def test_what_is_no_number_in_range_is_refused_with_its_name(kind, field, wrong)
 def test_counts_are_whole(kind, field):
     with pytest.raises(BadInput, match="a whole number"):
         kind(**{field: 2.5})
+
+
+def rows():
+    """Yield each settings class with each of its fields that holds several numbers."""
+    for kind in SETTINGS:
+        for field in dataclasses.fields(kind):
+            if field.name != "finger_pads" and isinstance(
+                getattr(kind(), field.name), tuple
+            ):
+                yield pytest.param(kind, field.name, id=f"{kind.__name__}.{field.name}")
+
+
+@pytest.mark.parametrize(
+    "wrong", [(), None, 0.5, "12", (0.1, np.nan), (-1.0,), (True,)], ids=repr
+)
+@pytest.mark.parametrize(("kind", "field"), list(rows()))
+def test_what_is_no_row_of_numbers_in_range_is_refused_with_its_name(
+    kind, field, wrong
+):
+    with pytest.raises(BadInput, match=field):
+        kind(**{field: wrong})
 
 
 @pytest.mark.parametrize("kind", SETTINGS)

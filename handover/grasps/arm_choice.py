@@ -17,8 +17,6 @@ from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
 _CHUNK = 20_000  # configurations at a time
-_SAMPLES = 300_000  # about 10 a voxel of 5 cm within reach
-_CELL = 0.05  # [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +71,8 @@ def build_arm_reach(
     chain: Chain,
     name: str = "",
     tool_center: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    samples: int = _SAMPLES,
-    cell: float = _CELL,
+    samples: int = 300_000,
+    cell: float = 0.05,
     seed: int = 1,
 ) -> ArmReach:
     """Sample an arm's configurations and average its manipulability by voxel.
@@ -83,7 +81,8 @@ def build_arm_reach(
         chain: Of the arm, in metres.
         name: Of the arm; the chain's if left.
         tool_center: The tool centre point in the tool frame [m].
-        samples: Configurations, uniform within the limits.
+        samples: Configurations, uniform within the limits; 300 000 are about 10 a voxel
+            of 5 cm within reach.
         cell: Side of a voxel [m].
         seed: Same seed, same bytes.
 

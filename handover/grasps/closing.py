@@ -7,12 +7,12 @@ import numpy as np
 from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
+from handover.grasps.settings import HoldSettings
 from odm.audit._exact import winding
 from odm.audit.exact import gather
 
 _CHUNK = 16  # triangles with one ball around them
 _LONGEST = 0.05  # [m] edge of a triangle
-_CENTRED = 4  # tries to put an object between the jaws of a gripper
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,12 @@ def is_outside(
 
 
 def close(
-    hand: Hand, target: Target, T_object_palm: np.ndarray, shape: int, tolerance: float
+    hand: Hand,
+    target: Target,
+    T_object_palm: np.ndarray,
+    shape: int,
+    tolerance: float,
+    hold: HoldSettings = HoldSettings(),
 ) -> kernels.HandState | None:
     """Close a hand from a preshape: each finger to its first contact.
 
@@ -109,13 +114,14 @@ def close(
         T_object_palm: Where the palm is, (4, 4).
         shape: Which of its preshapes.
         tolerance: What counts as contact: at most this far, never overlapping [m].
+        hold: How often a gripper gives way.
 
     Returns:
         The closed hand, None where the open one is in the object, nothing is touched or
         the hand meets itself.
     """
     T = np.array(T_object_palm, float)
-    for _ in range(_CENTRED):
+    for _ in range(hold.centred):
         state = hand.state(T, hand.preshapes[shape])
         if not is_outside(hand, state, target, tolerance):
             return None

@@ -77,11 +77,6 @@ class GraspSettings:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        """Check every number.
-
-        Raises:
-            BadInput: One out of range; names it, its value and its limits.
-        """
         counts = ("samples", "rolls", "edges", "seed")
         check_settings(self, _RANGES, counts)
 

@@ -62,7 +62,6 @@ class GraspSet:
     hash: str = ""
 
     def __post_init__(self) -> None:
-        """Freeze every array."""
         for name, dtype in _ARRAYS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
 

@@ -16,13 +16,12 @@ import numpy as np
 from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
+from handover.grasps.settings import HoldSettings
 from handover.grasps.surface import farthest, surface_points
 from odm.audit._exact import Convexes
 from odm.audit.exact import gather
 
-_A_LINK = 2  # contacts kept of one link's patch: the nearest, and the one farthest off
-_DIRECTIONS = 512  # in which a grasp is tried before its hull is made
-_DESCENT = 40  # steps towards the weakest direction
+_HOLD = HoldSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +61,13 @@ def skin_of(thing: GraspObject, spacing: float, rng: np.random.Generator) -> Ski
 
 
 def contacts_of(
-    hand: Hand, state: kernels.HandState, skin: Skin, within: float
+    hand: Hand,
+    state: kernels.HandState,
+    skin: Skin,
+    within: float,
+    hold: HoldSettings = _HOLD,
 ) -> Contacts:
-    """Return where a hand touches, at most two places a link.
+    """Return where a hand touches, a few places a link.
 
     Fewer places than there are withstand less, so what is told to hold, holds.
 
@@ -73,6 +76,7 @@ def contacts_of(
         state: Where it is, closed.
         skin: The object's surface.
         within: How far pads give way: what is nearer touches [m].
+        hold: How many places.
     """
     link = np.empty(len(skin.points), np.int64)
     gap = np.empty(len(skin.points))
@@ -81,7 +85,7 @@ def contacts_of(
     for one in np.unique(link[link >= 0]):
         near = np.flatnonzero(link == one)
         first = int(gap[near].argmin())
-        rows += near[farthest(skin.points[near], _A_LINK, first)].tolist()
+        rows += near[farthest(skin.points[near], hold.each, first)].tolist()
     rows = np.array(rows, np.int64)
     return Contacts(skin.points[rows], -skin.normals[rows], link[rows])
 
@@ -113,7 +117,7 @@ def wrenches(
     return np.concatenate([force, moment], axis=2).reshape(-1, 6)
 
 
-def quality_bound(points: np.ndarray) -> float:
+def quality_bound(points: np.ndarray, hold: HoldSettings = _HOLD) -> float:
     """Return a bound that `closure_quality` of wrenches (n, 6) does not exceed.
 
     The hull withstands a push along a unit vector u no farther than its farthest point
@@ -121,10 +125,10 @@ def quality_bound(points: np.ndarray) -> float:
     """
     if len(points) < 7:
         return 0.0
-    u = _directions()
+    u = _directions(hold.directions)
     along = (u @ points.T).max(axis=1)
     u, bound = u[along.argmin()], float(along.min())
-    for k in range(_DESCENT):
+    for k in range(hold.descent):
         push = points @ u
         far = int(push.argmax())
         bound = min(bound, float(push[far]))
@@ -134,8 +138,8 @@ def quality_bound(points: np.ndarray) -> float:
 
 
 @cache
-def _directions() -> np.ndarray:
-    u = np.random.default_rng(0).normal(size=(_DIRECTIONS, 6))
+def _directions(n: int) -> np.ndarray:
+    u = np.random.default_rng(0).normal(size=(n, 6))
     u = np.concatenate([u, np.eye(6), -np.eye(6)])
     return u / np.linalg.norm(u, axis=1, keepdims=True)
 

@@ -3,9 +3,8 @@
 import numpy as np
 
 from handover.grasps.objects import GraspObject
+from handover.grasps.settings import HoldSettings
 from odm.audit._exact import winding
-
-_MANY = 40  # points drawn for each that is kept
 
 
 def surface_points(
@@ -43,7 +42,10 @@ def surface_points(
 
 
 def even_points(
-    thing: GraspObject, n: int, rng: np.random.Generator
+    thing: GraspObject,
+    n: int,
+    rng: np.random.Generator,
+    hold: HoldSettings = HoldSettings(),
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return n points spread evenly over the surface, and outward normals.
 
@@ -53,7 +55,7 @@ def even_points(
     Returns:
         (n, 3) points and (n, 3) unit normals, object frame [m].
     """
-    points, normals = surface_points(thing, _MANY * n, rng)
+    points, normals = surface_points(thing, hold.drawn * n, rng)
     n = min(n, len(points))
     chosen = farthest(points, n)
     return points[chosen], normals[chosen]

@@ -76,7 +76,6 @@ class ArmSolutions:
     spans: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("q", "swivel", "spans"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
         object.__setattr__(self, "span", frozen(self.span, np.int64))

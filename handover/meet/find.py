@@ -12,17 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover.chain import chain_of
+from handover.meet.settings import FindSettings
 from handover.meet.validity import Validity, validity_of
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
-
-POSITION_TOLERANCE = 1e-4  # [m]
-ROTATION_TOLERANCE = 1e-3  # [rad]
-_BATCH = 10  # targets asked for at a time
-_ATTEMPTS = 5  # starts of the inverse kinematics: the witness, the middle, random ones
-_STEPS = 60  # of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +52,7 @@ def find_handover(
     is_valid: object,
     timeout: float = 0.5,
     *,
-    position_tolerance: float = POSITION_TOLERANCE,
-    rotation_tolerance: float = ROTATION_TOLERANCE,
+    settings: FindSettings | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Handover:
     """Return the best target that passes, with the robot's configuration.
@@ -74,22 +68,21 @@ def find_handover(
             in its last frame, and joined to its roadmap; see `PlannerValidity`.
         timeout: Time after which no further target is begun [s]. A call of `is_valid`
             is not interrupted.
-        position_tolerance: Largest distance of the tool from the target [m].
-        rotation_tolerance: Largest angle between them [rad].
+        settings: How near, and how hard it is tried; see FindSettings.
         clock: Returns the time [s]; for tests.
 
     Raises:
-        BadInput: A timeout or tolerance that is none, a robot of other joints than the
+        BadInput: A timeout that is none, a robot of other joints than the
             reach map's, an `is_valid` that is none.
     """
-    tolerances = position_tolerance, rotation_tolerance
-    _check(meet, robot, timeout, tolerances)
+    settings = settings or FindSettings()
+    _check(meet, robot, timeout)
     valid = validity_of(is_valid)
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
     end = clock() + timeout
     tried: list[tuple[Target, str]] = []
     waiting: list[Target] = []
-    while waiting := waiting or meet.best(_BATCH):
+    while waiting := waiting or meet.best(settings.batch):
         target = waiting[0]
         if clock() >= end:
             why = (
@@ -98,7 +91,7 @@ def find_handover(
             )
             return Handover(target, None, tuple(tried), True, why)
         T_base_tool = T_base_world @ target.T_world_tool
-        q, why = _reaching(meet, robot, T_base_tool, valid, tolerances)
+        q, why = _reaching(meet, robot, T_base_tool, valid, settings)
         if q is not None:
             return Handover(target, q, tuple(tried), False)
         tried.append((target, why))
@@ -112,23 +105,23 @@ def _reaching(
     robot: Robot,
     T_base_tool: np.ndarray,
     valid: Validity,
-    tolerances: tuple[float, float],
+    settings: FindSettings,
 ) -> tuple[np.ndarray | None, str]:
     """Return a valid configuration with the tool there, or None and why not."""
     seed = meet.reach.witness(T_base_tool)
     found = robot.ik(
         T_base_tool,
         seed,
-        attempts=_ATTEMPTS,
-        steps=_STEPS,
-        position_tolerance=tolerances[0],
-        rotation_tolerance=tolerances[1],
+        attempts=settings.attempts,
+        steps=settings.steps,
+        position_tolerance=settings.position_tolerance,
+        rotation_tolerance=settings.rotation_tolerance,
     )
     if not found:
         return None, (
             f"inverse kinematics: {robot.name} does not get its tool there, within "
-            f"{1e3 * tolerances[0]:g} mm and {tolerances[1]:g} rad, from {_ATTEMPTS} "
-            "starts"
+            f"{1e3 * settings.position_tolerance:g} mm and "
+            f"{settings.rotation_tolerance:g} rad, from {settings.attempts} starts"
         )
     reasons = []
     for solution in found:
@@ -146,16 +139,9 @@ def _nothing(meet: InteractionWorkspace, tried: list) -> str:
     return f"no target: the person would have to come {meet.missing_m:.2f} m nearer"
 
 
-def _check(
-    meet: InteractionWorkspace, robot: Robot, timeout: float, tolerances: tuple
-) -> None:
+def _check(meet: InteractionWorkspace, robot: Robot, timeout: float) -> None:
     if not 0 < timeout < np.inf:
         raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
-    if not all(0 < t < np.inf for t in tolerances):
-        raise BadInput(
-            f"tolerances are {tolerances[0]} m and {tolerances[1]} rad; give numbers "
-            "above 0"
-        )
     check_same_robot(meet.reach, robot)
 
 

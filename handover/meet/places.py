@@ -16,14 +16,13 @@ from handover.human.human_arm import MIRROR, Arm
 from handover.meet._places import COLUMNS, PlaceArm, PlaceScratch, best_at_places
 from handover.meet._quality import HAS_GAZE
 from handover.meet.quality import ArmState
-from handover.meet.settings import PARTS, QualitySettings
+from handover.meet.settings import PARTS, MeetSettings, QualitySettings
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
 NAMES = (*PARTS, "dexterity", "combined", "online", "total")
-STEP = math.radians(30.0)  # [rad] of the swivel
 _CHUNK = 64  # places between two looks at the progress
 
 
@@ -46,7 +45,6 @@ class PlaceQualities:
     reached: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("points", "q", "reached"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
         best = {k: frozen(v, np.float64) for k, v in self.best.items()}
@@ -60,12 +58,13 @@ def qualities_at(
     settings: QualitySettings | None = None,
     *,
     rotations: int = 576,
+    swivel_step: float = MeetSettings.swivel_step,
     obstacles: np.ndarray | None = None,
     progress: object = None,
 ) -> PlaceQualities:
     """Return how good a hand can be at places, over `rotations` even rotations.
 
-    Elbows are tried 30 degrees of swivel apart and at the ends of their intervals.
+    Elbows are tried `swivel_step` apart and at the ends of their intervals.
 
     Args:
         human: The person, as they are now.
@@ -73,6 +72,7 @@ def qualities_at(
         points: (n, 3) places of the grip, world frame [m].
         settings: Of the quality; None: the defaults.
         rotations: How many of the hand are tried, see `rotation_grid`.
+        swivel_step: See MeetSettings [rad].
         obstacles: (k, 7) capsules of the surroundings, world frame [m].
         progress: Called with ("places", done, n).
 
@@ -91,8 +91,8 @@ def qualities_at(
     local = (points - T[:3, 3]) @ T[:3, :3] @ flip
     turns = rotation_grid(rotations).centers.reshape(-1, 9)
     chain, reference = arm.chain(), _reference(tuple(arm.lengths / arm.length))
-    shares = np.array([settings.online_weight, reference, STEP])
-    room = 2 * MAX_SPANS + int(2.0 * math.pi / STEP) + 1
+    shares = np.array([settings.online_weight, reference, swivel_step])
+    room = 2 * MAX_SPANS + int(2.0 * math.pi / swivel_step) + 1
     given = state.state, state.obstacles, state.settings, chain.arrays, shares
     solved = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))
     memory = PlaceScratch(work_of(chain), *solved)

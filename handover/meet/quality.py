@@ -38,7 +38,6 @@ class ArmState:
     settings: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("state", "obstacles", "settings"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 

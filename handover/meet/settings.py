@@ -12,6 +12,7 @@ from handover.meet.constraints import Constraint
 from handover.reach.rotations import SIZES
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import check_settings
 from roadmap.transforms import check_pose
 
 PARTS = ("joint", "spatial", "visibility", "safety", "effort")
@@ -66,7 +67,6 @@ class QualitySettings:
     online_weight: float = 5.0 / 6.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         alpha, betas = np.asarray(self.joint_weights, float), np.array(self.betas)
         if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
             raise BadInput(
@@ -117,6 +117,33 @@ class QualitySettings:
         return np.array([*self.joint_weights, *self.betas, *self.weights, *tail], float)
 
 
+@dataclass(frozen=True)
+class FindSettings:
+    """How hard a configuration for a target is looked for (`find.find_handover`).
+
+    Attributes:
+        position_tolerance: Largest distance of the tool from the target [m].
+        rotation_tolerance: Largest angle between them [rad].
+        attempts: Starts of the inverse kinematics: the reach map's witness, the middle
+            of the limits, random ones. More: fewer targets are given up, each later.
+        steps: Steps of each.
+        batch: Targets asked for at a time.
+    """
+
+    position_tolerance: float = 1e-4
+    rotation_tolerance: float = 1e-3
+    attempts: int = 5
+    steps: int = 60
+    batch: int = 10
+
+    def __post_init__(self) -> None:
+        counts = ("attempts", "steps", "batch")
+        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
+        ranges |= {"position_tolerance": (1e-9, 1.0, "m")}
+        ranges |= {"rotation_tolerance": (1e-9, np.pi, "rad")}
+        check_settings(self, ranges, counts)
+
+
 @dataclass(frozen=True, eq=False)
 class MeetSettings:
     """Where, how finely and for what to look.
@@ -151,7 +178,6 @@ class MeetSettings:
     obstacles: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         check_side(self.side)
         T = np.eye(4) if self.T_world_base is None else self.T_world_base
         T = frozen(check_pose(T, "T_world_base"), np.float64)

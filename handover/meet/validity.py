@@ -9,7 +9,6 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 
 Validity = Callable[[np.ndarray], tuple[bool, str]]
-_JOINED = 8  # near nodes that a configuration may be joined with
 
 
 class PlannerValidity:
@@ -21,7 +20,7 @@ class PlannerValidity:
             the configuration, as the attachment of a goal needs it; 0: not asked for.
     """
 
-    def __init__(self, planner: ReactivePlanner, joined: int = _JOINED) -> None:
+    def __init__(self, planner: ReactivePlanner, joined: int = 8) -> None:
         """Keep the planner."""
         self.planner, self.joined = planner, joined
 

@@ -18,11 +18,10 @@ from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
-from handover.plans.settings import PlanSettings
+from handover.plans.settings import PlanSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 
-_SAMPLES = 100_000  # configurations behind an arm's reachability
-_CELL = 0.05  # [m]
+_SOLVE = SolveSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +103,11 @@ class Pair:
 
 
 @lru_cache(maxsize=16)
-def reach_of(limb: Limb) -> ArmReach:
+def reach_of(limb: Limb, solve: SolveSettings) -> ArmReach:
     """Return an arm's average manipulability by voxel, frame of its mount."""
     center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
-    return build_arm_reach(limb.chain, limb.side, center, samples=_SAMPLES, cell=_CELL)
+    how = limb.side, center, solve.samples, solve.cell
+    return build_arm_reach(limb.chain, *how)
 
 
 def arms_in_order(
@@ -128,10 +128,10 @@ def arms_in_order(
     entries, gaps = {}, {}
     for side, limb in limbs.items():
         local = np.linalg.inv(mounts[side]) @ np.r_[point, 1.0]
-        entries[side] = reach_of(limb).at(local[:3])
+        entries[side] = reach_of(limb, _SOLVE).at(local[:3])
         gaps[side] = local[:3]
     able = sorted((s for s in entries if entries[s] > 0.0), key=lambda s: -entries[s])
-    near = {s: reach_of(limbs[s]).gap(gaps[s]) for s in limbs if s not in able}
+    near = {s: reach_of(limbs[s], _SOLVE).gap(gaps[s]) for s in limbs if s not in able}
     late = sorted((s for s in near if near[s] <= size), key=near.__getitem__)
     place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
     if not able and not late:
@@ -257,14 +257,14 @@ def steps_of(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
         yield "more rotations, more voxels", rest, more.tolist()
 
 
-def common_voxels(pair: Pair, near: float) -> np.ndarray:
+def common_voxels(pair: Pair, near: float, solve: SolveSettings = _SOLVE) -> np.ndarray:
     """Return the voxels that both arms reach (n, 3), the most dexterous first.
 
     They are neighbours of the middle between the shoulders, nearer than `near` [m].
     """
     middle = 0.5 * (shoulder(pair.giver) + shoulder(pair.receiver))
-    n = int(np.ceil(near / _CELL))
-    steps = np.arange(-n, n + 1) * _CELL
+    n = int(np.ceil(near / solve.cell))
+    steps = np.arange(-n, n + 1) * solve.cell
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
     offsets = grid.reshape(-1, 3)
     offsets = offsets[np.linalg.norm(offsets, axis=1) <= near + 1e-9]
@@ -272,7 +272,7 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
     value = np.ones(len(points))
     total = np.zeros(len(points))
     for mover in (pair.giver, pair.receiver):
-        reach = reach_of(mover.limb)
+        reach = reach_of(mover.limb, solve)
         T = np.linalg.inv(mover.T_mount)
         local = points @ T[:3, :3].T + T[:3, 3]
         entry = reach.entries(local)

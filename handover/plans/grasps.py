@@ -12,10 +12,9 @@ from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject
+from handover.plans.settings import ProofSettings
 from roadmap.errors import BadInput, BadMap
 
-_KEPT = 5e-5  # [m] between an open hand and the object
-_FAR, _STEP = 0.02, 5e-4  # [m] longest and shortest step along a line
 FOLDER = Path("maps/built/grasps")
 BACK = (0.0, 0.0, -1.0)  # along the palm's normal, its frame
 _ALIKE = {"sdh_right": "sdh_left"}  # the same hand on the other arm
@@ -59,7 +58,11 @@ def grasps_for(
 
 @lru_cache(maxsize=4096)
 def line_clear(
-    grasps: GraspSet, g: int, length: float, away: tuple[float, float, float] = BACK
+    grasps: GraspSet,
+    g: int,
+    length: float,
+    away: tuple[float, float, float] = BACK,
+    proof: ProofSettings = ProofSettings(),
 ) -> bool:
     """Return whether an open hand comes straight to a grasp without cutting the object.
 
@@ -70,21 +73,22 @@ def line_clear(
         g: The grasp.
         length: Of the line that ends in it [m].
         away: Unit vector from the grasp along the line, frame of the palm.
+        proof: What is proved.
     """
     hand, target = load_hand(grasps.hand), _target(grasps.thing)
     T, back = grasps.T_object_palm[g].copy(), 0.0
     use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
     step = T[:3, :3] @ np.array(away)
     state = hand.state(T, grasps.preshape[g])
-    if not is_outside(hand, state, target, _KEPT):
+    if not is_outside(hand, state, target, proof.kept):
         return False
     while back < length:
         T[:3, 3] = grasps.T_object_palm[g][:3, 3] + back * step
         state = hand.state(T, grasps.preshape[g])
-        gap = clearance(hand.arrays, state, use, target.mesh, _FAR, found)
-        if gap < _KEPT:
+        gap = clearance(hand.arrays, state, use, target.mesh, proof.longest, found)
+        if gap < proof.kept:
             return False
-        back += max(gap - _KEPT, _STEP)
+        back += max(gap - proof.kept, proof.shortest)
     return True
 
 

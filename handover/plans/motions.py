@@ -513,14 +513,12 @@ class _Limits:
     max_jerk: np.ndarray
 
 
-def timed(
-    pieces: list[Piece], pair: Pair, chosen: Tuple, begin: float = 0.0
-) -> tuple[PlannedMotion, ...]:
+def timed(pieces: list[Piece], pair: Pair, chosen: Tuple) -> tuple[PlannedMotion, ...]:
     """Time pieces one after the other, within all limits of their joints.
 
     The arm stops in every corner, so that what is executed is what was proved.
     """
-    motions, held = [], {
+    begin, motions, held = 0.0, [], {
         "giver": _inverse(pair.of_giver, chosen.grasp_giver),
         "receiver": _inverse(pair.of_receiver, chosen.grasp_receiver),
     }  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
 from handover.plans.limb import Limb, ball_of, balls_of, hull_points, prism
+from handover.plans.settings import ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
@@ -21,12 +22,8 @@ from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose
 
-MARGIN = 2e-4  # [m] proved between what must stay apart; scenes leave gaps of 1e-3
-SELF_MARGIN = 1e-4  # [m] the same between links of one arm
-TOLERANCE = 2e-4  # [m] a motion is given up where a pair is nearer than it moves
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
-_STEPS = 12  # values of the free angle of an arm
 
 
 class Mover:
@@ -37,6 +34,7 @@ class Mover:
         placed: The agent whose arm it is.
         limb: The arm.
         other_placed, other: The other agent and its arm, which may be put anywhere.
+        proof: What is proved.
 
     Attributes:
         space: For the kernels.
@@ -52,9 +50,10 @@ class Mover:
         limb: Limb,
         other_placed: PlacedAgent,
         other: Limb,
+        proof: ProofSettings = ProofSettings(),
     ) -> None:
         """Lay out bodies, parts and pairs."""
-        self.limb, self.other = limb, other
+        self.limb, self.other, self.proof = limb, other, proof
         self.T_mount = mount_pose(placed, limb)
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
@@ -151,7 +150,11 @@ class Mover:
         groups, which follow the hand.
         """
         limb, hand, thing = self.limb, self.hand_group, self.object_group
-        near = placed.body.neighbours
+        near, margin, own = (
+            placed.body.neighbours,
+            self.proof.margin,
+            self.proof.self_margin,
+        )
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
         origin = origin + self.T_mount[:3, 3]
         rows_hand, rows_arm = [], []
@@ -169,19 +172,19 @@ class Mover:
                     links = (limb.groups[a][0], name[4:])
                     if links in near:
                         continue
-                (rows_hand if a >= hand else rows_arm).append((a, k, MARGIN))
+                (rows_hand if a >= hand else rows_arm).append((a, k, margin))
         first = len(rows_hand) + 1
-        rows_hand.append((hand, thing, MARGIN))
+        rows_hand.append((hand, thing, margin))
         for a in range(hand):
-            rows_arm.append((a, thing, MARGIN))
+            rows_arm.append((a, thing, margin))
             for b in range(a + 1, hand + 1):
                 other = limb.spec.root if b == hand else limb.groups[b][0]
                 if (limb.groups[a][0], other) not in near:
-                    rows_arm.append((a, b, SELF_MARGIN))
-        rows_arm += [(a, hand + 1 + k, SELF_MARGIN) for k, a in enumerate(by_hand)]
+                    rows_arm.append((a, b, own))
+        rows_arm += [(a, hand + 1 + k, own) for k, a in enumerate(by_hand)]
         rows = [*rows_hand, *rows_arm]
         pairs = np.array([r[:2] for r in rows])
-        margin = np.array([r[2] for r in rows])
+        margins = np.array([r[2] for r in rows])
         reach, reaches = np.zeros((len(rows), limb.dof)), group_reaches(limb)
         for p, (a, b) in enumerate(pairs):
             if a == thing:
@@ -190,7 +193,7 @@ class Mover:
             if b < thing:  # joints below a carry both
                 body = limb.parts[limb.groups[a][1]].body
                 reach[p] = reaches[min(b, hand)] * (np.arange(limb.dof) >= body)
-        return pairs, reach, margin, first
+        return pairs, reach, margins, first
 
     # --- where things are ---------------------------------------------------------
 
@@ -241,7 +244,7 @@ class Mover:
         self.put_object(T_world_object)
         self.space.margin[:] = _OFF
         own = np.setdiff1d(self._rows.still, self._rows.touching)
-        self.space.margin[own] = MARGIN
+        self.space.margin[own] = self.proof.margin
         q = np.clip(np.zeros(self.limb.dof), self.limb.lower, self.limb.upper)
         trouble = self.why(q)[1]
         self.put_object(T_world_object)
@@ -288,7 +291,9 @@ class Mover:
         out = self._outside(path)
         if out:
             return -1, out, 0
-        p, leg = kernels.path_clear(self.space, path, TOLERANCE, self._scratch)
+        p, leg = kernels.path_clear(
+            self.space, path, self.proof.tolerance, self._scratch
+        )
         return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
 
     def _outside(self, q: np.ndarray) -> str:
@@ -345,9 +350,9 @@ def _turn_bodies(limb: Limb) -> np.ndarray:
     return found
 
 
-def solver_of(limb: Limb) -> kernels.Solver:
+def solver_of(limb: Limb, solve: SolveSettings = SolveSettings()) -> kernels.Solver:
     """Return an arm's closed form with working memory for one thread."""
-    free = free_angles(limb.seven, _STEPS)
+    free = free_angles(limb.seven, solve.free_angles)
     found = np.zeros((MOST * len(free), 7))
     return kernels.Solver(seven=limb.seven, room=room(), free=free, found=found)
 

@@ -9,8 +9,8 @@ from handover.grasps.grasp_set import GraspSet
 from handover.plans import _trees as kernels
 from handover.plans._space import follow, postures
 from handover.plans.grasps import BACK, line_clear
-from handover.plans.mover import TOLERANCE, Mover, solver_of
-from handover.plans.settings import PlanSettings
+from handover.plans.mover import Mover, solver_of
+from handover.plans.settings import PlanSettings, SolveSettings
 from roadmap.errors import PlanningError
 from roadmap.kinematics.tool_chain import descent_of
 
@@ -18,8 +18,6 @@ _BRANCHES, _CORNERS = 4000, 400
 # of straight lines: [m] and [rad] that count as 1 in a descent, error of that (0.1 um),
 # steps of a descent, and [rad] that a joint turns in a piece at most
 _GOAL = np.array([0.1, 0.1, 1e-6, 30.0, 0.35])
-# of the straight line to a grasp, where the whole is blocked
-_SHORTER = (1.0, 0.6, 0.35)
 SAME = 1e-9  # [rad or m]
 _TILTS = np.radians([0.0, 30.0, 60.0, 90.0])  # from the palm's normal
 _SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # x and y of the palm
@@ -69,16 +67,24 @@ class Paths:
         home: (dof,) where it waits.
         settings: See PlanSettings.
         clock: Its `over` is asked before each search.
+        solve: How finely joints are looked for.
     """
 
     def __init__(
-        self, mover: Mover, home: np.ndarray, settings: PlanSettings, clock: Clock
+        self,
+        mover: Mover,
+        home: np.ndarray,
+        settings: PlanSettings,
+        clock: Clock,
+        solve: SolveSettings = SolveSettings(),
     ) -> None:
         """Lay out memory of the searches."""
-        self.clock = clock
+        self.clock, self._solve = clock, solve
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)
-        self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
+        self._arm = None
+        if mover.limb.seven is not None:
+            self._arm = solver_of(mover.limb, solve)
         self._chain = mover.limb.chain.arrays
         self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
@@ -134,7 +140,7 @@ class Paths:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the line of `line_to` that goes `away`, a unit vector of the palm."""
         mover, T = self.mover, self.mover.T_world_object
-        if not line_clear(*held, self.settings.back, away):
+        if not line_clear(*held, self.settings.back, away, self.mover.proof):
             raise Blocked(
                 f"no straight line for {what}: the hand would cut the object",
                 by_hand=True,
@@ -177,7 +183,9 @@ class Paths:
     def _ends(self, corners: int, length: float) -> list[int]:
         """Return corners where a line may end, the farthest first."""
         whole = self._steps(length)
-        ends = dict.fromkeys(int(np.ceil(share * whole)) for share in _SHORTER)
+        ends = dict.fromkeys(
+            int(np.ceil(share * whole)) for share in self._solve.shorter
+        )
         return [end for end in ends if end < corners]
 
     def _steps(self, length: float) -> int:
@@ -220,12 +228,16 @@ class Paths:
         first, last = self._free(starts, what), self._free(goals, what)
         found = kernels.connect(
             mover.space, trees, starts[first], goals[last], self._limits, n_arm, budget,
-            TOLERANCE, mover.scratch,
+            mover.proof.tolerance, mover.scratch,
         )  # fmt: skip
         if not found:
             raise Blocked(f"{what}: no path within {budget} motions", searched=True)
         kernels.shorten(
-            mover.space, trees, self.settings.shorten, TOLERANCE, mover.scratch
+            mover.space,
+            trees,
+            self.settings.shorten,
+            mover.proof.tolerance,
+            mover.scratch,
         )
         path = trees.route[: trees.corners[0]].copy()
         path = path[np.r_[True, np.abs(np.diff(path, axis=0)).max(axis=1) > SAME]]

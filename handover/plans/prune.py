@@ -12,6 +12,7 @@ import numpy as np
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _prune as kernels
 from handover.plans.mover import Mover, solver_of
+from handover.plans.settings import SolveSettings
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.tool_chain import descent_of
 from roadmap.transforms import flat_pose
@@ -22,8 +23,6 @@ _WHY = {
     kernels.ARM_TOUCHES: "the arm would touch something",
 }
 _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
-_ERROR = 1e-5  # of that: 1 um
-_RESTARTS, _MOST_STEPS = 12, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +51,14 @@ class Grasper:
     Args:
         mover: The arm.
         grasps: The set.
+        solve: How finely joints are looked for.
     """
 
-    def __init__(self, mover: Mover, grasps: GraspSet) -> None:
+    def __init__(
+        self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
+    ) -> None:
         """Lay out working memory and sort the pairs of the mover's space."""
-        self.mover, self.grasps = mover, grasps
+        self.mover, self.grasps, self.solve = mover, grasps, solve
         limb, space = mover.limb, mover.space
         rows = np.arange(len(space.pairs))
         hand = rows < space.first
@@ -70,7 +72,7 @@ class Grasper:
         hand |= np.isin(space.pairs[:, 0], fixed) & still
         n = limb.n_arm
         self.arm = kernels.Arm(
-            solver=() if limb.seven is None else solver_of(limb),
+            solver=() if limb.seven is None else solver_of(limb, solve),
             chain=limb.chain.arrays,
             frames=np.zeros((len(limb.chain.kind) + 1, 12)),
             jac=np.zeros((6, n)),
@@ -86,7 +88,8 @@ class Grasper:
         )
         other_hand = mover.object_group + len(mover.other.groups)
         self.hands = (space.pairs == (mover.hand_group, other_hand)).all(axis=1)
-        self.most = len(self.arm.solver.found) if limb.seven else _RESTARTS + 1
+        closed = len(self.arm.solver.found) if limb.seven else 0
+        self.most = closed or solve.restarts + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
     def look(
@@ -215,9 +218,11 @@ class Looked:
         limb, n = mover.limb, mover.limb.n_arm
         rng = np.random.default_rng(0)
         low, high = limb.lower[:n], limb.upper[:n]
-        starts = np.vstack([0.5 * (low + high), rng.uniform(low, high, (_RESTARTS, n))])
+        solve = self._grasper.solve
+        drawn = rng.uniform(low, high, (solve.restarts, n))
+        starts = np.vstack([0.5 * (low + high), drawn])
         work, trial = descent_of(arm.chain), np.zeros(n)
-        goal = _ERROR, float(_MOST_STEPS)
+        goal = solve.error, float(solve.steps)
         for i, target in enumerate(targets):
             kernels.begin(listed, i, target)
             if now[0]:

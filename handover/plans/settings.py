@@ -1,8 +1,8 @@
 """How hard a hand-over is looked for; every number counts work, none counts seconds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-from roadmap.ranges import check_settings
+from roadmap.ranges import check_row, check_settings
 
 _RANGES = {
     "voxels": (1, 200, ""),
@@ -20,6 +20,63 @@ _RANGES = {
     "starts": (1, 20, ""),
     "meetings": (1, 100, ""),
 }
+
+
+@dataclass(frozen=True)
+class ProofSettings:
+    """What is proved of a plan's motions (`mover.Mover`, `grasps.line_clear`).
+
+    Attributes:
+        margin: Proved between what must stay apart [m]; scenes leave gaps of 1 mm.
+        self_margin: The same between links of one arm [m].
+        tolerance: A motion is given up where a pair is nearer than it moves, by this
+            [m]. Less: narrower passages, more time.
+        kept: Proved between an open hand and the object on the line to a grasp [m].
+        longest, shortest: Steps along such a line [m].
+    """
+
+    margin: float = 2e-4
+    self_margin: float = 1e-4
+    tolerance: float = 2e-4
+    kept: float = 5e-5
+    longest: float = 0.02
+    shortest: float = 5e-4
+
+    def __post_init__(self) -> None:
+        names = tuple(one.name for one in fields(self))
+        check_settings(self, dict.fromkeys(names, (1e-6, 0.1, "m")))
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """How finely an arm's joints are looked for (`mover`, `prune`, `choose`).
+
+    Attributes:
+        free_angles: Values of the free angle of an arm of seven joints. More: more
+            postures for each grasp, and more time.
+        restarts: Random starts of a descent, for arms without a closed form.
+        steps: Steps of each at most.
+        error: What a descent aims at, of 0.1 m or rad: 1e-5 is 1 um.
+        samples: Configurations behind an arm's reachability.
+        cell: Side of its voxels [m].
+        shorter: Shares of the straight line to a grasp that are tried, where the whole
+            is blocked.
+    """
+
+    free_angles: int = 12
+    restarts: int = 12
+    steps: int = 60
+    error: float = 1e-5
+    samples: int = 100_000
+    cell: float = 0.05
+    shorter: tuple[float, ...] = (1.0, 0.6, 0.35)
+
+    def __post_init__(self) -> None:
+        counts = ("free_angles", "restarts", "steps", "samples")
+        ranges: dict = dict.fromkeys(counts, (1, 50_000_000, ""))
+        ranges |= {"error": (1e-9, 1.0, ""), "cell": (0.005, 0.5, "m")}
+        check_settings(self, ranges, counts)
+        check_row(self, "shorter", 0.01, 1.0)
 
 
 @dataclass(frozen=True)
@@ -64,11 +121,6 @@ class PlanSettings:
     meetings: int = 8
 
     def __post_init__(self) -> None:
-        """Check every number.
-
-        Raises:
-            BadInput: One out of range; names it, its value and its limits.
-        """
         counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries",
                   "first_budget", "postures", "starts", "meetings")  # fmt: skip
         check_settings(self, _RANGES, counts)

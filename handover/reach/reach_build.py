@@ -57,11 +57,6 @@ class ReachSettings:
     seconds: float | None = None
 
     def __post_init__(self) -> None:
-        """Check every number.
-
-        Raises:
-            BadInput: One out of range.
-        """
         for name, low, high in (
             ("cell", 1e-3, 1.0),
             ("samples", 1000, 4_000_000_000),

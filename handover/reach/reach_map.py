@@ -55,7 +55,6 @@ class ReachMap:
     hash: str = ""
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         arrays = [frozen(a, t) for a, t in zip(self.packed, _PACKED.values())]
         object.__setattr__(self, "packed", lookup.Packed(*arrays))
 
@@ -143,13 +142,11 @@ class ReachMap:
         lookup.qualities_of_cells(self.packed, n, cells, out)
         return out
 
-    def dense(self, positions: np.ndarray | None = None) -> np.ndarray:
+    def dense(self) -> np.ndarray:
         """Return quality bytes (n_positions, n_rotations), 0 where not reached."""
-        if positions is None:
-            positions = np.arange(self.grid.n_positions)
-        n = self.grid.rotations.n_cells
+        positions, n = np.arange(self.grid.n_positions), self.grid.rotations.n_cells
         out = np.empty((len(positions), n), np.uint8)
-        lookup.unpack(self.packed, n, np.ascontiguousarray(positions, np.int64), out)
+        lookup.unpack(self.packed, n, positions, out)
         return out
 
     def marked_cells(self) -> np.ndarray:

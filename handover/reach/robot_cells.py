@@ -30,7 +30,6 @@ class RobotCells:
     rotation: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         kinds = {"positions": np.int64, "points": float, "first": np.int64}
         for name, kind in (kinds | {"rotation": np.int32}).items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))

@@ -35,7 +35,6 @@ class RotationGrid:
     pixel_frames: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name, dtype in (
             ("centers", np.float64),
             ("pixel_frames", np.float64),

@@ -5,21 +5,7 @@ to rank targets, to join goals ahead, to better the path. It is counted and not 
 so the same frames do the same work on every machine.
 """
 
-# what things take, in units of about a microsecond
-LOOK_OUT = 600  # the executor looks whether somebody comes
-MOVES = 500  # stops of a robot that is on its way are tested
-TELL = 250  # the planner is told where the person will be
-SET_GOALS = 600  # goals are set: the step looks for a path to them
-RANK = 300  # a ranking begins
-SOLVE = 500  # a start of the inverse kinematics
-REACH = 900  # ... of a place before an object and one at it
-PREPARE = 1500  # a goal is joined to the roadmap
-TEST = 500  # a test of `improve`
-JOIN = 1500  # the step joined the robot to the roadmap
-TIME_PATH = 900  # the executor times a new path
-
-_LEAST = 150  # a share of work that goes on over frames is not less
-_PATIENCE = 4  # times that work is put off
+from handover.targets.settings import AllowanceSettings
 
 
 class Allowance:
@@ -27,14 +13,17 @@ class Allowance:
 
     Args:
         units: For a whole frame, about a microsecond each.
+        takes: What work takes.
 
     Attributes:
         left: Of this frame; less than 0 where it did more.
     """
 
-    def __init__(self, units: int = 1500) -> None:
+    def __init__(
+        self, units: int = 1500, takes: AllowanceSettings = AllowanceSettings()
+    ) -> None:
         """Have all of it."""
-        self.units = units
+        self.units, self.takes = units, takes
         self._put_off = 0
         self.begin()
 
@@ -51,7 +40,7 @@ class Allowance:
 
         Never nothing: a frame that has little left leads it on, too.
         """
-        now = max(_LEAST, min(units, self.left))
+        now = max(self.takes.least, min(units, self.left))
         self.spend(now)
         return now
 
@@ -59,9 +48,10 @@ class Allowance:
         """Whether work that cannot be divided is done now; then it is spent.
 
         What is more than a whole frame's is done in one that has done nothing yet. What
-        was put off four times is done in any case.
+        was put off `patience` times is done in any case.
         """
-        if self.left < min(units, self.units) and self._put_off < _PATIENCE:
+        patient = self._put_off < self.takes.patience
+        if self.left < min(units, self.units) and patient:
             self._put_off += 1
             return False
         self._put_off = 0

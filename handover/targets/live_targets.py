@@ -11,7 +11,7 @@ import numpy as np
 
 from handover.human.human import Human
 from handover.meet.workspace import InteractionWorkspace, Target
-from handover.targets.allowance import RANK, SET_GOALS, Allowance
+from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from handover.targets.target_choice import TargetChoice
@@ -25,8 +25,6 @@ from roadmap.kinematics.forward import difference, tool_pose
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
-_IDLE = 3  # times as many choices between two rankings
-_ALIKE = 6  # decimals of quality that tell targets apart
 _ARRIVED = 1e-6  # largest joint difference at which a goal is reached
 
 
@@ -176,7 +174,7 @@ class LiveTargets:
             self.counts["set_goals"] += 1
             self.goals = self._set(())
             if allowance is not None:
-                allowance.spend(SET_GOALS)
+                allowance.spend(allowance.takes.set_goals)
             return
         if not self._rank(human, allowance) or self.withdrawn:
             return
@@ -200,7 +198,7 @@ class LiveTargets:
             self.counts["set_goals"] += 1
             goals = self._set(goals)
             if allowance is not None:
-                allowance.spend(SET_GOALS)
+                allowance.spend(allowance.takes.set_goals)
         self.goals = goals
 
     def withdraw(self) -> None:
@@ -233,13 +231,13 @@ class LiveTargets:
                 self._chosen = 0
             return False
         # more of them while there is nothing to go to: each may find a configuration
-        if self._chosen < s.choices * (1 if self._pursued is not None else _IDLE):
+        if self._chosen < s.choices * (1 if self._pursued is not None else s.idle):
             self._chosen += 1
             return True
         meet.update(self._as_judged(human))
         meet.begin(self._depth())
         if allowance is not None:
-            allowance.spend(RANK)
+            allowance.spend(allowance.takes.rank)
         return False
 
     def _as_judged(self, human: Human) -> Human:
@@ -258,11 +256,12 @@ class LiveTargets:
         """Return targets by quality; alike, those first that turn the tool least."""
         T_world_base = self.meet.settings.T_world_base
         R = (T_world_base @ tool_pose(self.planner.robot, self.rest))[:3, :3]
+        alike = self.settings.alike
 
         def rank(target: Target) -> tuple[float, float]:
             # the trace of a rotation is 1 + 2 cos of its angle
             cosine = float(np.sum(R * target.T_world_tool[:3, :3]))
-            return -round(target.quality, _ALIKE), -cosine
+            return -round(target.quality, alike), -cosine
 
         return sorted(targets, key=rank)
 

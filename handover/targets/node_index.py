@@ -9,9 +9,6 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 
-RADIAN_M = 0.3  # one radian counts as much as this many metres
-_FROBENIUS = RADIAN_M / math.sqrt(2.0)  # |R_a - R_b| is sqrt(2) angle, for small ones
-
 
 class NodeIndex:
     """Roadmap nodes by the pose of the tool.
@@ -21,13 +18,14 @@ class NodeIndex:
     Args:
         robot: The robot.
         nodes: (n, dof) configurations [rad or m].
+        radian_m: One radian counts as much as so many metres.
 
     Attributes:
         nodes: They, read-only.
         T_base_tool: (n, 4, 4) pose of the tool at each [m].
     """
 
-    def __init__(self, robot: Robot, nodes: np.ndarray) -> None:
+    def __init__(self, robot: Robot, nodes: np.ndarray, radian_m: float = 0.3) -> None:
         """Work out every pose, some 20 us each."""
         nodes = np.asarray(nodes, float)
         if nodes.ndim != 2 or nodes.shape[1] != robot.dof or not len(nodes):
@@ -40,7 +38,9 @@ class NodeIndex:
         self.T_base_tool = frozen(poses, np.float64)
         from scipy.spatial import cKDTree  # what runs without targets need not load it
 
-        self._tree = cKDTree(_points(self.T_base_tool))
+        # |R_a - R_b| is sqrt(2) angle, for small ones
+        self._turn = radian_m / math.sqrt(2.0)
+        self._tree = cKDTree(self._points(self.T_base_tool))
 
     def __len__(self) -> int:
         """Return how many nodes there are."""
@@ -49,10 +49,10 @@ class NodeIndex:
     def nearest(self, T_base_tool: np.ndarray, k: int = 1) -> np.ndarray:
         """Return the (k,) nodes whose tool is nearest to a pose (4, 4), nearest first.
 
-        A radian counts as 0.3 m.
+        A radian counts as `radian_m`.
         """
         k = min(k, len(self))
-        _, found = self._tree.query(_points(T_base_tool[None])[0], k=k)
+        _, found = self._tree.query(self._points(T_base_tool[None])[0], k=k)
         return np.atleast_1d(found)
 
     def off(self, node: int, T_base_tool: np.ndarray) -> tuple[float, float]:
@@ -77,8 +77,7 @@ class NodeIndex:
         offs = [(int(n), *self.off(int(n), T_base_tool)) for n in found]
         return [n for n, d, a in offs if d <= distance and a <= angle]
 
-
-def _points(poses: np.ndarray) -> np.ndarray:
-    """Return poses (n, 4, 4) as points (n, 12) whose distances are like the poses'."""
-    turns = _FROBENIUS * poses[:, :3, :3].reshape(-1, 9)
-    return np.concatenate([poses[:, :3, 3], turns], axis=1)
+    def _points(self, poses: np.ndarray) -> np.ndarray:
+        """Return poses (n, 4, 4) as points (n, 12) whose distances are like theirs."""
+        turns = self._turn * poses[:, :3, :3].reshape(-1, 9)
+        return np.concatenate([poses[:, :3, 3], turns], axis=1)

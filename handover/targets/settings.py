@@ -1,6 +1,6 @@
 """Settings of the pursuit of targets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -39,7 +39,6 @@ class ChoiceSettings:
     patience_frames: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         if not is_between(self.quality_hysteresis, 0, 1):
             raise BadInput(
                 f"quality_hysteresis is {self.quality_hysteresis}, but must be 0 to 1 "
@@ -108,6 +107,9 @@ class LiveSettings:
         near_rest: Whether ways from the place of rest are kept short: inverse
             kinematics begins there, in place of the last near node, and of targets
             with the same quality the one that turns the tool least goes first.
+        idle: So many times `choices` are between two rankings while there is no target
+            to go to.
+        alike: Targets have the same quality if it is so to this many decimals.
     """
 
     ranked: int = 10
@@ -131,9 +133,10 @@ class LiveSettings:
     near_rest: bool = False
     spare_m: float = 0.0
     spare_frames: int = 400
+    idle: int = 3
+    alike: int = 6
 
     def __post_init__(self) -> None:
-        """Refuse what is no setting."""
         lengths = {
             "node_tolerance_m": (0.0, 1.0, "m"),
             "node_tolerance_rad": (0.0, np.pi, "rad"),
@@ -150,6 +153,7 @@ class LiveSettings:
         )
         counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
         counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
+        counts |= {"idle": (1, 1000, ""), "alike": (0, 15, "")}
         counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
         check_settings(self, lengths | counts, tuple(counts))
@@ -158,3 +162,45 @@ class LiveSettings:
     def starts(self) -> int:
         """Starts of the inverse kinematics for a target, at most."""
         return self.before + 1 + self.after
+
+
+@dataclass(frozen=True)
+class AllowanceSettings:
+    """What work takes, in units of about a microsecond (`allowance.Allowance`).
+
+    They are measured means: on a machine that is slower by a factor give all of them
+    that factor, or a frame fewer units.
+
+    Attributes:
+        look_out: The executor looks whether somebody comes.
+        moves: Stops of a robot that is on its way are tested.
+        tell: The planner is told where the person will be.
+        set_goals: Goals are set: the step looks for a path to them.
+        rank: A ranking begins.
+        solve: A start of the inverse kinematics.
+        reach: ... of a place before an object and one at it.
+        prepare: A goal is joined to the roadmap.
+        test: A test of `improve`.
+        join: The step joined the robot to the roadmap.
+        time_path: The executor times a new path.
+        least: A frame's share of work that goes on over several is not less.
+        patience: Frames by which work is put off at most.
+    """
+
+    look_out: int = 600
+    moves: int = 500
+    tell: int = 250
+    set_goals: int = 600
+    rank: int = 300
+    solve: int = 500
+    reach: int = 900
+    prepare: int = 1500
+    test: int = 500
+    join: int = 1500
+    time_path: int = 900
+    least: int = 150
+    patience: int = 4
+
+    def __post_init__(self) -> None:
+        names = tuple(one.name for one in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")), names)

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, check_same_robot
+from handover.meet.find import check_same_robot
+from handover.meet.settings import FindSettings
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
@@ -124,8 +125,8 @@ class TargetGoals:
                 seed,
                 attempts=1,
                 steps=self.settings.steps,
-                position_tolerance=POSITION_TOLERANCE,
-                rotation_tolerance=ROTATION_TOLERANCE,
+                position_tolerance=FindSettings.position_tolerance,
+                rotation_tolerance=FindSettings.rotation_tolerance,
             )
             for one in found:
                 why = self._trouble(one.q)

@@ -9,7 +9,7 @@ one frame each, before the frame that sets the goals.
 from enum import Enum
 
 from handover.meet.workspace import Target
-from handover.targets.allowance import PREPARE, SOLVE, Allowance
+from handover.targets.allowance import Allowance
 from handover.targets.settings import LiveSettings
 from handover.targets.target_goals import EXACT, Goal, TargetGoals
 from odm.planner.planner import ReactivePlanner
@@ -120,9 +120,10 @@ class TargetOffers:
         if self._job is None:
             return True
         what, key, goal = self._job
-        takes = SOLVE if what == _SOLVE else PREPARE
-        if allowance is not None and not allowance.grants(takes):
-            return False
+        if allowance is not None:
+            takes = allowance.takes
+            if not allowance.grants(takes.solve if what == _SOLVE else takes.prepare):
+                return False
         if what == _SOLVE:
             if self.finder.work(self._targets[key]) is not None:
                 self._clear.pop(key, None)

@@ -38,11 +38,6 @@ class ApproachSettings:
     ample_m: float = 0.06
 
     def __post_init__(self) -> None:
-        """Check every number.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "step_m": (1e-4, 1.0, "m"),
             "max_deviation_m": (1e-6, 0.1, "m"),

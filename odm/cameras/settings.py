@@ -42,7 +42,6 @@ class SeenSettings:
     max_range_m: float = 20.0
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges = {
             "memory_s": (self.memory_s, 0.0, 60.0, "s"),
             "speed": (self.speed, 0.0, 20.0, "m/s"),

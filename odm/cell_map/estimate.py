@@ -23,17 +23,13 @@ class Estimate:
 
     Attributes:
         n_edges: Edges.
-        blocks_per_edge: Blocks in an edge's list.
         map_bytes: On disk.
         build_bytes: Largest memory of the build.
-        grid_cells: Cells of the grid.
     """
 
     n_edges: int
-    blocks_per_edge: float
     map_bytes: int
     build_bytes: int
-    grid_cells: int
 
 
 def estimate(robot: Robot, recipe: Recipe) -> Estimate:
@@ -48,13 +44,7 @@ def estimate(robot: Robot, recipe: Recipe) -> Estimate:
     blocks = 1.3 * radius * (thick + 4 * h) ** 2 / (4 * h) ** 3
     entries = blocks * (1.6 * n_edges + settings.nodes)
     map_bytes = int(entries * _PACKED)
-    return Estimate(
-        n_edges,
-        blocks,
-        map_bytes,
-        int(entries * _BUILDING + 16 * n_blocks),
-        int(64 * n_blocks),
-    )
+    return Estimate(n_edges, map_bytes, int(entries * _BUILDING + 16 * n_blocks))
 
 
 def check_size(robot: Robot, recipe: Recipe) -> None:

@@ -174,7 +174,6 @@ class CarriedObject:
     exact: bool
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         object.__setattr__(self, "spheres", frozen(self.spheres, np.float64))
         object.__setattr__(self, "shell", frozen(self.shell, np.float64))
 

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from odm.execution.lookout import Lookout, SeparationWatch
+from odm.execution.settings import PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut
 from odm.execution.threat import Moving, Threat
@@ -37,19 +38,7 @@ from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
-RETREAT_EVERY = 5  # frames between two searches for a retreat, which take a while
-_LOWER = 0.6  # each level of speed is this share of the one above
-_LEVELS = 5
-_HINDERED_S = 0.12  # [s] after it slowed down for somebody, no jerk is limited
-_KEEP_EVERY = 3  # frames between two looks at the jerk of a motion
-_AGAIN = 1.5  # a limit of the jerk that differs by so much is another one
-_HARDER = (1.0, 4.0)  # times the limit, where a motion cannot keep it any more
-_LOOK_AHEAD = 0.02  # a higher speed must hold for so long [s]
-_RETREATS = (1.0, 0.4, 0.15)  # shares of a retreat's speed that are tried
-_EVASIONS = (0.8, 0.5, 0.2)  # shares of its present speed at which an evasion goes on
-_SLOWEST = 0.01  # share of the speed limits below which none is rescaled
 _TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
-_TRACKING = 0.002  # tracking share for planners without a map [m]
 
 
 @dataclass(frozen=True)
@@ -77,6 +66,10 @@ class ExecutionSettings:
         encoder_error: Bound on the position error of any robot point that the encoders
             cause [m]; it is taken off the tracking share of m. It cannot be measured
             here, so the caller has to know it.
+        levels: Levels of speed, of which the braking test lets it use the fastest.
+        lower: Each is this share of the one above. More, or levels nearer to each
+            other: it loses less speed to somebody far away, and needs more frames to
+            slow down for somebody near.
     """
 
     speed_scale: float = 0.5
@@ -88,13 +81,10 @@ class ExecutionSettings:
     min_retreat_separation: float = 0.022
     yield_gap: float = 0.005
     encoder_error: float = 0.0
+    levels: int = 5
+    lower: float = 0.6
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "speed_scale": (1e-6, 1.0, ""),
             "retreat_scale": (1e-6, 1.0, ""),
@@ -104,13 +94,15 @@ class ExecutionSettings:
             "min_retreat_separation": (0.0, np.inf, "m"),
             "yield_gap": (0.0, 0.1, "m"),
             "encoder_error": (0.0, 0.1, "m"),
+            "levels": (1, 100, ""),
+            "lower": (0.01, 0.99, ""),
         }
-        check_settings(self, ranges)
+        check_settings(self, ranges, ("levels",))
 
     @property
     def slowest_scale(self) -> float:
         """Share of the joints' speed limits of the slowest level that it uses."""
-        return self.speed_scale * _LOWER ** (_LEVELS - 1)
+        return self.speed_scale * self.lower ** (self.levels - 1)
 
 
 class Executor:
@@ -125,6 +117,7 @@ class Executor:
         q: (dof,) where the robot stands [rad or m].
         period: Time between frames [s].
         settings: See ExecutionSettings.
+        pace: How it goes from speed to speed.
 
     Attributes:
         motion, t: The motion in use, and the time on it [s].
@@ -144,19 +137,20 @@ class Executor:
         q: np.ndarray,
         period: float,
         settings: ExecutionSettings | None = None,
+        pace: PaceSettings = PaceSettings(),
     ) -> None:
         """Stand at q."""
         self.robot, self.planner, self.period = robot, planner, period
-        self.settings = settings or ExecutionSettings()
-        self.scales = self.settings.speed_scale * _LOWER ** np.arange(_LEVELS)
+        s = self.settings = settings or ExecutionSettings()
+        self.pace, self._lower, self._last_level = pace, s.lower, s.levels - 1
+        self.scales = s.speed_scale * s.lower ** np.arange(s.levels)
         self._shares = (self.scales / self.scales[0]).tolist()
         self.motion, self.t = time_path(robot, q[None]), 0.0
         self.held: Motion | None = None
         self.held_t = 0.0
         self.state, self.reason = STANDING, ""
         self.brakes = callable(getattr(planner, "blocked_leg", None))
-        self._clearance, self._blend = 0.0, self.settings.blend
-        tracking = _TRACKING
+        self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
             safety = planner.cell_map.safety
             self._clearance, tracking = safety.m, safety.tracking
@@ -184,7 +178,7 @@ class Executor:
         self._kept_at = 0  # frame in which that was looked at
         self._hindered = -math.inf  # frame in which it last slowed down for somebody
         self._frame = 0
-        self._retreat_frame = -RETREAT_EVERY  # when a retreat was looked for last
+        self._retreat_frame = -pace.retreat_every  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
         self._evading = False  # it retreats from somebody, whatever the planner says
         # an evasion that was refused, and the speeds at which it was not tried yet
@@ -241,7 +235,7 @@ class Executor:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
         within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
-        self._least_level = within[0] if within else _LEVELS - 1
+        self._least_level = within[0] if within else self._last_level
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.
@@ -450,7 +444,7 @@ class Executor:
         path = self._lookout.evasion(self.motion, self.t, threat, scale)
         if path is None:
             return False
-        return self._begin_evading(path, threat, _RETREATS)
+        return self._begin_evading(path, threat, self.pace.retreats)
 
     def _evades_on(self, threat: Moving | None) -> bool:
         """Go on with an evasion as fast as the person lets it; False: not at all.
@@ -462,14 +456,14 @@ class Executor:
         threat = _as_lately(threat)
         if self._evasion_free(motion, self.t, threat):
             if motion.speed_scale < full:
-                scale = min(full, motion.speed_scale / _LOWER)
+                scale = min(full, motion.speed_scale / self._lower)
                 faster = motion.rescaled(self.t, scale)
                 if self._evasion_free(faster, 0.0, threat):
                     self._take(faster)
             return True
         now = float(np.abs(motion.at(self.t).dq / robot.max_velocity).max())
-        for share in _EVASIONS:
-            scale = max(share * min(now, full), _SLOWEST)
+        for share in self.pace.evasions:
+            scale = max(share * min(now, full), self.pace.slowest)
             slower = motion.rescaled(self.t, scale)
             if self._evasion_free(slower, 0.0, threat):
                 self._take(slower)
@@ -512,7 +506,8 @@ class Executor:
             self._stop_and_stand()
         elif self.at_rest:
             self.state = STANDING
-            if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
+            due = self._frame - self._retreat_frame >= self.pace.retreat_every
+            if may_move and due:
                 self._retreat_frame = self._frame
                 self._retreat(answer.retreat, threat)
             if not may_move and answer.retreat is not None:
@@ -529,7 +524,7 @@ class Executor:
         """Retreat along a path, as fast as the person lets it."""
         if path is None or not self._begins_here(path):
             return
-        for share in _RETREATS:
+        for share in self.pace.retreats:
             scale = share * self.settings.retreat_scale
             motion = time_path(self.robot, path, blend=0, speed_scale=scale)
             if self._retreat_free(motion, 0.0, threat):
@@ -595,7 +590,7 @@ class Executor:
             self.state = SLOWED if self._level else MOVING
             return
         self.reason, self._hindered = self._why(threat), self._frame
-        self._level = min(self._level + 1, _LEVELS - 1)
+        self._level = min(self._level + 1, self._last_level)
         scale = float(self.scales[self._level])
         slower = self._timed.rescaled(self.motion, self.t, scale)
         if self._may_go(slower, 0.0, threat):
@@ -609,15 +604,15 @@ class Executor:
         motion, t = self.motion, self.t
         if self._jerk_rule is None or self.at_rest or self.state == BRAKED:
             return
-        if motion is self._kept and self._frame % _KEEP_EVERY:
+        if motion is self._kept and self._frame % self.pace.keep_every:
             return
         # one frame later beside a look out and a new path, which take as long
         if self._looked and self.timed_path and self._frame - self._kept_at <= 1:
             return
         self._kept_at = self._frame
-        used, share = motion.jerk_scale, self._jerk_share()
-        if _AGAIN * share < used or _AGAIN * used < share:
-            kept = _gentler(motion, t, share)
+        used, share, again = motion.jerk_scale, self._jerk_share(), self.pace.again
+        if again * share < used or again * used < share:
+            kept = self._gentler(motion, t, share)
             if kept is not None:
                 self._take(kept)
         self._kept = self.motion
@@ -626,7 +621,15 @@ class Executor:
         """Return the rest at another level of speed, as gentle as it has to be."""
         motion = self.motion.rescaled(self.t, float(self.scales[level]))
         share = self._jerk_share()
-        return motion if share >= 1.0 else _gentler(motion, 0.0, share) or motion
+        return motion if share >= 1.0 else self._gentler(motion, 0.0, share) or motion
+
+    def _gentler(self, motion: Motion, t: float, share: float) -> Motion | None:
+        """Return the rest of a motion with a share of the jerk, or with little more."""
+        for more in (1.0, self.pace.harder):
+            found = motion.gentler(t, min(1.0, more * share))
+            if found is not None:
+                return found
+        return None
 
     def _jerk_share(self) -> float:
         """Return the share of the jerk that is allowed, worked out once a frame.
@@ -634,7 +637,7 @@ class Executor:
         Who has just slowed down for somebody uses all of it: beside a person whom it
         must be able to stop for, a gentle start would creep for seconds.
         """
-        lately = (self._frame - self._hindered) * self.period < _HINDERED_S
+        lately = (self._frame - self._hindered) * self.period < self.pace.hindered_s
         if self._jerk_rule is None or lately:
             return 1.0
         if self._share_of != self._frame:
@@ -652,10 +655,10 @@ class Executor:
             self._level, self.reason = self._least_level, "slower, near the person"
 
     def _go_on_slowly(self, threat: Moving) -> None:
-        slow = self._rescaled(_LEVELS - 1)
+        slow = self._rescaled(self._last_level)
         if self._may_go(slow, 0.0, threat):
             self._take(slow)
-            self._level, self.state = _LEVELS - 1, SLOWED
+            self._level, self.state = self._last_level, SLOWED
         else:
             self.reason, self._hindered = self._why(threat), self._frame
 
@@ -676,7 +679,7 @@ class Executor:
             return
         self._tried = self._frame
         faster = self._rescaled(self._level - 1)
-        if self._may_go(faster, 0.0, threat, _LOOK_AHEAD):
+        if self._may_go(faster, 0.0, threat, self.pace.look_ahead_s):
             self._take(faster)
             self._level -= 1
             self.reason = self.reason if self._level else ""
@@ -752,15 +755,6 @@ class Executor:
 
     def _take(self, motion: Motion) -> None:
         self.motion, self.t = motion, 0.0
-
-
-def _gentler(motion: Motion, t: float, share: float) -> Motion | None:
-    """Return the rest of a motion with a share of the jerk, or with little more."""
-    for more in _HARDER:
-        found = motion.gentler(t, min(1.0, more * share))
-        if found is not None:
-            return found
-    return None
 
 
 def _as_lately(threat: Moving | None) -> Moving | None:

@@ -6,12 +6,12 @@ import numpy as np
 
 from odm.execution.executor import (
     MOVING,
-    RETREAT_EVERY,
     RETREATING,
     STANDING,
     ExecutionSettings,
 )
 from odm.execution.lookout import SeparationWatch
+from odm.execution.settings import PaceSettings
 from odm.execution.threat import Moving
 from roadmap.arrays import frozen
 from roadmap.kinematics.forward import difference, wrapped
@@ -71,6 +71,7 @@ class KinematicMover:
         q: (dof,) where the robot stands.
         period: Time between frames [s].
         settings: Its speeds and `min_retreat_separation` are used.
+        pace: Its `retreat_every` is used.
 
     Attributes:
         state: "moving", "retreating" or "standing".
@@ -88,6 +89,7 @@ class KinematicMover:
         q: np.ndarray,
         period: float,
         settings: ExecutionSettings | None = None,
+        pace: PaceSettings = PaceSettings(),
     ) -> None:
         """Stand at q."""
         settings = settings or ExecutionSettings()
@@ -99,7 +101,8 @@ class KinematicMover:
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
         self._path = self._q[None]
         self._separation = SeparationWatch(planner)
-        self._frame, self._retreat_frame = 0, -RETREAT_EVERY
+        self._retreat_every = pace.retreat_every
+        self._frame, self._retreat_frame = 0, -self._retreat_every
 
     @property
     def set_point(self) -> SetPoint:
@@ -126,14 +129,15 @@ class KinematicMover:
         if answer.status != "holding":
             self._separation.forget()
             self.state, self._path = MOVING, answer.path
-            self._retreat_frame = -RETREAT_EVERY
+            self._retreat_frame = -self._retreat_every
             return
         self._frame += 1
         may_move = self._separation.stays_above(self._min_retreat_separation, self._q)
         if self.state == RETREATING and may_move and self._still_better():
             return
         self.state, self._path = STANDING, self._q[None]
-        if may_move and self._frame - self._retreat_frame >= RETREAT_EVERY:
+        due = self._frame - self._retreat_frame >= self._retreat_every
+        if may_move and due:
             self._retreat_frame, retreat = self._frame, answer.retreat
             if retreat is not None and len(retreat):
                 # without its beginning, or the robot would go back there every frame

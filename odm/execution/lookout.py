@@ -10,16 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from odm.execution.settings import LookoutSettings
 from odm.execution.threat import Threat
 from odm.obstacles.obstacles import Obstacles
 from roadmap.motion.motion import Motion
-
-_AHEAD = (0.12, 0.24, 0.36, 0.48)  # [s] the person is extrapolated by
-# [s] and, to see whether they will meet the robot: at 1 m/s a hand does not get
-# from one side of a link to the other between two of these
-_MEETS = tuple(0.06 * k for k in range(1, 9))
-_BETWEEN_SEARCHES = 0.05  # [s], which take a while
-_BETWEEN_LOOKS = 0.02  # [s]
 
 
 class SeparationWatch:
@@ -63,11 +57,17 @@ class Lookout:
         planner: Asked with `blocked_leg` and `evasion`; with `is_met` where it knows
             who is meant to come.
         period: Time between frames [s].
+        settings: How far ahead it looks, and how often.
     """
 
-    def __init__(self, planner: Any, period: float) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        planner: Any,  # noqa: ANN401
+        period: float,
+        settings: LookoutSettings = LookoutSettings(),
+    ) -> None:
         """Nobody comes."""
-        self.planner, self.period = planner, period
+        self.planner, self.period, self.settings = planner, period, settings
         self._wait_s = 0.0
         safety = planner.cell_map.safety
         # a motion that keeps m may come so much nearer, and is no reason to leave
@@ -81,7 +81,7 @@ class Lookout:
 
     def look_at_once(self) -> None:
         """Wait no longer than between two looks: the last evasion was broken off."""
-        self._wait_s = min(self._wait_s, _BETWEEN_LOOKS)
+        self._wait_s = min(self._wait_s, self.settings.between_looks)
 
     def evasion(
         self,
@@ -103,29 +103,31 @@ class Lookout:
         self._wait_s -= self.period
         if self._wait_s > 1e-9:
             return None
-        self._wait_s = _BETWEEN_LOOKS
+        s = self.settings
+        self._wait_s = s.between_looks
         if not (threat.leads_on and self._is_hit(motion, t, threat)):
             return None
         q = motion.commit(t, 0.0).q
-        if not self._meets(q[None], threat.likely(0.0, *_MEETS)):
+        if not self._meets(q[None], threat.likely(0.0, *s.meets)):
             return None
-        self._wait_s = _BETWEEN_SEARCHES
-        coming = [(t, threat.likely(t)) for t in _AHEAD]
+        self._wait_s = s.between_searches
+        coming = [(t, threat.likely(t)) for t in s.ahead]
         return self.planner.evasion(q, coming, speed_scale)
 
     def _is_hit(self, motion: Motion, t: float, threat: Threat) -> bool:
         """Whether its motion, as it is, leads to where the person will be."""
         # first all places on its way against all times at once: mostly nothing is near
-        rests = t + _MEETS[0] >= motion.duration
-        places = [motion.place(t + k) for k in (_MEETS[:1] if rests else _MEETS)]
+        meets = self.settings.meets
+        rests = t + meets[0] >= motion.duration
+        places = [motion.place(t + k) for k in (meets[:1] if rests else meets)]
         path = np.array([motion.path.at(s)[0] for s in places])
         if (path == path[0]).all():
             path = path[:1]
-        if not self._meets(path, threat.likely(*_MEETS)):
+        if not self._meets(path, threat.likely(*meets)):
             return False
         if len(path) == 1:
             return True
-        for q, ahead in zip(path, _MEETS, strict=True):
+        for q, ahead in zip(path, meets, strict=True):
             if self._meets(q[None], threat.likely(ahead)):
                 return True
         return False

@@ -16,13 +16,11 @@ import numpy as np
 
 from odm.execution.executor import Executor
 from odm.execution.robot_spheres import RobotSpheres
+from odm.execution.settings import IntentSettings
 from odm.execution.threat import age_of
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
-
-_STEP = 0.02  # time between two places on a stretch, if it is short [s]
-_MOST = 24  # places on one stretch
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +79,10 @@ class IntentThreat:
 
 
 def intent_threat(
-    spheres: RobotSpheres, intent: Intent, T_base_other: np.ndarray
+    spheres: RobotSpheres,
+    intent: Intent,
+    T_base_other: np.ndarray,
+    settings: IntentSettings = IntentSettings(),
 ) -> IntentThreat:
     """Return what a robot with an intent may sweep.
 
@@ -93,12 +94,13 @@ def intent_threat(
         spheres: The other robot's moving links.
         intent: From `intent_of`.
         T_base_other: (4, 4) its base in the frame of the robot that asks.
+        settings: How finely.
     """
     limit = np.asarray(spheres.robot.max_acceleration)
     rows, spread, fastest = [np.zeros((0, 4))], 0.0, 0.0
     for stretch in intent:
         span = max(stretch.end - stretch.begin, 0.0)
-        n = int(np.clip(np.ceil(span / _STEP), 1, _MOST))
+        n = int(np.clip(np.ceil(span / settings.step_s), 1, settings.most))
         half = 0.5 * span / n
         for k in range(n):
             point = stretch.motion.at(stretch.begin + (2 * k + 1) * half)

@@ -23,14 +23,13 @@ from typing import Any
 import numpy as np
 
 from odm.execution._shell_test import hulls_apart
+from odm.execution.settings import StopTestSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import frozen, writable
 from roadmap.kinematics import _forward as kernels
 from roadmap.motion.motion import Motion
 from roadmap.robot.robot import Robot
 
-_SLICE = 0.02  # a motion is tested in pieces of this length [s],
-_AT_ONCE = 4  # and so many at once before, which proves as much
 _BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
 
 
@@ -87,11 +86,16 @@ class ShellTest:
 
     Args:
         planner: Its robot counts, with what it carries, and where its base stands.
+        settings: How finely.
     """
 
-    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        planner: Any,  # noqa: ANN401
+        settings: StopTestSettings = StopTestSettings(),
+    ) -> None:
         """Keep the planner."""
-        self.planner = planner
+        self.planner, self.settings = planner, settings
         self._shells: _Shells | None = None
 
     def passes(
@@ -136,11 +140,12 @@ class ShellTest:
         """Test a motion from `begin` to `end`, which is at `later` from now on."""
         if not _is_straight(motion, begin, end):
             return False
-        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
+        at_once = self.settings.at_once
+        n = max(1, math.ceil((end - begin) / self.settings.shell_slice_s - 1e-6))
         times = (begin + (end - begin) * np.arange(n + 1) / n).tolist()
         told = shells, motion, later - begin, threat, least
-        for k in range(0, n, _AT_ONCE):
-            piece = times[k : k + _AT_ONCE + 1]
+        for k in range(0, n, at_once):
+            piece = times[k : k + at_once + 1]
             # mostly nobody is so near that several at once are not free
             if self._pieces_free([piece[0], piece[-1]], *told):
                 continue

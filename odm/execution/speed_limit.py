@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm.execution._speed import allowed_share
+from odm.execution.settings import AheadSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import writable
 from roadmap.geometry.gaps import ball_gaps
@@ -35,9 +36,6 @@ from roadmap.motion.motion import Motion
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 
-_AHEAD = 0.05  # [s] the direction is that of the motion's next piece of this length
-# [s] a motion is gentle from where a gentle stop before the hand has still time
-_JERK_AHEAD = (0.0, 0.2, 0.4)
 NOBODY = np.zeros((0, 7))
 _SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
@@ -73,11 +71,6 @@ class SpeedSettings:
     hand_jerk: float = 30.0
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "reaction_s": (0.001, 10.0, "s"),
             "stopping_s": (0.0, 10.0, "s"),
@@ -98,11 +91,18 @@ class SpeedLimit:
     Args:
         robot: The robot.
         settings: See SpeedSettings.
+        ahead: How far ahead it looks.
     """
 
-    def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        settings: SpeedSettings | None = None,
+        ahead: AheadSettings = AheadSettings(),
+    ) -> None:
         """Take the spheres of the links that joints move."""
         self.robot, self.settings = robot, settings or SpeedSettings()
+        self._ahead = ahead
         s = self.settings
         lost = s.intrusion + s.position_error
         times = [s.reaction_s, s.stopping_s, lost]
@@ -129,7 +129,8 @@ class SpeedLimit:
         """
         if t >= motion.duration:
             return 1.0
-        here, there = (motion.path.at(motion.place(x))[0] for x in (t, t + _AHEAD))
+        times = t, t + self._ahead.direction_s
+        here, there = (motion.path.at(motion.place(x))[0] for x in times)
         step = difference(self.robot, here, there)
         far = np.abs(step)
         if not far.max() > 1e-9:
@@ -165,7 +166,7 @@ class SpeedLimit:
         if t >= motion.duration:
             return 1.0
         path, most = motion.path, s.hand_jerk
-        for ahead in _JERK_AHEAD:
+        for ahead in self._ahead.jerk_s:
             place = motion.place(min(t + ahead, motion.duration))
             q, direction, _ = path.at(place)
             balls = cover_balls(self.robot, q)[self._moving]

@@ -9,15 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from odm.execution.settings import StopTestSettings
 from odm.execution.threat import Moving, Threat
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
 from roadmap.motion.motion import Motion
 
-_SLICE = 0.04  # a motion is tested in pieces of this length [s]
-_PLACES = 4  # of a way, at which it is asked who is near
-_NEAR = 0.01  # [m] beyond m: the close test's own share is less
 _ROUNDING = 1e-9  # [m]
 
 
@@ -44,11 +42,16 @@ class BrakingTest:
 
     Args:
         planner: Asked with `blocked_leg`: a planner, or a `HeldOut`.
+        settings: How finely.
     """
 
-    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        planner: Any,  # noqa: ANN401
+        settings: StopTestSettings = StopTestSettings(),
+    ) -> None:
         """Keep the planner."""
-        self.planner = planner
+        self.planner, self.settings = planner, settings
 
     def passes(
         self,
@@ -111,9 +114,9 @@ class BrakingTest:
         if static is None or not math.isfinite(more) or not len(there.capsules):
             return False
         robot = static.robot
-        near = self.planner.cell_map.safety.m + _NEAR
+        near = self.planner.cell_map.safety.m + self.settings.near
         before = None
-        for s in np.linspace(motion.place(t), stop.length, _PLACES):
+        for s in np.linspace(motion.place(t), stop.length, self.settings.places):
             balls = cover_balls(robot, motion.path.at(s)[0])[robot.moving]
             gaps = ball_gaps(balls, there.capsules)
             nearer = before is not None and gaps < before - _ROUNDING
@@ -132,7 +135,7 @@ class BrakingTest:
         closer: float,
     ) -> bool:
         """Test a motion from `begin` to `end`, which is at `later` from now on."""
-        n = max(1, math.ceil((end - begin) / _SLICE - 1e-6))
+        n = max(1, math.ceil((end - begin) / self.settings.slice_s - 1e-6))
         for k in range(n):
             a = begin + (end - begin) * k / n
             b = begin + (end - begin) * (k + 1) / n

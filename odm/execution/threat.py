@@ -48,14 +48,12 @@ from typing import Protocol
 import numpy as np
 
 from odm.execution._threat import Tracks, follow
+from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.ranges import check_settings
 
-_DRIFT = 0.2  # [s] a hand that trembles at 5 Hz or faster gets nowhere in this time
-_SPURT = 0.06  # [s] over so long an acceleration is measured
-_CONFIRMED = 3  # frames that agree on a velocity
 _STEADY = 1e-9  # [m] radii that are placed anew round
-_MOST_GROWTH = 4.0  # [m] who may be farther away may be anywhere
+_FOLLOW = FollowSettings()
 
 
 @dataclass(frozen=True)
@@ -91,11 +89,6 @@ class ThreatSettings:
     rise: float = 1.5
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "speed": (0.0, 100.0, "m/s"),
             "acceleration": (0.0, 1e4, "m/s2"),
@@ -115,21 +108,25 @@ class ThreatSettings:
         if not self.noise:
             return 0.0
         a = self.acceleration
-        return min(2.0 * math.sqrt(self.noise / a) if a else _DRIFT, 1.0)
+        return min(2.0 * math.sqrt(self.noise / a) if a else _FOLLOW.drift_s, 1.0)
 
     def velocity_error(self, window: float) -> float:
         """Return the bound on the error of a mean velocity over a time [s], in m/s."""
         return 2.0 * self.noise / window + 0.5 * self.acceleration * window
 
-    def strays(self, time: float, period: float) -> float:
+    def strays(
+        self, time: float, period: float, follow: FollowSettings = _FOLLOW
+    ) -> float:
         """Return how far somebody who seems to stand may be by then [m].
 
         Args:
             time: From the last frame on [s].
             period: Time between frames [s]; a velocity is a mean over some of them.
+            follow: How they are followed.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
-        known = max(frames, math.floor(max(_DRIFT, self.window) / period + 1e-9))
+        longest = max(follow.drift_s, self.window)
+        known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)
         return self.noise + error * time + 0.5 * self.acceleration * time * time
@@ -173,6 +170,7 @@ class Threat:
         most: (k,) largest acceleration of each part [m/s2]; None: the settings'.
         window: (k,) time over which each velocity is a mean [s], where that is known.
         widening: (k,) how fast each radius grows [m/s]; None: none does.
+        follow: How they were followed.
     """
 
     capsules: np.ndarray
@@ -187,11 +185,14 @@ class Threat:
     most: np.ndarray | None = None
     window: np.ndarray | None = None
     widening: np.ndarray | None = None
+    follow: FollowSettings = _FOLLOW
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the same of some of the parts alone."""
         how = (self.drift, self.rows_of_past, self.most, self.window, self.widening)
-        drift, rows, most, *more = (x if x is None else x[these] for x in how)
+        drift, rows, most, window, widening = (
+            x if x is None else x[these] for x in how
+        )
         return Threat(
             self.capsules[these],
             self.velocity[these],
@@ -203,7 +204,9 @@ class Threat:
             self.past,
             rows,
             most,
-            *more,
+            window,
+            widening,
+            self.follow,
         )
 
     @property
@@ -224,7 +227,7 @@ class Threat:
         if len(seen) < 3 or not s.acceleration:
             return self
         times = np.array([t for t, _ in self.past])
-        span = _SPURT if s.noise else 0.0
+        span = self.follow.spurt_s if s.noise else 0.0
         last = np.arange(2, len(seen))
         first = np.searchsorted(times, times[last] - span - 1e-9)
         first = np.minimum(first, last - 2)
@@ -260,7 +263,7 @@ class Threat:
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
         begin, end = begin + age, end + age
         growth = self._growth(end) + 0.5 * (end - begin) * self._speeds
-        if not growth.max(initial=0.0) <= _MOST_GROWTH:
+        if not growth.max(initial=0.0) <= self.follow.most_growth:
             return room, math.inf
         rows = room.capsules
         rows[:, :6] = self.capsules[:, :6] + (0.5 * (begin + end)) * self._rates
@@ -378,10 +381,16 @@ class Watcher:
 
     Args:
         settings: What a person is able to do.
+        follow: For how long, and when a velocity counts.
     """
 
-    def __init__(self, settings: ThreatSettings | None = None) -> None:
+    def __init__(
+        self,
+        settings: ThreatSettings | None = None,
+        follow: FollowSettings = _FOLLOW,
+    ) -> None:
         """Nobody has been seen."""
+        self.follow = follow
         self.settings = s = settings or ThreatSettings()
         self._limits = np.array(
             [
@@ -413,7 +422,7 @@ class Watcher:
         self._follow(ends.reshape(-1, 2, 3), now)
         self._measure(now)
         grown = self._grown(capsules[:, 6])
-        sure = self._count >= _CONFIRMED
+        sure = self._count >= self.follow.confirmed
         rates, error = self._rates, self._slack  # others in the next frame
         if not sure.all():
             rates = np.where(sure[:, None, None], rates, 0.0)
@@ -428,6 +437,7 @@ class Watcher:
             *how,
             window=self._windows,
             widening=grown,
+            follow=self.follow,
         )
 
     def _grown(self, radii: np.ndarray) -> np.ndarray | None:
@@ -449,14 +459,14 @@ class Watcher:
         fastest += self._slack[sure].max(initial=0.0)
         before, speed = self._fastest
         passed = now - before
-        if not 0.0 <= passed <= _DRIFT or fastest >= speed:
+        if not 0.0 <= passed <= self.follow.drift_s or fastest >= speed:
             self._fastest, passed, speed = (now, fastest), 0.0, fastest
         return speed + self.settings.acceleration * passed
 
     def _follow(self, ends: np.ndarray, now: float) -> None:
         """Take a frame: which parts are those of the frame before?"""
         past = self._past
-        longest = max(_DRIFT, self._window) + 1e-9
+        longest = max(self.follow.drift_s, self._window) + 1e-9
         passed = now - past[-1][0] if past else math.nan
         same = bool(past) and past[-1][1].shape == ends.shape
         if same and 0.0 < passed <= longest:
@@ -498,4 +508,4 @@ class Watcher:
             self._windows[these] = ages[i]
             # seen for less: it rested before
             moved = past[-1][1][these] - past[first][1][these]
-            self._rates[1, these] = moved / max(ages[first], _DRIFT)
+            self._rates[1, these] = moved / max(ages[first], self.follow.drift_s)

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 
+from odm.execution.settings import TrackingSettings
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.robot.robot import Robot
 
-_STILL = 0.001  # a robot is held still while no point of it moves by more [m]
-_HELD = 0.1  # for so long [s]: then it takes where it is for its set-point
 _ROUNDING = 1e-9  # [m]
 
 
@@ -20,6 +19,7 @@ class TrackingMonitor:
         robot: The robot.
         share: A deviation within this counts as none [m].
         period: Time between frames [s].
+        settings: When it is held still.
 
     Attributes:
         off: How far any point of the robot may be from its set-point [m]; 0 within the
@@ -28,9 +28,15 @@ class TrackingMonitor:
         note: One sentence about a push in this frame, or "".
     """
 
-    def __init__(self, robot: Robot, share: float, period: float) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        share: float,
+        period: float,
+        settings: TrackingSettings = TrackingSettings(),
+    ) -> None:
         """Nothing was measured."""
-        self.robot, self.period = robot, period
+        self.robot, self.period, self.settings = robot, period, settings
         self.off, self.offset, self.note = 0.0, np.zeros(robot.dof), ""
         self._share = share + _ROUNDING
         self._bounds = joint_motion_bounds(robot)
@@ -68,15 +74,15 @@ class TrackingMonitor:
         self._still = None
 
     def held_still(self, q: np.ndarray) -> bool:
-        """Whether the robot has been near q for a tenth of a second."""
+        """Whether the robot has been near q for `held_s`."""
         if not math.isfinite(self.off):
             return False
         where, long = self._still or (q, 0.0)
         moved = self._bounds @ np.abs(difference(self.robot, where, q))
-        if moved > _STILL:
+        if moved > self.settings.still:
             where, long = q, 0.0
         self._still = np.array(where), long + self.period
-        return long >= _HELD
+        return long >= self.settings.held_s
 
     def restart(self) -> None:
         """Where the robot is has become its set-point."""

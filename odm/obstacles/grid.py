@@ -33,7 +33,6 @@ class WorkspaceGrid:
     blocks: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         object.__setattr__(self, "origin", frozen(self.origin, np.float64))
         object.__setattr__(self, "blocks", frozen(self.blocks, np.int64))
         if np.prod(self.blocks, dtype=float) > LARGEST_GRID:

@@ -97,11 +97,6 @@ class PlannerSettings:
     max_range_m: float = 20.0
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         check_settings(self, _RANGES, _COUNTS)
         named = isinstance(self.finger_pads, tuple | list)
         if not named or not all(isinstance(link, str) for link in self.finger_pads):
@@ -147,7 +142,6 @@ class AttachSettings:
     passes: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check every value."""
         names = [f.name for f in fields(self) if f.name not in ("nearer", "passes")]
         ranges = dict.fromkeys(names, (1, 10_000, "")) | {"nearer": (1.0, 100.0, "")}
         ranges["passes"] = (0.0, 10.0, "rad or m")
@@ -177,7 +171,6 @@ class ConnectSettings:
     per_test: int = 250
 
     def __post_init__(self) -> None:
-        """Check every value."""
         names = tuple(field.name for field in fields(self))
         check_settings(self, dict.fromkeys(names, (1, 10_000, "")), names)
 
@@ -205,7 +198,6 @@ class SmoothingSettings:
     wait: int = 8
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges = dict.fromkeys(("worth", "much"), (0.0, 1.0, ""))
         ranges |= {"pace": (0.01, 1.0, ""), "lead_s": (0.0, 10.0, "s")}
         ranges |= {"detour": (1.0, 100.0, "")}
@@ -236,7 +228,6 @@ class RetreatSettings:
     sets_off_s: float = 0.06
 
     def __post_init__(self) -> None:
-        """Check every value."""
         ranges = dict.fromkeys(("near", "gain", "ample", "worth"), (0.0, 10.0, "m"))
         ranges |= dict.fromkeys(("tried", "directions"), (1, 10_000, ""))
         ranges["sets_off_s"] = (0.0, 10.0, "s")
@@ -262,7 +253,6 @@ class PoseSettings:
     same: float = 0.15
 
     def __post_init__(self) -> None:
-        """Check every value."""
         counts = ("seeds", "steps", "long", "enough")
         ranges = dict.fromkeys(counts, (1, 10_000, "")) | {"same": (0.0, 10.0, "")}
         check_settings(self, ranges, counts)

@@ -114,7 +114,6 @@ class Robot:
     moving: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Freeze every array."""
         for name, dtype in _ARRAYS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
         moving = frozen(self.sphere_body > 0, np.bool_)

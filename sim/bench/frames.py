@@ -61,7 +61,6 @@ class Pair:
     motion: str
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("q_start", "q_goal", "capsules"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 

@@ -110,7 +110,7 @@ class _Painter:
                 canvas.ring(goal, TEAL if chosen else FAINT, chosen)
         path = _path_at(result, frame)
         if len(path) > 1:
-            canvas.line(_tool_line(self.robot, path), TEAL)
+            canvas.line(tool_line(self.robot, path), TEAL)
         self._draw_caption(result, frame)
         return image
 
@@ -153,12 +153,20 @@ def _bodies(
     return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)
 
 
-def _tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
-    """Return (n, 3) places of the tool along a path [m]."""
+def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
+    """Return (n, 3) places of the tool along a path (k, dof) [m]; empty without legs.
+
+    Args:
+        robot: The robot.
+        path: Its corners [rad or m].
+        step: Largest move of a joint between two places, of legs of up to 200 [rad].
+    """
+    if len(path) < 2:
+        return np.zeros((0, 3))
     parts = []
     for start, stop in zip(path[:-1], path[1:], strict=True):
         leg = difference(robot, start, stop)
-        count = 1 + int(np.abs(leg).max() / step)
+        count = min(1 + int(np.abs(leg).max() / step), 200)
         parts += [start + s * leg for s in np.arange(count) / count]
     parts.append(path[-1])
     return np.array([tool_pose(robot, q)[:3, 3] for q in parts])

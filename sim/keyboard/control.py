@@ -57,7 +57,6 @@ class ArmState:
     size: int = 2
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("x", "v", "target"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 

@@ -1,7 +1,7 @@
 """Signals as requests that a loop answers between two turns."""
 
 import signal
-from types import FrameType, TracebackType
+from types import FrameType
 
 from sim.terminal import interrupt
 
@@ -31,12 +31,7 @@ class Signals:
         self._take("SIGTSTP", self._suspend)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give back."""
         for number, handler in self._before.items():
             signal.signal(number, handler)

@@ -1,7 +1,6 @@
 """Garbage is collected between frames: in one it would be a millisecond or more."""
 
 import gc
-from types import TracebackType
 
 
 class NotCollected:
@@ -12,12 +11,7 @@ class NotCollected:
         self._was = gc.isenabled()
         gc.disable()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Collect again, if that was so before."""
         if self._was:
             gc.enable()

@@ -13,17 +13,14 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, sphere_centers
-from roadmap.ranges import check_settings, is_between
+from roadmap.ranges import check_row, check_settings, is_between
 from roadmap.robot.robot import Robot
 from sim.loop.garbage import NotCollected
 from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
-# a new path is improved more: for so many frames, so many times as many motions
-NEW_PATH_FRAMES, NEW_PATH_IMPROVE = 3, 8
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
-EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
 NOBODY = np.zeros((0, 7))
 
 MOVERS = {"kinematic": KinematicMover, "timed": Executor}
@@ -86,6 +83,27 @@ class LoopSettings:
                 raise BadInput(f"{name} is {value}; give a share in (0, 1]")
 
 
+@dataclass(frozen=True)
+class NewPathSettings:
+    """What the loop does for new paths, which `LoopSettings` says nothing of.
+
+    Attributes:
+        frames: A path counts as new for so many frames,
+        times: ... in which so many times as many motions are tested to improve it: its
+            beginning is soon behind the robot.
+        expected: New paths keep clear of where the person will be at these times [s].
+    """
+
+    frames: int = 3
+    times: int = 8
+    expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
+
+    def __post_init__(self) -> None:
+        counts = ("frames", "times")
+        check_settings(self, dict.fromkeys(counts, (1, 1000, "")), counts)
+        check_row(self, "expected", 0.0, 10.0, "s")
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One turn of the loop, as the robot and the person stood when it began.
@@ -141,6 +159,7 @@ class Loop:
         audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
         pushed: How the robot is pushed, by the seed and the motion's name; None: it
             is not, and is where its set-point is.
+        new_paths: What is done for new paths.
     """
 
     def __init__(
@@ -152,9 +171,10 @@ class Loop:
         settings: LoopSettings | None = None,
         audit: Audit | None = None,
         pushed: PushSettings | None = None,
+        new_paths: NewPathSettings = NewPathSettings(),
     ) -> None:
         """Put the robot at the first place and send it to the second."""
-        self.settings = settings or LoopSettings()
+        self.settings, self.new_paths = settings or LoopSettings(), new_paths
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1
@@ -202,7 +222,7 @@ class Loop:
         separation = self._separation(capsules if guess is None else guess)
         escape = self._escapes(answer.status == "holding")
         new = answer.status == "replanned"
-        self._new_path_for = NEW_PATH_FRAMES if new else self._new_path_for - 1
+        self._new_path_for = self.new_paths.frames if new else self._new_path_for - 1
         improve_s, improve_cpu_s = self._improve()
         frame = Frame(
             index=self.index,
@@ -270,7 +290,7 @@ class Loop:
         if not (len(capsules) and self.executor.brakes):
             return None
         threat = self._watcher.look(capsules, now)
-        likely = threat.likely(*EXPECTED)
+        likely = threat.likely(*self.new_paths.expected)
         if likely is not None:
             _optional(self.planner, "expect", likely)
         return threat
@@ -306,7 +326,7 @@ class Loop:
         begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.improve:
             ahead = self.executor.next_commit()
-            times = NEW_PATH_IMPROVE if self._new_path_for > 0 else 1
+            times = self.new_paths.times if self._new_path_for > 0 else 1
             most = times * self.settings.improve
             _optional(self.planner, "improve", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy

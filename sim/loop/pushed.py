@@ -36,10 +36,7 @@ from roadmap.robot.robot import Robot
 
 PUSH, BUMP, SLIP = KINDS = ("push", "bump", "slip")
 _OFTEN = (0.5, 0.3, 0.2)  # share of each kind
-_SETTLES = 0.2  # time in which what a jump of the set-point left fades [s]
-_SLIPPED = 4.0  # a slip that is not taken for the set-point ends after this [s]
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # shares of a movement that are tried
-_LEVER = 0.02  # a joint that moves no point by more is not pushed [m by rad or m]
 _ROUNDING = 1e-9  # [rad or m]
 _JUMPED = 1e-6  # a set-point that moves by more between two frames was set anew
 
@@ -54,6 +51,9 @@ class PushSettings:
         encoder: Nor is one farther than this from where the encoders say [m]. The
             executor must be told, and it must be less than the tracking share of m.
         keep_off: No push brings the robot nearer to the person than this [m].
+        settles_s: Time in which what a jump of the set-point left fades [s].
+        slipped_s: A slip that is not taken for the set-point ends after this [s].
+        lever: A joint that moves no point by more is not pushed [m by rad or m].
     """
 
     pause: float = 5.0
@@ -61,19 +61,20 @@ class PushSettings:
     bump: float = 0.04
     encoder: float = 0.001
     keep_off: float = 0.02
+    settles_s: float = 0.2
+    slipped_s: float = 4.0
+    lever: float = 0.02
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "pause": (0.1, 1e6, "s"),
             "push": (0.0, 1.0, "m"),
             "bump": (0.0, 1.0, "m"),
             "encoder": (0.0, 0.1, "m"),
             "keep_off": (0.0, 10.0, "m"),
+            "settles_s": (1e-3, 60.0, "s"),
+            "slipped_s": (1e-3, 3600.0, "s"),
+            "lever": (0.0, 10.0, "m"),
         }
         check_settings(self, ranges)
 
@@ -148,13 +149,13 @@ class Pushes:
         most = s.push if kind == PUSH else s.bump
         dq = self._drawn(most * rng.uniform(0.3, 1.0), int(rng.integers(1, 4)))
         rise = slow if kind == PUSH else sudden
-        hold = {PUSH: hold, BUMP: 0.1 * hold, SLIP: _SLIPPED}[kind]
+        hold = {PUSH: hold, BUMP: 0.1 * hold, SLIP: s.slipped_s}[kind]
         return Push(kind, begin, rise, hold, fall, dq)
 
     def _drawn(self, size: float, joints: int) -> np.ndarray:
         """Return (dof,) a movement of some joints, of any point by `size` at most."""
         rng, bound = self._rng, self._motion_bound
-        chosen = rng.permutation(np.flatnonzero(bound > _LEVER))[:joints]
+        chosen = rng.permutation(np.flatnonzero(bound > self.settings.lever))[:joints]
         dq = np.zeros(len(bound))
         shares = rng.dirichlet(np.ones(len(chosen))) * rng.choice((-1, 1), len(chosen))
         dq[chosen] = size * shares / bound[chosen]
@@ -217,7 +218,7 @@ class PushedRobot:
             self._over = push if push.kind == SLIP and t > push.begin else self._over
         offset = difference(self.robot, before, self.q)
         left = offset - self._pulled(push, t)  # fades; most of the time it is none
-        fades = math.exp(-self.pushes.period / _SETTLES)
+        fades = math.exp(-self.pushes.period / self.pushes.settings.settles_s)
         target = self._pulled(push, self._t) + fades * left
         away = (np.abs(target) > np.abs(offset) + _ROUNDING).any()
         self._note(push)

@@ -41,7 +41,6 @@ class Recording:
     rounding: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         kinds = {"points": float, "offsets": np.int64, "q_start": float}
         for name, kind in {**kinds, "q_goal": float}.items():
             object.__setattr__(self, name, frozen(getattr(self, name), kind))

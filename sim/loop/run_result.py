@@ -98,7 +98,6 @@ class RunResult:
     pushed: dict | None = None
 
     def __post_init__(self) -> None:
-        """Freeze every array."""
         for name, dtype in _ARRAYS.items():
             object.__setattr__(self, name, frozen(getattr(self, name), dtype))
         retreat = np.zeros(len(self.q)) if self.retreat is None else self.retreat

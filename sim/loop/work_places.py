@@ -1,20 +1,42 @@
 """Where the robot goes back and forth: two places in front of it, left and right."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from roadmap.errors import PlanningError
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_rpy
 
-FORWARD, SIDE, HEIGHT = 0.58, 0.48, 0.32  # share of the robot's reach
-CANDIDATES = 400  # nodes looked at first; they are near each other in joint space
-APART = 0.5  # share of the distance asked for that the two tools keep at least
-
 IsFree = Callable[[np.ndarray, np.ndarray], object]
+
+
+@dataclass(frozen=True)
+class WorkPlaceSettings:
+    """Where work places are looked for.
+
+    Attributes:
+        forward, side, height: Where the tool is to be, as shares of the robot's reach.
+        candidates: Nodes looked at first. More: places nearer to what was asked for,
+            and more time where inverse kinematics does not get there.
+        apart: Share of the distance asked for that the two tools keep at least.
+    """
+
+    forward: float = 0.58
+    side: float = 0.48
+    height: float = 0.32
+    candidates: int = 400
+    apart: float = 0.5
+
+    def __post_init__(self) -> None:
+        shares = ("forward", "side", "height", "apart")
+        ranges: dict = dict.fromkeys(shares, (0.0, 1.0, ""))
+        ranges["candidates"] = (1, 1_000_000, "")
+        check_settings(self, ranges, ("candidates",))
 
 
 class NoWorkPlaces(PlanningError):
@@ -34,7 +56,12 @@ class NoWorkPlaces(PlanningError):
         )
 
 
-def work_places(robot: Robot, roadmap: Roadmap, is_free: IsFree) -> np.ndarray:
+def work_places(
+    robot: Robot,
+    roadmap: Roadmap,
+    is_free: IsFree,
+    settings: WorkPlaceSettings = WorkPlaceSettings(),
+) -> np.ndarray:
     """Return two free configurations whose tools stand left and right, pointing down.
 
     Where the tool cannot point down or go sideways, nodes near to that are taken.
@@ -44,6 +71,7 @@ def work_places(robot: Robot, roadmap: Roadmap, is_free: IsFree) -> np.ndarray:
         roadmap: Its roadmap: seeds of the inverse kinematics, and what is taken where
             the tool cannot point down.
         is_free: (q, q) -> true where the robot may stand.
+        settings: Where they are looked for.
 
     Returns:
         (2, dof) the left and the right one, near each other in joint space.
@@ -52,23 +80,24 @@ def work_places(robot: Robot, roadmap: Roadmap, is_free: IsFree) -> np.ndarray:
         NoWorkPlaces: There are none.
     """
     # the first nodes may all lie on one side, or keep the arm folded
-    for some in (roadmap.nodes[:CANDIDATES], roadmap.nodes):
-        asked, found = _places(robot, some, is_free)
+    s = settings
+    for some in (roadmap.nodes[: s.candidates], roadmap.nodes):
+        asked, found = _places(robot, some, is_free, s)
         pair = _nearest_pair(robot, *found) if all(map(len, found)) else None
-        if pair is not None and _apart(robot, pair) >= APART * _apart_asked(asked):
+        if pair is not None and _apart(robot, pair) >= s.apart * _apart_asked(asked):
             return pair
     if pair is None:
         raise NoWorkPlaces(asked[0] if not len(found[0]) else asked[1])
-    return _aside(robot, roadmap.nodes, pair[0], asked, is_free)
+    return _aside(robot, roadmap.nodes, pair[0], asked, is_free, s)
 
 
 def _places(
-    robot: Robot, nodes: np.ndarray, is_free: IsFree
+    robot: Robot, nodes: np.ndarray, is_free: IsFree, s: WorkPlaceSettings
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where the tool should be, left and right, and what reaches there."""
     asked, found = [], []
     for side in (1.0, -1.0):
-        tool = reach_of(robot, nodes) * np.array([FORWARD, side * SIDE, HEIGHT])
+        tool = reach_of(robot, nodes) * np.array([s.forward, side * s.side, s.height])
         asked.append(tool)
         found.append(_reaching(robot, nodes, tool, is_free))
     return asked, found
@@ -85,7 +114,12 @@ def _apart(robot: Robot, pair: np.ndarray) -> float:
 
 
 def _aside(
-    robot: Robot, nodes: np.ndarray, q: np.ndarray, asked: list, is_free: IsFree
+    robot: Robot,
+    nodes: np.ndarray,
+    q: np.ndarray,
+    asked: list,
+    is_free: IsFree,
+    s: WorkPlaceSettings,
 ) -> np.ndarray:
     """Return `q` and a node as far from it as asked: an arm that cannot go sideways.
 
@@ -94,9 +128,9 @@ def _aside(
     """
     wanted = _apart_asked(asked)
     away = np.array([_apart(robot, np.array([q, node])) for node in nodes])
-    order = np.argsort(np.abs(away - wanted), kind="stable")[:CANDIDATES]
+    order = np.argsort(np.abs(away - wanted), kind="stable")[: s.candidates]
     far = [
-        k for k in order if away[k] >= APART * wanted and is_free(nodes[k], nodes[k])
+        k for k in order if away[k] >= s.apart * wanted and is_free(nodes[k], nodes[k])
     ]
     if not far:
         raise NoWorkPlaces(asked[0], float(away.max(initial=0.0)))

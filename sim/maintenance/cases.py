@@ -30,8 +30,6 @@ PLACES_XY = ((0.38, -0.42), (0.20, -0.46), (0.53, -0.33))  # where they stand [m
 # where the ladder stands, from the robot's base [m], and how far aside [deg]
 NEAR, FAR, ASIDE = 0.65, 0.85, 20.0
 HEIGHTS = 1.55, 1.90  # of the person [m]
-_DRAWS = 40  # cases that are drawn until one is in reach
-_APART = 0.05  # [m] a tool that is held out is so far from the arm at rest
 _TIP = 0.02  # [m] from the tool to the end of the jaw that the fingers hold
 _END = 0.11  # [m] from the middle of the wrench to that end
 
@@ -147,34 +145,42 @@ def tools_of(
     return tuple(setups)
 
 
-def case_in_reach(setups: tuple[ToolSetup, ...], seed: int) -> LadderCase:
+def case_in_reach(
+    setups: tuple[ToolSetup, ...], seed: int, draws: int = 40, apart: float = 0.05
+) -> LadderCase:
     """Return the first case of a seed in which both ways are in reach, for each tool.
 
     By exact inverse kinematics, before the run; see `sim.story.cases.in_reach`. A tool
     is held out where the person's own arm, at rest again, is not in it: the simulated
     person would draw the arm through the tool in the robot's hand.
 
+    Args:
+        setups: Of each tool.
+        seed: Of the draws.
+        draws: Cases that are drawn until one is in reach.
+        apart: A tool that is held out is so far from the arm at rest [m].
+
     Raises:
-        BadInput: None of 40 draws is.
+        BadInput: None of the draws is.
     """
-    for draw in range(_DRAWS):
+    for draw in range(draws):
         case = LadderCase.drawn_at(seed, draw)
-        if all(_goes_both_ways(setup, case) for setup in setups):
+        if all(_goes_both_ways(setup, case, apart) for setup in setups):
             return case
     raise BadInput(
-        f"none of {_DRAWS} places of the ladder is in reach of the robot for seed "
+        f"none of {draws} places of the ladder is in reach of the robot for seed "
         f"{seed}; give another seed, or a robot with a longer arm"
     )
 
 
-def _goes_both_ways(setup: ToolSetup, case: LadderCase) -> bool:
+def _goes_both_ways(setup: ToolSetup, case: LadderCase, apart: float) -> bool:
     """Whether a tool can be held out, be let go of, and be given."""
     found = in_reach(setup, case.of("receive"))
     if found is None:
         return False
     tool = placed(setup.obj, found.target.T_world_object)
     at_rest = case.body().capsules()
-    if min(capsule_gap(a, b) for a in tool for b in at_rest) < _APART:
+    if min(capsule_gap(a, b) for a in tool for b in at_rest) < apart:
         return False
     return in_reach(setup, case.of("give")) is not None
 

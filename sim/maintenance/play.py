@@ -12,15 +12,34 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadmap.kinematics.forward import difference
+from roadmap.ranges import check_settings
 from sim.maintenance.cases import LadderCase, ToolSetup
 from sim.story import machine as table
 from sim.story.play import RATE, StoryMoment, StoryPlay, StoryResult
 from sim.story.wrist import Wrist
 
-USES_S = 1.5  # [s] the person uses a tool, or waits before asking for the next
-LIMIT_S = 45.0  # [s] in which a hand-over, put down included, must be over
-_AT_REST = 1e-3  # [rad or m] the next hand-over begins so near to where one ended
-_STILL = 1e-3  # [rad] an arm that changes by less between frames rests
+
+@dataclass(frozen=True)
+class CycleSettings:
+    """When a cycle goes on, and when it is given up.
+
+    Attributes:
+        uses_s: The person uses a tool, or waits before asking for the next, so long
+            [s].
+        limit_s: A hand-over, put down included, must be over within this [s].
+        at_rest: The next hand-over begins so near to where one ended [rad or m].
+        still: An arm that changes by less between two frames rests [rad].
+    """
+
+    uses_s: float = 1.5
+    limit_s: float = 45.0
+    at_rest: float = 1e-3
+    still: float = 1e-3
+
+    def __post_init__(self) -> None:
+        ranges = dict.fromkeys(("uses_s", "limit_s"), (0.0, 3600.0, "s"))
+        ranges |= dict.fromkeys(("at_rest", "still"), (1e-9, 0.1, "rad or m"))
+        check_settings(self, ranges)
 
 
 @dataclass
@@ -54,6 +73,7 @@ class MaintenancePlay:
         setups: Of each tool, in the order in which they are asked for.
         case: Who stands where.
         wrist: The sensor of a tool's setup; None: the forces added up.
+        settings: When it goes on.
 
     Attributes:
         run: The hand-over that goes on, or was the last one.
@@ -67,8 +87,10 @@ class MaintenancePlay:
         setups: tuple[ToolSetup, ...],
         case: LadderCase,
         wrist: Callable[[ToolSetup], Wrist] | None = None,
+        settings: CycleSettings = CycleSettings(),
     ) -> None:
         """Put the robot at rest, all tools in their places."""
+        self.settings = settings
         self.setups, self.case, self._wrist_of = setups, case, wrist
         self._left = [(k, d) for k in range(len(setups)) for d in table.DIRECTIONS]
         self.begun: list[float] = []
@@ -86,17 +108,17 @@ class MaintenancePlay:
 
     def step(self) -> StoryMoment:
         """Go on by one frame."""
-        run = self.run
+        run, s = self.run, self.settings
         moment = run.step()
         self.index += 1
-        still = np.abs(run.partner.arm - self._arm).max(initial=0.0) < _STILL
+        still = np.abs(run.partner.arm - self._arm).max(initial=0.0) < s.still
         self._arm = np.array(run.partner.arm)
         if run.story.ended:
             self._paused += 1
-            if self._paused >= USES_S * RATE and still:
+            if self._paused >= s.uses_s * RATE and still:
                 self._next()
-        elif run.index >= LIMIT_S * RATE:
-            self._stop(f"{self._told()} was not over after {LIMIT_S:g} s")
+        elif run.index >= s.limit_s * RATE:
+            self._stop(f"{self._told()} was not over after {s.limit_s:g} s")
         self.result.seconds = self.now
         return moment
 
@@ -122,7 +144,7 @@ class MaintenancePlay:
     def _next(self) -> None:
         """Begin the next hand-over if this one came out well; else end."""
         run = self.run
-        trouble = trouble_of(run)
+        trouble = trouble_of(run, self.settings.at_rest)
         if trouble:
             self._stop(f"{self._told()}: {trouble}")
             return
@@ -140,13 +162,18 @@ class MaintenancePlay:
         return f"{way} the {run.setup.obj.name}"
 
 
-def trouble_of(run: StoryPlay) -> str:
-    """Return why a hand-over that is over was none, or the next cannot begin."""
+def trouble_of(run: StoryPlay, at_rest: float = CycleSettings.at_rest) -> str:
+    """Return why a hand-over that is over was none, or the next cannot begin.
+
+    Args:
+        run: The hand-over.
+        at_rest: See CycleSettings [rad or m].
+    """
     story, rest = run.story, run.setup.rest
     if not run.result.handed_over:
         return run.result.outcome or story.reason
     off = difference(run.planner.robot, story.executor.set_point.q, rest)
-    if not np.abs(off).max() < _AT_REST:
+    if not np.abs(off).max() < at_rest:
         return story.reason or "the robot did not come back"
     placed = any(event.signal == "placed" for event in story.events)
     if run.case.direction == "receive" and not placed:

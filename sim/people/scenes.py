@@ -44,7 +44,6 @@ class Cover:
     radii: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("centers", "radii"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 

@@ -17,7 +17,6 @@ from sim.draw.film import FilmSettings
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import RunResult
-from sim.people.arm_path import Person
 from sim.people.human_motion import HumanMotion, make_motion
 from sim.run.latency_plot import write_latency_plot
 from sim.run.places import DEMO, find_places, warm_up
@@ -91,7 +90,6 @@ def run_pair(
     places: np.ndarray,
     motion: str | HumanMotion,
     settings: LoopSettings,
-    person: Person | None = None,
 ) -> tuple[RunResult, RunResult]:
     """Return a run with a person, and the same one without.
 
@@ -100,12 +98,10 @@ def run_pair(
         places: (n, dof) work places.
         motion: The human motion; for a name, its seed is that of the settings.
         settings: Rate, duration, seed.
-        person: Sizes, place and speed limit of the person.
     """
-    human = motion
     if isinstance(motion, str):
-        human = make_motion(motion, settings.seed, person)
-    result = run_loop(planner, planner.robot, places, human, settings)
+        motion = make_motion(motion, settings.seed)
+    result = run_loop(planner, planner.robot, places, motion, settings)
     bare = replace(settings, keep_paths=0)
     alone = run_loop(planner, planner.robot, places, None, bare)
     return result, alone

@@ -20,6 +20,7 @@ from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
+from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
@@ -42,9 +43,7 @@ RATE = 100.0  # frames per second
 EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005)
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
-_TRIED, _STARTS = 40, 8  # targets, and starts of the inverse kinematics for each
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
-_APART = 0.02  # [m] in reach is what keeps so much from the person, exactly
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
 LIVE = LiveSettings(
@@ -308,6 +307,28 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
     return pads
 
 
+@dataclass(frozen=True)
+class InReachSettings:
+    """How hard it is looked whether a hand-over is in reach (`in_reach`).
+
+    Attributes:
+        tried: Targets that are tried, best first.
+        starts: Starts of the inverse kinematics for each,
+        steps: ... and their steps.
+        apart: In reach is what keeps so much from the person, exactly [m].
+    """
+
+    tried: int = 40
+    starts: int = 8
+    steps: int = 60
+    apart: float = 0.02
+
+    def __post_init__(self) -> None:
+        counts = ("tried", "starts", "steps")
+        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
+        check_settings(self, ranges | {"apart": (0.0, 1.0, "m")}, counts)
+
+
 @dataclass(frozen=True, eq=False)
 class InReach:
     """A target that is in reach by exact geometry.
@@ -321,13 +342,15 @@ class InReach:
     q: np.ndarray
 
 
-def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
+def in_reach(
+    setup: StorySetup, case: StoryCase, settings: InReachSettings = InReachSettings()
+) -> InReach | None:
     """Return where the hand-over could be, by exact inverse kinematics; None: nowhere.
 
     The best targets are tried from many starts each. The robot must be within its
-    limits, clear of itself and the scenery, and keep 2 cm from the person whose arm is
-    where it takes or offers the object, by the exact distance of solids. What it takes
-    must leave the place straight back without touching the scenery.
+    limits, clear of itself and the scenery, and keep `apart` from the person whose arm
+    is where it takes or offers the object, by the exact distance of solids. What it
+    takes must leave the place straight back without touching the scenery.
     """
     body = case.body()
     planner, meet = setup.planner(), setup.meet(body)
@@ -338,17 +361,18 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
-    for target in meet.best(_TRIED):
+    for target in meet.best(settings.tried):
         there = body.with_arm(setup.side, target.arm_q).capsules()
         for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)
-            for found in robot.ik(T, setup.rest, attempts=_STARTS, steps=60):
+            tries = dict(attempts=settings.starts, steps=settings.steps)
+            for found in robot.ik(T, setup.rest, **tries):
                 q = np.array(found.q)
-                if not is_valid(planner, q) or audit(q, there) < _APART:
+                if not is_valid(planner, q) or audit(q, there) < settings.apart:
                     continue
                 if case.direction == "receive":
                     before = straight_back(planner, T, q, BACK)
-                    if before is None or audit(before, there) < _APART:
+                    if before is None or audit(before, there) < settings.apart:
                         continue
                     way = planner.frame.difference(q, before)
                     if not held[k].motion_free(q, way):  # the object would not pass

@@ -10,11 +10,7 @@ import math
 import numpy as np
 
 from handover.human.body import Part
-from sim.story.settings import ComfortSettings
-
-_SHORT = 0.12  # [m] the hand's end of the rod is left out: there it is handed over
-_BEHIND = 0.35  # [m] behind the head
-_BACK = 0.60  # [m] down from there
+from sim.story.settings import ComfortSettings, ShunnedSettings
 
 
 def shunned(
@@ -23,6 +19,7 @@ def shunned(
     hand: np.ndarray,
     gaze: np.ndarray | None,
     settings: ComfortSettings,
+    rods: ShunnedSettings = ShunnedSettings(),
 ) -> np.ndarray:
     """Return (k, 7) capsules that new paths had better keep clear of.
 
@@ -32,8 +29,9 @@ def shunned(
         hand: Which of them are the hand that takes part.
         gaze: (3,) where they look, in the capsules' frame; None: not known there.
         settings: See ComfortSettings.
+        rods: Where they are.
     """
-    rods = []
+    found = []
     head = capsules[labels == Part.HEAD, :6].reshape(-1, 3)
     if not len(head):
         return np.zeros((0, 7))
@@ -41,16 +39,17 @@ def shunned(
     if settings.face_to_hand and len(hand):
         away = _middle(capsules[hand, :6].reshape(-1, 3)) - face
         far = math.sqrt(away @ away)
-        if far > _SHORT:
-            end = face + (1.0 - _SHORT / far) * away
-            rods.append([*face, *end, settings.face_to_hand])
+        if far > rods.short:
+            end = face + (1.0 - rods.short / far) * away
+            found.append([*face, *end, settings.face_to_hand])
     if settings.unseen and gaze is not None:
         flat = np.array([gaze[0], gaze[1], 0.0])
         long = math.sqrt(flat @ flat)
         if long > 1e-6:
-            behind = face - _BEHIND / long * flat
-            rods.append([*behind, *(behind - [0.0, 0.0, _BACK]), settings.unseen])
-    return np.array(rods).reshape(-1, 7)
+            behind = face - rods.behind / long * flat
+            below = behind - [0.0, 0.0, rods.down]
+            found.append([*behind, *below, settings.unseen])
+    return np.array(found).reshape(-1, 7)
 
 
 def _middle(points: np.ndarray) -> np.ndarray:

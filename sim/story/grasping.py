@@ -19,14 +19,9 @@ from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_rpy
+from sim.story.settings import GraspingSettings
 
-SEEDS, KEPT = 6, 4  # near nodes to begin from, for each grasp; pairs that are kept
-_STEPS = 40  # of the inverse kinematics
-_STRAIGHT = 0.9  # [rad] a joint moves no more from before the object to it
-_TOLERANCE = 1e-3  # [m], [rad]
-_OUT_STEPS, _MOST_OUT = 20, 0.25  # until nothing is too near; [m]
-_LOOKED_AT = 100  # nodes at which the arm beside a grasped object is looked at
-_LENGTHS, _MORE = 3, 0.002  # ways back that are tried for room; beyond what lacks [m]
+_GRASPING = GraspingSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +65,17 @@ def box_of(obj: HeldObject) -> Shape:
 
 
 def straight_back(
-    planner: ReactivePlanner, T_base_tool: np.ndarray, q: np.ndarray, back: float
+    planner: ReactivePlanner,
+    T_base_tool: np.ndarray,
+    q: np.ndarray,
+    back: float,
+    settings: GraspingSettings = _GRASPING,
 ) -> np.ndarray | None:
     """Return (dof,) with the tool `back` [m] behind a pose, near q; None: none."""
     T = np.array(T_base_tool)
     T[:3, 3] -= back * T[:3, 2]
-    for found in _ik(planner, T, q):
-        if np.abs(planner.frame.difference(q, found)).max() <= _STRAIGHT:
+    for found in _ik(planner, T, q, settings):
+        if np.abs(planner.frame.difference(q, found)).max() <= settings.straight:
             if is_valid(planner, found):
                 return found
     return None
@@ -105,6 +104,7 @@ def too_near(
     capsules: np.ndarray,
     nodes: np.ndarray,
     spare: float = 0.0,
+    settings: GraspingSettings = _GRASPING,
 ) -> TooNear | None:
     """Return a link that is too near to an object, however it is grasped, or None.
 
@@ -115,13 +115,18 @@ def too_near(
         capsules: (k, 7) the object's, object frame [m].
         nodes: (n, dof) where the arm is looked at [rad or m].
         spare: More distance that is asked for [m].
+        settings: At how many of the nodes.
     """
     robot, links = planner.robot, planner.cover().links
     own, pads = gripper_links(robot), planner.settings.finger_pads
     middle = 0.5 * (robot.lower + robot.upper)  # wherever it is: the hand is the same
     for part, keeps, where in (
         ([n in own and n not in pads for n in links], GRIPPER_KEEPS, middle[None]),
-        ([n not in own for n in links], _arm_keeps(planner), nodes[:_LOOKED_AT]),
+        (
+            [n not in own for n in links],
+            _arm_keeps(planner),
+            nodes[: settings.looked_at],
+        ),
     ):
         which, keeps = np.flatnonzero(part), keeps + spare
         gap, ball = _most_room(robot, which, grasps, capsules, where, keeps)
@@ -152,26 +157,31 @@ def check_grasps(
 
 
 def held_farther_out(
-    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray, spare: float = 0.0
+    planner: ReactivePlanner,
+    obj: HeldObject,
+    nodes: np.ndarray,
+    spare: float = 0.0,
+    settings: GraspingSettings = _GRASPING,
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 
     Along the tool's z, by what hand and arm have to keep from it and no more; as it is
-    where 25 cm are too little.
+    where `most_out` is too little.
 
     Args:
         planner: See `too_near`.
         obj: What is held.
         nodes: See `too_near`.
         spare: More distance that is asked for [m].
+        settings: How far, and in how many steps.
     """
     T = np.array(obj.T_tool_object)
-    for _ in range(_OUT_STEPS):
+    for _ in range(settings.out_steps):
         found = too_near(planner, quarter_turns(T), obj.capsules, nodes, spare)
         if found is None:
             return obj.held_by(T)
-        T[2, 3] += found.keeps - found.gap + _MORE
-        if T[2, 3] - obj.T_tool_object[2, 3] > _MOST_OUT:
+        T[2, 3] += found.keeps - found.gap + settings.more
+        if T[2, 3] - obj.T_tool_object[2, 3] > settings.most_out:
             break
     return obj
 
@@ -224,6 +234,7 @@ class Reaches:
             clearance [m]: beside an object on the brink of it the robot creeps. The
             way back is longer where it has to be; who lacks room all the same comes
             last.
+        settings: How hard.
 
     Attributes:
         found: What is known at the present pose.
@@ -238,8 +249,10 @@ class Reaches:
         thing: object = None,
         rods: np.ndarray | None = None,
         room: float = 0.0,
+        settings: GraspingSettings = _GRASPING,
     ) -> None:
         """Know nothing."""
+        self.settings = settings
         self.planner, self.index, self.back = planner, index, back
         self._rods, self._room = rods, room
         self.T_tool_object = np.array(grasps)
@@ -271,7 +284,7 @@ class Reaches:
         n = range(len(self._T_object_tool))
         seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
         seeds += [(g, np.array(q)) for g in n]
-        self._queue = [*seeds, *((g, k) for k in range(SEEDS) for g in n)]
+        self._queue = [*seeds, *((g, k) for k in range(self.settings.seeds) for g in n)]
         self.work()
 
     def work(self) -> bool:
@@ -286,7 +299,7 @@ class Reaches:
         if self._queue or self.found or not self._tight:
             return False
         self._tight.sort(key=lambda reach: -reach.room)
-        self.found, self._tight = self._tight[:KEPT], []
+        self.found, self._tight = self._tight[: self.settings.kept], []
         return True
 
     def _start(self, g: int, k: int | np.ndarray) -> bool:
@@ -297,14 +310,15 @@ class Reaches:
                 self._queue = [one for one in self._queue if isinstance(one[1], int)]
             return found
         if g not in self._nodes:
-            self._nodes[g] = self.index.nearest(self._T @ self._T_object_tool[g], SEEDS)
+            T = self._T @ self._T_object_tool[g]
+            self._nodes[g] = self.index.nearest(T, self.settings.seeds)
         nodes = self._nodes[g]
         return k < len(nodes) and self._try(g, self.index.nodes[nodes[k]])
 
     @property
     def over(self) -> bool:
         """Whether all has been tried."""
-        return not self._queue or len(self.found) >= KEPT
+        return not self._queue or len(self.found) >= self.settings.kept
 
     def drop(self, reach: Reach) -> None:
         """Leave one out: it is blocked."""
@@ -314,7 +328,7 @@ class Reaches:
     def moved_to(self, reach: Reach, T_base_object: np.ndarray) -> np.ndarray | None:
         """Return (dof,) with the same grasp where the object is now, near the old."""
         T = T_base_object @ np.linalg.inv(reach.T_tool_object)
-        for q in _ik(self.planner, T, reach.q):
+        for q in _ik(self.planner, T, reach.q, self.settings):
             if np.abs(self.planner.frame.difference(reach.q, q)).max() < 0.3:
                 return q
         return None
@@ -322,7 +336,7 @@ class Reaches:
     def _try(self, grasp: int, seed: np.ndarray) -> bool:
         planner = self.planner
         T = self._T @ self._T_object_tool[grasp]
-        for q in _ik(planner, T, seed):
+        for q in _ik(planner, T, seed, self.settings):
             others = self.found + self._tight
             known = [np.abs(planner.frame.difference(q, r.q)).max() for r in others]
             if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
@@ -343,8 +357,8 @@ class Reaches:
         As far as it needs for its room; where no way is so long, with the most of it.
         """
         best, most, far = None, -np.inf, self.back
-        for _ in range(_LENGTHS):
-            before = straight_back(self.planner, T, q, far)
+        for _ in range(self.settings.lengths):
+            before = straight_back(self.planner, T, q, far, self.settings)
             if before is None:
                 break
             room = self._room_at(before)
@@ -352,7 +366,7 @@ class Reaches:
                 best, most = before, room
             if room >= self._room:
                 break
-            far += self._room - room + _MORE
+            far += self._room - room + self.settings.more
         return best, most
 
     def _room_at(self, q: np.ndarray) -> float:
@@ -387,15 +401,20 @@ class Reaches:
         return test.motion_free(q, planner.frame.difference(q, before))
 
 
-def _ik(planner: ReactivePlanner, T: np.ndarray, seed: np.ndarray) -> list[np.ndarray]:
+def _ik(
+    planner: ReactivePlanner,
+    T: np.ndarray,
+    seed: np.ndarray,
+    settings: GraspingSettings,
+) -> list[np.ndarray]:
     robot = planner.robot
     seed = np.clip(seed, robot.lower, robot.upper)
     found = robot.ik(
         T,
         seed,
         attempts=1,
-        steps=_STEPS,
-        position_tolerance=_TOLERANCE,
-        rotation_tolerance=_TOLERANCE,
+        steps=settings.steps,
+        position_tolerance=settings.tolerance,
+        rotation_tolerance=settings.tolerance,
     )
     return [np.array(one.q) for one in found]

@@ -17,18 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handover.human.body import Part
-from handover.targets.allowance import (
-    JOIN,
-    LOOK_OUT,
-    MOVES,
-    PREPARE,
-    REACH,
-    SET_GOALS,
-    TELL,
-    TEST,
-    TIME_PATH,
-    Allowance,
-)
+from handover.targets.allowance import Allowance
 from handover.targets.live_targets import THERE, LiveTargets
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
@@ -49,7 +38,6 @@ from sim.story import machine as table
 from sim.story.comfort import shunned
 from sim.story.frame import StoryFrame
 from sim.story.grasping import (
-    KEPT,
     Reach,
     Reaches,
     box_of,
@@ -61,25 +49,11 @@ from sim.story.grasping import (
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
 from sim.story.pull import PullDetector
-from sim.story.settings import StorySettings
+from sim.story.settings import ConductSettings, StorySettings
+from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
-_ARRIVED = 1e-4  # [rad or m]
-_TRACKED = 0.004  # [m] the straight motion follows an object that has moved by this
-_TESTS = 2  # of `improve` in a frame at most, and of a robot on its way
-_ON_ITS_WAY = 1
-_BRAKED_EVERY = 4  # frames of a braked robot, after which it looks for grasps
-_GRAVITY = 9.81  # [m/s2]
 _GRIP = 2  # the step of a fetch in which the fingers close
-_GONE_S = 0.5  # [s] a hand that is away for so long has gone
-_MOVES = 1e-3  # [rad/s or m/s] slower than this it stands
-_EXPECTED = (0.1, 0.2, 0.3, 0.4)  # [s] new paths heed where the person will be then
-_HURRIES = 2.0  # times the speed of what is held still: it is not put between pads
-_GOES_ON_S = 0.12  # [s] its way in this time says how fast the object goes
-_LEAP_S = 1.0  # [s] between two frames: more, and the clock was set anew
-_AT_MOST = 3  # periods that one frame counts for: it cannot say what lasted
-_TELL_S = 0.025  # [s] so often it is told: the planner's history is ten times as long,
-_LATE_S = 0.08  # [s] and no later than so, before the step
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
@@ -132,6 +106,7 @@ class Handover:
             shape of `odm`; None: a box around its capsules.
         T_base_place: (4, 4) of the object in its place on a table: where it is fetched
             from and put down [m]; None: it is in the hand already, or is kept.
+        conduct: How frames are read, and their time is shared out.
 
     Attributes:
         fingers: "open" or "closed": what the gripper is told.
@@ -152,9 +127,11 @@ class Handover:
         settings: StorySettings | None = None,
         thing: Shape | None = None,
         T_base_place: np.ndarray | None = None,
+        conduct: ConductSettings = ConductSettings(),
     ) -> None:
         """Stand where the executor stands."""
         s = self.settings = settings or StorySettings()
+        self.conduct = conduct
         _check_pads(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
         self.view = executor.planner
@@ -288,10 +265,11 @@ class Handover:
         self.view.looked = False
         executor.update(self.answer, commit, seen.threat)
         self._spend_on(self.answer)
-        self._tell(seen, _TELL_S)
+        self._tell(seen, self.conduct.tell_s)
         if not (self.view.looked or self.answer.status == "replanned"):
-            most = _TESTS if executor.at_rest else _ON_ITS_WAY
-            tests = min(most, self._allowance.left // TEST)
+            c, allowance = self.conduct, self._allowance
+            most = c.tests if executor.at_rest else c.tests_moving
+            tests = min(most, allowance.left // allowance.takes.test)
             if tests > 0:
                 self.planner.improve(tests, executor.next_commit())
         executor.advance()
@@ -320,17 +298,17 @@ class Handover:
         executor, allowance = self.executor, self._allowance
         allowance.begin()
         if not executor.at_rest or executor.state == BRAKED:
-            allowance.spend(MOVES)
+            allowance.spend(allowance.takes.moves)
         if executor.looks_out:
-            allowance.spend(LOOK_OUT)
+            allowance.spend(allowance.takes.look_out)
 
     def _spend_on(self, answer: object) -> None:
         """Take what the answer took from what the frame may yet do."""
         allowance, asked = self._allowance, answer is self.planner.last
         if asked and self.planner.joined:
-            allowance.spend(JOIN)
+            allowance.spend(allowance.takes.join)
         if self.executor.timed_path:
-            allowance.spend(TIME_PATH)
+            allowance.spend(allowance.takes.time_path)
 
     # --- what is seen -----------------------------------------------------------
 
@@ -346,9 +324,9 @@ class Handover:
             self.machine.since = self._now
             return self.executor.period
         passed = now - self._now
-        if 0.0 < passed <= _LEAP_S:
+        if 0.0 < passed <= self.conduct.leap_s:
             self._now = now
-            return min(passed, _AT_MOST * self.executor.period)
+            return min(passed, self.conduct.periods * self.executor.period)
         self._no_time = (
             f"the clock went from {self._now:g} to {now:g} s, which does not count; "
             "give each frame its time in seconds"
@@ -401,10 +379,11 @@ class Handover:
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         speed = self._speed_of_object(frame)
-        self.view.hurries = speed > _HURRIES * self.settings.still_speed
+        hurries = self.conduct.hurries * self.settings.still_speed
+        self.view.hurries = speed > hurries
         who = threat, people, near
         seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
-        self._tell(seen, _LATE_S)
+        self._tell(seen, self.conduct.late_s)
         return seen
 
     def _has_left(self, obj: np.ndarray) -> bool:
@@ -426,9 +405,11 @@ class Handover:
 
     def _tell(self, seen: _Seen, every: float) -> None:
         """Tell the planner where the person will be, if that is `every` [s] old."""
-        frame = seen.frame
+        frame, allowance = seen.frame, self._allowance
         late = abs(self._now - self._told_at)
-        if late < every or not (late >= _LATE_S or self._allowance.grants(TELL)):
+        if late < every:
+            return
+        if late < self.conduct.late_s and not allowance.grants(allowance.takes.tell):
             return
         threat, arm, rows, labels, hand = seen.whole
         self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
@@ -447,7 +428,7 @@ class Handover:
         """Tell the planner where the arm that takes part will be, while it plans."""
         if threat is None or self._step.kind in ("stand", "grip"):
             return
-        likely = threat.of(arm).likely(*_EXPECTED) if len(arm) else None
+        likely = threat.of(arm).likely(*self.conduct.expected) if len(arm) else None
         rows = [shunned] if likely is None else [likely.capsules, shunned]
         expected = np.vstack(rows)
         sound = np.isfinite(expected).all() and (expected[:, 6] > 0.0).all()
@@ -472,7 +453,7 @@ class Handover:
         if T is None:
             return 0.0
         past.append((now, T[:3, 3].copy()))
-        while past[0][0] < now - _GOES_ON_S - 1e-6:
+        while past[0][0] < now - self.conduct.goes_on_s - 1e-6:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
         return _length(here - there) / (now - since or 1.0)
@@ -482,11 +463,11 @@ class Handover:
     def _signals(self, seen: _Seen, point: SetPoint) -> set[str]:
         """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
-        moving = _most(point.dq) > _MOVES
+        moving = _most(point.dq) > self.conduct.stands
         if frame.wrench is not None:
             # what was taken has a weight; its giver may pull from the first moment on
             taken = self.holding and self.state == table.CLOSE
-            more = _GRAVITY * self._obj.mass_kg if taken else 0.0
+            more = GRAVITY * self._obj.mass_kg if taken else 0.0
             self._pull.feel(frame.wrench, seen.dt, moving, more)
         passed = self._now - self.machine.since
         if self.executor.state in (SLOWED, BRAKED):
@@ -500,7 +481,7 @@ class Handover:
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
             "near": self._hand_comes(seen.hand_gap),
             "gone": self._lasts(
-                "gone", away and not self._pull.pulls, seen.dt, _GONE_S
+                "gone", away and not self._pull.pulls, seen.dt, self.conduct.gone_s
             ),
             "open": frame.opened,
             "hindered": passed > limits and 2.0 * self._hindered_s > passed,
@@ -554,7 +535,7 @@ class Handover:
         if closing:  # while the fingers close, it may give way a little
             moved = moved and not self.holding and self.fingers == OPEN
         return {
-            "arrived": off < _ARRIVED and executor.at_rest and not moved,
+            "arrived": off < self.conduct.arrived and executor.at_rest and not moved,
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
             "steady": self._lasts("steady", still, seen.dt, s.steady_s),
@@ -684,18 +665,18 @@ class Handover:
     def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
         """Look for a way to the object's place, one costly thing a frame; stand."""
         look = None if self._at_place is None else self._at_place[0]
-        grants = self._allowance.grants
+        grants, takes = self._allowance.grants, self._allowance.takes
         if look is not None and look.at is None:
-            if grants(REACH):
+            if grants(takes.reach):
                 look.begin(self._T_place, q)
         elif look is not None and not look.found and not look.over:
-            if grants(REACH):
+            if grants(takes.reach):
                 look.work()
         elif look is None or not look.found:  # it is kept
             self._placeless, self._at_place = True, None
             self._begin_steps([Step("goal", [self._rest])])
         elif not self._is_ready(look.found[0].q_before):
-            if grants(PREPARE):
+            if grants(takes.prepare):
                 self.planner.prepare_goal(look.found[0].q_before)
         else:
             self._begin_steps(self._putting_down_by(look.found[0]))
@@ -746,7 +727,7 @@ class Handover:
             return
         look, k = self._at_place
         if k + 1 == len(look.found) and not look.over:
-            if self._allowance.grants(REACH):
+            if self._allowance.grants(self._allowance.takes.reach):
                 look.work()
             return
         if len(look.found) > 1:
@@ -827,7 +808,7 @@ class Handover:
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
-        stands = _most(executor.set_point.dq) < _MOVES
+        stands = _most(executor.set_point.dq) < self.conduct.stands
         stuck = executor.state == BRAKED and stands
         if self._lasts("stuck", stuck, seen.dt, self.settings.stuck_s):
             targets.put_off()  # the person is in its way: another target first
@@ -892,14 +873,14 @@ class Handover:
         if self.state not in (table.APPROACH, table.WAIT):
             here = self.executor.set_point.q
             off = [_most(difference(self.planner.robot, here, g)) for g in goals]
-            if self.executor.at_rest and min(off) < _ARRIVED:
+            if self.executor.at_rest and min(off) < self.conduct.arrived:
                 self._next()
         return answer
 
     def _set_goals(self, goals: list[np.ndarray]) -> None:
         """Set the planner's goals where they are others now."""
         if not _are_same(goals, self._goals):
-            self._allowance.spend(SET_GOALS)
+            self._allowance.spend(self._allowance.takes.set_goals)
             with suppress(BadConfiguration):  # none of them is valid
                 self.planner.set_goals(goals)
             self._goals = list(goals)
@@ -909,7 +890,7 @@ class Handover:
         self._see(seen, q)
         here = self.executor.set_point.q
         off = _most(difference(self.planner.robot, here, q_end))
-        if self.executor.at_rest and off < _ARRIVED:
+        if self.executor.at_rest and off < self.conduct.arrived:
             if self._step.kind == "back":
                 self.view.phase = None
             self._next()
@@ -939,7 +920,7 @@ class Handover:
         slow = seen.object_speed < 4.0 * s.still_speed
         moved = self._object_moved(T) and slow and self.state == table.APPROACH
         if moved:
-            self._allowance.spend(REACH)
+            self._allowance.spend(self._allowance.takes.reach)
             reaches.begin(T, q)
             self._taken = None
         found = [r for r in reaches.found if self._is_ready(r.q_before)]
@@ -952,7 +933,7 @@ class Handover:
             goals = self._goals if looks else [self._rest]
         # else a path is looked for, or joined and braked anew
         self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
-        self._due = self._due or self._braked % _BRAKED_EVERY == 0
+        self._due = self._due or self._braked % self.conduct.braked_every == 0
         if self._due and not moved and _are_same(goals, self._goals):
             self._due = not self._prepare()
         answer = self._go(seen, q, goals)
@@ -990,7 +971,8 @@ class Handover:
         goal = next((g for g in waiting if not self._is_ready(g)), None)
         if goal is None and self._reaches.over:
             return True
-        if not self._allowance.grants(REACH if goal is None else PREPARE):
+        takes = self._allowance.takes
+        if not self._allowance.grants(takes.reach if goal is None else takes.prepare):
             return False
         if goal is not None:
             self.planner.prepare_goal(goal)
@@ -1000,7 +982,7 @@ class Handover:
 
     def _is_ready(self, goal: np.ndarray) -> bool:
         """Whether to set a goal costs little, or cannot be made to."""
-        few = self.planner.settings.cached_goals < 2 * KEPT
+        few = self.planner.settings.cached_goals < 2 * self._reaches.settings.kept
         return few or self.planner.is_prepared(goal)
 
     def _far(self, q: np.ndarray, other: np.ndarray) -> float:
@@ -1015,7 +997,7 @@ class Handover:
         if T is None or reach is None:
             return _holding("the object is not seen")
         line = self._line
-        if line is None or np.linalg.norm(T[:3, 3] - line[0]) > _TRACKED:
+        if line is None or np.linalg.norm(T[:3, 3] - line[0]) > self.conduct.tracked:
             q_end = self._reaches.moved_to(reach, T)
             self._line = None if q_end is None else (T[:3, 3].copy(), q_end)
         if self._line is None:

@@ -1,7 +1,6 @@
 """The page beside `odm demo handover`: each moment, at the clock's pace."""
 
 import sys
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +9,8 @@ from roadmap.geometry.gaps import moved_rods
 from sim.draw.surroundings import scene_of
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.view.gate import LOCAL, PORT
+from sim.view.running import TARGETS_EVERY, Pace, target_rows
 from sim.view.viewer import Viewer
-
-_TARGETS, _TARGETS_EVERY = 10, 10  # that are drawn, and frames from time to time
-_LATE_S = 0.1
 
 
 class StoryPage:
@@ -50,7 +47,7 @@ class StoryPage:
         )
         self._rows = np.zeros((0, 5))
         self._told = 0  # events
-        self._begun: float | None = None
+        self._pace = Pace()
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
 
     def __enter__(self) -> "StoryPage":
@@ -88,20 +85,9 @@ class StoryPage:
         happened = {"targets": targets, "time_s": moment.now}
         self.viewer.show(frame, **happened, told=told, doing=state)
         if self._paced:
-            self._wait(moment.now)
-
-    def _wait(self, due: float) -> None:
-        now = time.perf_counter()
-        if self._begun is None or now - self._begun - due > _LATE_S:
-            self._begun = now - due  # what was lost is not made up for
-        time.sleep(max(0.0, self._begun + due - now))
+            self._pace.wait(moment.now)
 
     def _targets(self, index: int) -> np.ndarray:
-        if index % _TARGETS_EVERY == 0:
-            live = self.run.story.targets
-            rows = [
-                [*t.T_world_tool[:3, 3], t.quality, t.key == live.pursuit.key]
-                for t in live.targets[:_TARGETS]
-            ]
-            self._rows = np.array(rows, float).reshape(-1, 5)
+        if index % TARGETS_EVERY == 0:
+            self._rows = target_rows(self.run.story.targets)
         return self._rows

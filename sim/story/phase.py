@@ -8,7 +8,7 @@ An object that somebody pushes against a robot that waits for it is no part of t
 person: a retreat may begin within its clearance, and even in touch with the cover,
 as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
 a retreat keeps what it always keeps. And on the way a motion keeps the whole clearance
-from the object where it is, but `OBJECT_KEEPS` from where it can be by the end of a
+from the object where it is, but `object_keeps` from where it can be by the end of a
 stop: else a robot that stands a little beyond the clearance hardly moves beside it.
 
 An object that the robot fetches or puts down touches what it stands on. So a straight
@@ -28,14 +28,14 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
 
-OBJECT_KEEPS = 0.005  # [m] from wherever what is held out can be while the robot stops
-
 
 class PhasePlanner:
     """A planner whose tests of stops know the phase.
 
     Args:
         planner: The planner.
+        object_keeps: Kept from wherever what is held out can be while the robot stops
+            [m]. More: it stops earlier before an object that moves.
 
     Attributes:
         phase: "give", "receive" or None.
@@ -53,9 +53,9 @@ class PhasePlanner:
             is held may touch the scenery on them.
     """
 
-    def __init__(self, planner: ReactivePlanner) -> None:
+    def __init__(self, planner: ReactivePlanner, object_keeps: float = 0.005) -> None:
         """Be in no phase."""
-        self.planner = planner
+        self.planner, self.object_keeps = planner, object_keeps
         self.phase: str | None = None
         self.classes = np.zeros(0, np.int8)
         self.offered = 0
@@ -124,7 +124,7 @@ class PhasePlanner:
         Or by which it comes nearer than m to where the person can be.
         """
         people, there = self._parted(points)
-        closer = max(self.planner.cell_map.safety.m - OBJECT_KEEPS, 0.0)
+        closer = max(self.planner.cell_map.safety.m - self.object_keeps, 0.0)
         told = (people, extra), (there, extra - closer)
         legs = [self.planner.blocked_leg(path, more, who) for who, more in told]
         return min((leg for leg in legs if leg is not None), default=None)

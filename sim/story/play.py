@@ -22,13 +22,10 @@ from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover
 from sim.story.machine import StoryEvent
 from sim.story.phase import PhasePlanner
-from sim.story.settings import StorySettings
+from sim.story.settings import GripperSettings, StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 
 STANDS = 1e-3  # [m/s] slower than this it stands
-CLOSING_S = 0.25  # [s] of the fingers, from open to closed
-_LOOSE = 0.4  # share of that at which they do not hold any more
-_BETWEEN = 0.025  # [m] an object so near to where it is grasped is between the fingers
 _ROUNDING = 1e-6  # of a share
 _EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked for
 
@@ -125,14 +122,25 @@ class StoryResult:
 class Fingers:
     """A gripper of two fingers, simulated.
 
+    Args:
+        share: How far they are open, 0 to 1; None: as they close on an object.
+        T_tool_object: (4, 4) how they hold an object; None: they hold nothing.
+        settings: How quick they are, and what they hold.
+
     Attributes:
         share: How far they are open, 0 to 1.
         T_tool_object: (4, 4) how they hold an object; None: they hold nothing.
     """
 
-    def __init__(self, share: float, T_tool_object: np.ndarray | None) -> None:
+    def __init__(
+        self,
+        share: float | None,
+        T_tool_object: np.ndarray | None,
+        settings: GripperSettings = GripperSettings(),
+    ) -> None:
         """Be so far open."""
-        self.share, self.T_tool_object = share, T_tool_object
+        self.settings, self.T_tool_object = settings, T_tool_object
+        self.share = settings.held if share is None else share
 
     def step(self, asked: str, dt: float, T_tool_object: np.ndarray | None, grasps):
         """Move; grasp what is between them, or let go.
@@ -143,24 +151,27 @@ class Fingers:
             T_tool_object: (4, 4) where the object is, seen from the tool; None: gone.
             grasps: (n, 4, 4) where it would have to be, to be held.
         """
-        step = dt / CLOSING_S
+        s = self.settings
+        step = dt / s.closing_s
         if asked == CLOSED:
-            least = 0.15 if self.T_tool_object is not None else 0.0
+            least = s.held if self.T_tool_object is not None else 0.0
             self.share = max(least, self.share - step)
-            if self.T_tool_object is None and self.share <= 0.15 < self.share + step:
-                self.T_tool_object = _between(T_tool_object, grasps)
+            if self.T_tool_object is None and self.share <= s.held < self.share + step:
+                self.T_tool_object = _between(T_tool_object, grasps, s.between)
         else:
             self.share = min(1.0, self.share + step)
-            if self.share > _LOOSE:
+            if self.share > s.loose:
                 self.T_tool_object = None
 
 
-def _between(T: np.ndarray | None, grasps: np.ndarray) -> np.ndarray | None:
+def _between(
+    T: np.ndarray | None, grasps: np.ndarray, near: float
+) -> np.ndarray | None:
     """Return how an object is held that is about where a grasp wants it, or None."""
     if T is None:
         return None
     far = np.linalg.norm(grasps[:, :3, 3] - T[:3, 3], axis=1)
-    return np.array(T) if far.min() < _BETWEEN else None
+    return np.array(T) if far.min() < near else None
 
 
 class StoryPlay:
@@ -192,7 +203,7 @@ class StoryPlay:
         self.partner = partner or _partner(setup, case, self.known)
         holds = give and not fetch
         T = np.array(setup.obj.T_tool_object) if holds else None
-        self.fingers = Fingers(0.15 if holds else 1.0, T)
+        self.fingers = Fingers(None if holds else 1.0, T)
         self.story = new_story(setup, settings, self.partner.human, fetch)
         planner = self.planner = self.story.planner
         self.wrist = wrist or PlainWrist(setup.obj)

@@ -38,11 +38,6 @@ class PullSettings:
     rest_s: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         ranges = {
             "force": (0.01, 1000.0, "N"),
             "hold_s": (0.01, 10.0, "s"),

@@ -1,4 +1,8 @@
-"""Settings of a hand-over: distances, patience, the way back."""
+"""Settings of a hand-over: distances, patience, the way back.
+
+`StorySettings` and its parts are what a caller sets, and are kept in recordings. The
+others tune how a story is played, and are not.
+"""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +11,7 @@ import numpy as np
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind, check_number, check_settings
+from roadmap.ranges import check_kind, check_number, check_row, check_settings
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
 
@@ -31,13 +35,135 @@ class ComfortSettings:
     unseen: float = 0.20
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range.
-        """
         radius = (0.0, 0.5, "m")
         check_settings(self, {"face_to_hand": radius, "unseen": radius})
+
+
+@dataclass(frozen=True)
+class ShunnedSettings:
+    """Where the rods are that new paths keep clear of (`comfort.shunned`).
+
+    Attributes:
+        short: The hand's end of the rod to it is left out by this [m]: there the object
+            is handed over.
+        behind: The other rod is this far behind the head [m],
+        down: ... and goes down from there by this [m].
+    """
+
+    short: float = 0.12
+    behind: float = 0.35
+    down: float = 0.60
+
+    def __post_init__(self) -> None:
+        names = ("short", "behind", "down")
+        check_settings(self, dict.fromkeys(names, (0.0, 2.0, "m")))
+
+
+@dataclass(frozen=True)
+class ConductSettings:
+    """How a story reads its frames and shares out their time (`handover.Handover`).
+
+    Attributes:
+        arrived: A goal is reached where no joint is farther from it [rad or m].
+        tracked: The straight motion follows an object that has moved by this [m].
+        stands: A robot slower than this in all joints stands [rad/s or m/s].
+        gone_s: A hand that is away for so long has gone [s].
+        expected: New paths keep clear of where the person will be at these times [s].
+        hurries: What goes so many times as fast as what is held still is not put
+            between the pads.
+        goes_on_s: Its way in this time says how fast an object goes [s]: more, and a
+            hand that trembles is stiller, and one that sets off is seen later.
+        leap_s: Two frames farther apart than this mean that the clock was set [s].
+        periods: A frame counts for so many periods at most: it cannot say what lasted.
+        tell_s: The planner is told so often where the person will be [s]; its history
+            is ten times as long,
+        late_s: ... and no later than so, before the step [s].
+        tests: Tests of `improve` in a frame, where there is time for them,
+        tests_moving: ... and of a robot on its way.
+        braked_every: Frames of a braked robot, after which it looks for grasps anew.
+    """
+
+    arrived: float = 1e-4
+    tracked: float = 0.004
+    stands: float = 1e-3
+    gone_s: float = 0.5
+    expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
+    hurries: float = 2.0
+    goes_on_s: float = 0.12
+    leap_s: float = 1.0
+    periods: int = 3
+    tell_s: float = 0.025
+    late_s: float = 0.08
+    tests: int = 2
+    tests_moving: int = 1
+    braked_every: int = 4
+
+    def __post_init__(self) -> None:
+        counts = ("periods", "tests", "tests_moving", "braked_every")
+        times = ("gone_s", "goes_on_s", "leap_s", "tell_s", "late_s")
+        ranges: dict = dict.fromkeys(counts, (1, 1000, ""))
+        ranges |= dict.fromkeys(times, (0.001, 60.0, "s"))
+        ranges |= {"arrived": (1e-9, 0.1, "rad or m"), "tracked": (0.0, 0.1, "m")}
+        ranges |= {"stands": (1e-9, 1.0, "rad/s or m/s"), "hurries": (0.1, 100.0, "")}
+        check_settings(self, ranges, counts)
+        check_row(self, "expected", 0.0, 10.0, "s")
+
+
+@dataclass(frozen=True)
+class GraspingSettings:
+    """How hard a grasp of what is held out is looked for (`grasping.Reaches`).
+
+    Attributes:
+        seeds: Near nodes that inverse kinematics begins from, for each grasp.
+        kept: Pairs, at the object and before it, that are kept.
+        steps: Steps of the inverse kinematics.
+        tolerance: Largest error of the tool's pose [m] and [rad].
+        straight: A joint moves no more than this from before the object to it [rad].
+        lengths: Ways back that are tried for room,
+        more: ... each longer by what lacks and this [m].
+        looked_at: Nodes at which the arm beside a grasped object is looked at.
+        out_steps: An object is moved out of the hand in so many steps at most,
+        most_out: ... and by this at most, until nothing is too near to it [m].
+    """
+
+    seeds: int = 6
+    kept: int = 4
+    steps: int = 40
+    tolerance: float = 1e-3
+    straight: float = 0.9
+    lengths: int = 3
+    more: float = 0.002
+    looked_at: int = 100
+    out_steps: int = 20
+    most_out: float = 0.25
+
+    def __post_init__(self) -> None:
+        counts = ("seeds", "kept", "steps", "lengths", "looked_at", "out_steps")
+        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
+        ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
+        ranges |= {"tolerance": (1e-9, 0.1, ""), "straight": (0.01, np.pi, "rad")}
+        check_settings(self, ranges, counts)
+
+
+@dataclass(frozen=True)
+class GripperSettings:
+    """The simulated gripper of two fingers (`play.Fingers`).
+
+    Attributes:
+        closing_s: Time of the fingers from open to closed [s].
+        held: Share to which they close on an object.
+        loose: Open farther than this share they do not hold any more.
+        between: An object so near to where a grasp has it is between the fingers [m].
+    """
+
+    closing_s: float = 0.25
+    held: float = 0.15
+    loose: float = 0.4
+    between: float = 0.025
+
+    def __post_init__(self) -> None:
+        ranges = {"closing_s": (0.001, 60.0, "s"), "between": (0.0, 0.5, "m")}
+        check_settings(self, ranges | dict.fromkeys(("held", "loose"), (0.0, 1.0, "")))
 
 
 _PARTS = {

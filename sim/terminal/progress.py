@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
 
 from sim.terminal.compiling import Compiling
 
@@ -184,12 +183,7 @@ class Bars:
             text += f", about {time_text(passed * (total - done) / done)} left"
         return text
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the bars as they are."""
         if _pulse is not None:
             _pulse.doing, _pulse.bars = self._stage[0], None

@@ -33,17 +33,14 @@ def write_two_picture(
 
 
 def write_two_animation(
-    result: TwoResult,
-    maps: tuple[CellMap, CellMap],
-    path: str | Path,
-    settings: FilmSettings = FILM,
+    result: TwoResult, maps: tuple[CellMap, CellMap], path: str | Path
 ) -> Path:
     """Write the seconds in which both move nearest to each other as an animated GIF."""
     both = result.moving(0) & result.moving(1)
     score = both * np.exp(-np.clip(result.separation, 0.0, 1.0) / 0.1)
-    shown = settings.shown(score, result.rate_hz)
-    with _Stage(maps, result, settings.camera()) as stage:
-        return write_gif([stage.paint(i) for i in shown], path, settings)
+    shown = FILM.shown(score, result.rate_hz)
+    with _Stage(maps, result, FILM.camera()) as stage:
+        return write_gif([stage.paint(i) for i in shown], path, FILM)
 
 
 class _Stage:

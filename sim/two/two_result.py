@@ -39,7 +39,6 @@ class TwoResult:
     reasons: tuple[dict, dict]
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name, dtype in (
             ("T_world_base", np.float64), ("separation", np.float64),
             ("place", np.int32), ("status", np.uint8), ("wall_s", np.float64),

@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from roadmap.kinematics.forward import difference, tool_pose
-from roadmap.robot.robot import Robot
 from sim.draw.style import AMBER, FAINT, RED, SLATE, TEAL, rgb
 from sim.view import moment as m
 
@@ -59,19 +57,6 @@ def quality_colours(quality: np.ndarray) -> np.ndarray:
 def hex_of(colour: tuple) -> str:
     """Return '#rrggbb' of three numbers from 0 to 255."""
     return "#{:02x}{:02x}{:02x}".format(*(int(c) for c in colour))
-
-
-def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
-    """Return (n, 3) places of the tool along a path (k, dof) [m]."""
-    if len(path) < 2:
-        return np.zeros((0, 3))
-    parts = []
-    for start, stop in zip(path[:-1], path[1:], strict=True):
-        leg = difference(robot, start, stop)
-        count = min(1 + int(np.abs(leg).max() / step), 200)
-        parts += [start + s * leg for s in np.arange(count) / count]
-    parts.append(path[-1])
-    return np.array([tool_pose(robot, q)[:3, 3] for q in parts])
 
 
 def as_segments(line: np.ndarray) -> np.ndarray:

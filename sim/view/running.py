@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from handover.targets.live_targets import LiveTargets
 from sim.draw.surroundings import scene_of
 from sim.loop.loop import Frame, Loop
 from sim.view.dragged import DraggedPerson
@@ -12,9 +13,32 @@ from sim.view.gate import LOCAL
 from sim.view.sources import place_targets
 from sim.view.viewer import Viewer
 
-_TARGETS_EVERY = 10  # frames
+TARGETS_EVERY = 10  # frames
 _TARGETS = 10  # of a person, that are drawn
 _LATE_S = 0.1
+
+
+class Pace:
+    """Lets a run wait until the clock has come as far."""
+
+    def __init__(self) -> None:
+        """Begin with the first wait."""
+        self._begun: float | None = None
+
+    def wait(self, due: float) -> None:
+        """Wait until a time since the beginning [s]."""
+        now = time.perf_counter()
+        if self._begun is None or now - self._begun - due > _LATE_S:
+            self._begun = now - due  # what was lost is not made up for
+        time.sleep(max(0.0, self._begun + due - now))
+
+
+def target_rows(live: LiveTargets) -> np.ndarray:
+    """Return (k, 5) of the best targets: place [m], quality, whether it is pursued."""
+    key = live.pursuit.key
+    best = live.targets[:_TARGETS]
+    rows = [[*t.T_world_tool[:3, 3], t.quality, t.key == key] for t in best]
+    return np.array(rows, float).reshape(-1, 5)
 
 
 class Watched:
@@ -55,7 +79,7 @@ class Watched:
         if drag:
             loop.motion = DraggedPerson(loop.motion, self.viewer.hand)
         self._targets: dict[object, np.ndarray] = {}
-        self._begun: float | None = None
+        self._pace = Pace()
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
 
     def __enter__(self) -> "Watched":
@@ -69,11 +93,7 @@ class Watched:
     def hear(self, frame: Frame) -> None:
         """Show a frame, and wait until the clock has come as far."""
         self.viewer.show(frame, targets=self._targets_of(frame))
-        due = frame.index / self._loop.settings.rate_hz
-        now = time.perf_counter()
-        if self._begun is None or now - self._begun - due > _LATE_S:
-            self._begun = now - due  # what was lost is not made up for
-        time.sleep(max(0.0, self._begun + due - now))
+        self._pace.wait(frame.index / self._loop.settings.rate_hz)
 
     def _targets_of(self, frame: Frame) -> np.ndarray:
         if self._live is None:
@@ -81,11 +101,6 @@ class Watched:
                 places = place_targets(self._loop.robot, self._loop.places, frame.place)
                 self._targets[frame.place] = places
             return self._targets[frame.place]
-        if frame.index % _TARGETS_EVERY == 0 or None not in self._targets:
-            key = self._live.pursuit.key
-            rows = [
-                [*t.T_world_tool[:3, 3], t.quality, t.key == key]
-                for t in self._live.targets[:_TARGETS]
-            ]
-            self._targets[None] = np.array(rows, float).reshape(-1, 5)
+        if frame.index % TARGETS_EVERY == 0 or None not in self._targets:
+            self._targets[None] = target_rows(self._live)
         return self._targets[None]

@@ -8,6 +8,7 @@ import viser
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import body_frames, tool_pose
 from roadmap.robot.robot import Robot
+from sim.draw.animation import tool_line
 from sim.draw.world import capsule_mesh
 from sim.loop.carried import ball_rows
 from sim.view import looks
@@ -236,11 +237,11 @@ class Stage:
             self._person.append(node)
 
     def _path(self, path: np.ndarray) -> None:
-        line = looks.tool_line(self.robot, path)
+        line = tool_line(self.robot, path)
         self._lines("path", looks.as_segments(line), looks.PATH, 5.0)
 
     def _before(self, path: np.ndarray) -> None:
-        line = looks.tool_line(self.robot, path)
+        line = tool_line(self.robot, path)
         self._lines("before", looks.as_segments(line), looks.BEFORE, 3.0)
 
     def _targets(self, targets: np.ndarray) -> None:

@@ -57,7 +57,6 @@ class MocapMotion:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Freeze the arrays."""
         for name in ("frames", "guesses", "age_s", "T_base_recording"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
         object.__setattr__(self, "labels", frozen(self.labels, np.int64))

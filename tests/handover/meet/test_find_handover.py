@@ -8,7 +8,8 @@ from meet_people import person, workspace
 
 import odm
 from handover import ReachSettings, build_reach_map, chain_of
-from handover.meet.find import POSITION_TOLERANCE, ROTATION_TOLERANCE, find_handover
+from handover.meet.find import find_handover
+from handover.meet.settings import FindSettings
 from handover.meet.validity import PlannerValidity
 from odm.audit.exact import ExactRobot
 from odm.obstacles.shapes import Capsule
@@ -35,9 +36,10 @@ def test_the_best_target_in_reach_is_found_within_the_tolerance(meet, robot):
     ]
     T = tool_pose(robot, found.q)
     off = np.linalg.norm(T[:3, 3] - found.target.T_world_tool[:3, 3])
-    assert off <= POSITION_TOLERANCE
+    assert off <= FindSettings().position_tolerance
     turn = T[:3, :3].T @ found.target.T_world_tool[:3, :3]
-    assert np.arccos(min(1.0, (np.trace(turn) - 1) / 2)) <= ROTATION_TOLERANCE
+    angle = np.arccos(min(1.0, (np.trace(turn) - 1) / 2))
+    assert angle <= FindSettings().rotation_tolerance
 
 
 def test_what_is_not_valid_is_removed_and_told_until_restored(meet, robot):
@@ -140,9 +142,12 @@ def test_a_time_that_is_none_is_refused(meet, robot, timeout):
         find_handover(meet, robot, lambda q: True, timeout)
 
 
-def test_tolerances_that_are_none_are_refused(meet, robot):
-    with pytest.raises(BadInput, match="tolerances"):
-        find_handover(meet, robot, lambda q: True, position_tolerance=0.0)
+def test_a_tolerance_is_kept_that_is_asked_for(meet, robot):
+    wide = FindSettings(position_tolerance=0.02, rotation_tolerance=0.1, attempts=1)
+    found = find_handover(meet, robot, lambda q: True, 30.0, settings=wide)
+    T = np.linalg.inv(meet.settings.T_world_base) @ found.target.T_world_tool
+    off = np.linalg.norm(tool_pose(robot, found.q)[:3, 3] - T[:3, 3])
+    assert 1e-4 < off <= 0.02
 
 
 @pytest.mark.parametrize("wrong", [None, 3, "free"])

@@ -7,9 +7,9 @@ import pytest
 
 from handover import ArmState, Human, QualitySettings, posture_quality, rotation_grid
 from handover.chain import Chain
-from handover.meet.places import NAMES, STEP, qualities_at
+from handover.meet.places import NAMES, qualities_at
 from handover.meet.quality import total_quality
-from handover.meet.settings import PARTS
+from handover.meet.settings import PARTS, MeetSettings
 from handover.reach.extremes import _dexterity, best_dexterity, work_of
 from roadmap.errors import BadInput
 
@@ -32,7 +32,7 @@ def tried_one_by_one(human: Human, side: str, point: np.ndarray) -> tuple:
         T[:3, 3] = np.linalg.inv(human.T_world_shoulder(side))[:3] @ [*point, 1.0]
         pose = T.copy()
         pose[1, 3] *= -1.0 if side == "left" else 1.0  # rotations are canonical
-        found = arm.ik(arm.mirrored(pose), STEP)
+        found = arm.ik(arm.mirrored(pose), MeetSettings.swivel_step)
         reached += len(found) > 0
         for q in found.q:
             quality = posture_quality(state, q)

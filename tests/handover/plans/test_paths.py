@@ -12,13 +12,15 @@ from handover.plans import _space
 from handover.plans.choose import Pair
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, home_of
-from handover.plans.mover import MARGIN, TOLERANCE, Mover
+from handover.plans.mover import Mover
 from handover.plans.paths import Blocked, OutOfTime, Paths
 from handover.plans.planner import plan_handover
 from handover.plans.prune import prune_grasps
-from handover.plans.settings import PlanSettings
+from handover.plans.settings import PlanSettings, ProofSettings
 from odm.obstacles.shapes import Sphere
 from roadmap.transforms import pose_of
+
+MARGIN = ProofSettings().margin
 
 place = with_door(_space.place)
 pair_apart = with_door(_space.pair_apart)
@@ -113,7 +115,7 @@ def test_what_is_proved_is_free_everywhere_and_of_what_came_before(movers, scene
     n, proved, refused = len(mover.space.pairs), 0, 0
     q = [x for x in draws(mover, 60, rng) if mover.why(x)[1] is None]
     for a, b in zip(q[:-1], q[1:], strict=True):
-        args = mover.space, a, b - a, TOLERANCE, mover.scratch
+        args = mover.space, a, b - a, mover.proof.tolerance, mover.scratch
         mover.scratch.stale[0] = True
         fresh = motion_clear(*args)
         assert motion_clear(*args) == fresh  # the axes of last time

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handover.targets.node_index import RADIAN_M, NodeIndex
+from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 
@@ -40,7 +40,7 @@ def test_nearest_weighs_angle_and_distance_as_told(robot, index, rng):
         away = np.linalg.norm(index.T_base_tool[:, :3, 3] - T[:3, 3], axis=1)
         turn = np.array([angle(node, T) for node in index.T_base_tool])
         # chords instead of angles: the same for small ones
-        slow = np.hypot(away, RADIAN_M * 2.0 * np.sin(turn / 2.0))
+        slow = np.hypot(away, 0.3 * 2.0 * np.sin(turn / 2.0))
         assert index.nearest(T)[0] == slow.argmin()
 
 

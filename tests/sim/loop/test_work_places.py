@@ -8,7 +8,14 @@ import pytest
 
 from roadmap import load_robot
 from roadmap.kinematics.forward import tool_pose
-from sim.loop.work_places import CANDIDATES, NoWorkPlaces, reach_of, work_places
+from sim.loop.work_places import (
+    NoWorkPlaces,
+    WorkPlaceSettings,
+    reach_of,
+    work_places,
+)
+
+CANDIDATES = WorkPlaceSettings().candidates
 
 ARM = """<robot name="scara"><link name="base"/>{links}{joints}</robot>"""
 LINK = """<link name="l{i}"><collision><origin xyz="{half} 0 0"/><geometry>

@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,7 +30,7 @@ from sim.maintenance.cases import (
     upright,
     wrench_of,
 )
-from sim.maintenance.play import MaintenancePlay, play_cycle, trouble_of
+from sim.maintenance.play import CycleSettings, MaintenancePlay, play_cycle, trouble_of
 from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
@@ -39,6 +40,8 @@ from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult
 from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest
+
+SHORT = CycleSettings(uses_s=0.03)
 
 
 class Coarse(ToolSetup):
@@ -119,11 +122,10 @@ class Run:
 @pytest.fixture
 def bare(monkeypatch):
     monkeypatch.setattr(cycle_play, "StoryPlay", Run)
-    monkeypatch.setattr(cycle_play, "USES_S", 0.03)
 
 
 def test_each_tool_is_given_and_taken_back_in_turn(setups, bare):
-    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0))
+    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0), settings=SHORT)
     played, kept = [], []
 
     def hear(run, moment):
@@ -144,8 +146,8 @@ def test_each_tool_is_given_and_taken_back_in_turn(setups, bare):
 
 @pytest.mark.parametrize("how", ["not handed", "elsewhere", "not placed", "for ever"])
 def test_what_goes_wrong_ends_the_cycle_with_a_reason(setups, bare, monkeypatch, how):
-    monkeypatch.setattr(cycle_play, "LIMIT_S", 0.2)
-    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0))
+    settings = replace(SHORT, limit_s=0.2)
+    cycle = MaintenancePlay(setups, LadderCase.drawn_at(0), settings=settings)
     while cycle.run.case.direction == "give":
         cycle.step()
     story = cycle.run.story

@@ -12,7 +12,7 @@ from odm.execution.threat import Watcher
 from roadmap.kinematics.forward import sphere_centers
 from sim.story.comfort import shunned
 from sim.story.handover import Handover, Step
-from sim.story.settings import ComfortSettings
+from sim.story.settings import ComfortSettings, ConductSettings
 
 
 def told(human, gaze, **settings):
@@ -83,7 +83,10 @@ def test_new_paths_keep_off_what_is_shunned_where_they_can(small_map):
 def test_a_hand_over_tells_its_planner_what_the_person_shuns():
     told = []
     story = Handover.__new__(Handover)
-    story.planner = SimpleNamespace(expect=told.append)
+    story.planner, story.conduct = (
+        SimpleNamespace(expect=told.append),
+        ConductSettings(),
+    )
     story._steps, story._at = [Step("targets")], 0
     seen = np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     watcher = Watcher()

@@ -35,6 +35,7 @@ from sim.story.grasping import (
 from sim.story.handover import Step
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
+from sim.story.settings import GraspingSettings
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -522,9 +523,7 @@ def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
         check_grasps(planner, *told)
 
 
-def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
-    maps, monkeypatch
-):
+def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(maps):
     cell_map, reach, index = maps
     setup = setup_of(cell_map, reach, place=False, pads=["flange"])
     planner = setup.planner()
@@ -544,9 +543,8 @@ def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
     assert near(setup.obj.held_by(T)) is not None
     again = held_farther_out(planner, setup.obj, index.nodes, spare)
     assert again.T_tool_object[2, 3] == setup.obj.T_tool_object[2, 3]
-    monkeypatch.setattr("sim.story.grasping._MOST_OUT", 0.001)  # more is needed
-    nearer = setup.obj.held_by(T)
-    assert held_farther_out(planner, nearer, index.nodes, spare) is nearer
+    nearer, how = setup.obj.held_by(T), GraspingSettings(most_out=0.001)
+    assert held_farther_out(planner, nearer, index.nodes, spare, how) is nearer
 
 
 def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
