@@ -46,7 +46,7 @@ from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
 from sim.people.partner import ARMS
 from sim.story import machine as table
-from sim.story.comfort import shunned
+from sim.story.comfort import Berth, shunned
 from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     KEPT,
@@ -189,6 +189,7 @@ class Handover:
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
+        self._berth = Berth(self.executor, s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
@@ -621,6 +622,7 @@ class Handover:
         """Begin what belongs to the state."""
         state = self.state
         self._at, self._begun, self._farthest = 0, None, 0.0
+        self._berth.begin()
         self._hindered_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
@@ -871,8 +873,22 @@ class Handover:
 
     def _step_planner(self, seen: _Seen, q: np.ndarray) -> object:
         """Let the planner see the frame, without what may be touched, and answer."""
-        now = seen.frame.now
-        return self.planner.step(self._to_avoid(seen), q=q, stamp=now, now=now)
+        now, there = seen.frame.now, self._to_avoid(seen)
+        if self.view.phase is None:
+            there = self._with_berth(seen, there)
+        return self.planner.step(there, q=q, stamp=now, now=now)
+
+    def _with_berth(self, seen: _Seen, there: Obstacles) -> Obstacles:
+        """Return the shapes as a robot on its way had better pass them."""
+        berth = self._berth
+        if not berth.room:
+            return there
+        robot = self.planner.static.robot
+        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
+        held = getattr(self.answer, "status", "") == "holding"
+        there = berth.around(there, seen.people, balls, held)
+        self.targets.told_larger = berth.told
+        return there
 
     def _see(self, seen: _Seen, q: np.ndarray) -> None:
         """Let the planner see the frame: where it goes by no path of the planner's."""
