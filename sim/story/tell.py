@@ -17,7 +17,7 @@ from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
-from sim.story.cases import StoryCase, StorySetup, setup_of, slow_to_stop
+from sim.story.cases import PLACE_XY, StoryCase, StorySetup, setup_of, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
@@ -68,9 +68,10 @@ def tell_story(
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setup = setup_of(cell_map, reach, pads=request.pads or ())
-    wrist, note = wrist_of(setup)
-    run = _run_of(request, setup, wrist, live.person if live else person)
+    with Bars("placing robot, object and person"):
+        setup = setup_of(cell_map, reach, pads=request.pads or ())
+        wrist, note = wrist_of(setup)
+        run = _run_of(request, setup, wrist, live.person if live else person)
     say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
@@ -114,7 +115,23 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
     robot = setup.cell_map.robot
     told = f"{robot.name}, {run.case.direction}: {note}"
     slow = slow_to_stop(robot, run.story.settings.threat)
-    return "\n".join(filter(None, (told, slow)))
+    return "\n".join(filter(None, (told, _about_place(setup, run), slow)))
+
+
+def _about_place(setup: StorySetup, run: StoryPlay) -> str:
+    """Return a sentence where the object has no place on the table, or another one."""
+    if setup.T_place is None:
+        begins = "is in its hand from the beginning"
+        if run.case.direction != "give":
+            begins = "stays in its hand in the end"
+        return (
+            f"{setup.cell_map.robot.name} reaches no place on the table before its "
+            f"base, so the object {begins}"
+        )
+    x, y = setup.T_place[:2, 3]
+    if np.allclose((x, y), PLACE_XY):
+        return ""
+    return f"the object's place on the table is at ({x:.2f}, {y:.2f}) m, within reach"
 
 
 def _written(
@@ -127,9 +144,10 @@ def _written(
     if film is not None:
         with stdout_to_stderr():  # pybullet greets and warns on stdout
             world, _ = open_world(cell_map)
-        with world, Bars("writing the film"):
+        with world, Bars("writing the film") as tell:
             film.parent.mkdir(parents=True, exist_ok=True)
-            files.append(write_story_film(record, cell_map.robot, world, film))
+            told = record, cell_map.robot, world, film, None, tell
+            files.append(write_story_film(*told))
     return files
 
 
@@ -163,10 +181,12 @@ def _run_of(
         traits = PartnerTraits()
         case = StoryCase(direction, request.seed, traits=traits)
         partner = RecordedPartner(person, setup.side, setup.obj, traits)
-        return StoryPlay(setup, case, wrist=wrist, partner=partner, fetch=True)
+        how = {"wrist": wrist, "partner": partner}
+        return StoryPlay(setup, case, **how, fetch=setup.T_place is not None)
     case = StoryCase.drawn(direction, request.seed)
     case = replace(case, distance=0.95, bearing=0.2 * case.bearing)
-    return StoryPlay(setup, case, wrist=wrist, fetch=direction == "give")
+    fetch = direction == "give" and setup.T_place is not None
+    return StoryPlay(setup, case, wrist=wrist, fetch=fetch)
 
 
 def recorded_person(request: DemoRequest) -> RecordedPerson:
