@@ -68,10 +68,11 @@ def tell_story(
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
+    who = live.person if live else person
     with Bars("placing robot, object and person"):
         setup = setup_of(cell_map, reach, pads=request.pads or ())
         wrist, note = wrist_of(setup)
-        run = _run_of(request, setup, wrist, live.person if live else person)
+        run = _run_of(request, setup, wrist, who)
     say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
@@ -100,13 +101,10 @@ def tell_story(
     # who moved the person has seen it
     film = request.film or (None if live else request.out / FILM)
     files = _written(record, cell_map, request.record, film)
-    found = figures_of(result) | {
-        "files": [str(f) for f in files],
-        "header": header(cell_map),
-        "story_sha256": record.head["outcome"]["story_sha256"],
-    }
-    for line in (summary_of(result), *map(str, files)):
-        say(line)
+    found = figures_of(result) | {"files": [str(f) for f in files]}
+    found["header"] = header(cell_map)
+    found["story_sha256"] = record.head["outcome"]["story_sha256"]
+    say("\n".join((summary_of(result), *map(str, files))))
     return found
 
 
