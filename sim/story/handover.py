@@ -505,6 +505,7 @@ class Handover:
             ),
             "open": frame.opened,
             "hindered": passed > limits and 2.0 * self._hindered_s > passed,
+            "under_way": passed > limits and self._is_under_way(),
             "late": passed > limits,
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
@@ -526,6 +527,14 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _is_under_way(self) -> bool:
+        """Whether it is moving to where it can give or take the object."""
+        if self.executor.at_rest:
+            return False
+        if self._give:
+            return self.targets.pursuit.key is not None
+        return self._taken is not None
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""
@@ -761,7 +770,7 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "hindered")
+        late = signal in ("late", "hindered", "under_way")
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()

@@ -998,3 +998,27 @@ def test_what_is_offered_keeps_what_it_should_once_and_not_twice(maps):
         targets.told_larger = larger
         targets._choose([], [], None)
         assert targets.offers.spare_m == pytest.approx(left)
+
+
+@pytest.mark.parametrize("direction", ["give", "receive"])
+def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
+    maps, monkeypatch, direction
+):
+    for moves in (True, False):
+        story, human = story_of(maps, direction, wait_s=0.05)
+        monkeypatch.setattr(type(story.executor), "at_rest", not moves)
+        story.targets.pursuit = replace(story.targets.pursuit, key=3)
+        monkeypatch.setattr(story.targets, "note", lambda *told: None)
+        q = story.executor.set_point.q
+        monkeypatch.setattr(story, "_taken", SimpleNamespace(q=q, q_before=q))
+        monkeypatch.setattr(story, "_far", lambda *told: 0.0)
+        for name in ("update", "advance"):
+            monkeypatch.setattr(type(story.executor), name, lambda *told: None)
+        monkeypatch.setattr(story, "_signals_of_place", lambda *told: {})
+        for k in range(8):
+            give = direction == "give"
+            seen = (human, pulled(0.0), not give, give)
+            story.update(sim.StoryFrame(PERIOD * k, *seen))
+        event = next(e for e in story.events if e.failure)
+        assert event.signal == ("under_way" if moves else "late")
+        assert ("its way took longer" in event.reason) == moves
