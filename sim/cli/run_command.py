@@ -98,7 +98,8 @@ def _hand_over(request: DemoRequest) -> None:
         found = tell_story(request, cell_map, reach, live, person)
     if request.json is not None:
         show_json(found, request.json)
-    if found["contacts"] or found.get("whole", 1) < request.cycles:
+    touched = found["contacts"] or found.get("object_contacts", 0)
+    if touched or found.get("whole", 1) < request.cycles:
         raise typer.Exit(1)
 
 

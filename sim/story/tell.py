@@ -207,10 +207,16 @@ def line_of(event: StoryEvent) -> str:
 def summary_of(result: StoryResult) -> str:
     """Return what came of a run in three lines."""
     cpu = {k: f"{1e3 * v:.2f}" for k, v in percentiles(np.array(result.cpu_s)).items()}
+    touched = ""
+    if result.object_contacts:
+        touched = (
+            f", {result.object_contacts} of the object with others than the arm that "
+            "takes part"
+        )
     when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
     return (
         f"{result.outcome or result.state}{when}; {result.contacts} contacts, "
-        f"{result.standing_contacts} while it stood, separation at least "
+        f"{result.standing_contacts} while it stood{touched}, separation at least "
         f"{100 * result.closest:.1f} cm\n"
         f"stops {result.stops}, new paths {result.path_changes}, "
         f"within 30 cm of the person at most {result.fastest_near:.2f} m/s\n"
