@@ -1,6 +1,7 @@
 """RobotCells: the cells of a coarser grid that a robot reaches, from its reach map."""
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+
+# of each map in use, by the rest of what was asked for: seconds each, of a large robot
+_KNOWN: "WeakKeyDictionary[ReachMap, dict[tuple, RobotCells]]" = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,7 @@ def robot_cells(
     A fine cell belongs to the coarse cell that holds its centre, in position and in
     rotation. A coarse cell is reached when more than `marked_share` of the fine cells
     that belong to it are marked. With the reach map's own sizes the cells are its own.
+    They are found once for a map in memory.
 
     Args:
         reach: Map of a robot, in metres.
@@ -81,10 +86,21 @@ def robot_cells(
             f"{rotations} rotations are more than the {fine.rotations.n_cells} of the "
             "reach map; give fewer, or build a finer map"
         )
+    asked = float(cell), int(rotations), float(marked_share)
+    known = _KNOWN.setdefault(reach, {})
+    if asked not in known:
+        known[asked] = _coarse(reach, *asked)
+    return known[asked]
+
+
+def _coarse(
+    reach: ReachMap, cell: float, rotations: int, marked_share: float
+) -> RobotCells:
+    fine = reach.grid
     low = np.floor(fine.box[0] / cell + 1e-6)
     high = np.ceil(fine.box[1] / cell - 1e-6)
     shape = tuple(int(n) for n in high - low)
-    grid = ReachGrid(low * cell, float(cell), shape, rotation_grid(rotations))
+    grid = ReachGrid(low * cell, cell, shape, rotation_grid(rotations))
     if abs(cell - fine.cell) < 1e-9 and rotations == fine.rotations.n_cells:
         return _packed(grid, _moved(reach, grid))
     to_position = grid.positions_of(fine.points(np.arange(fine.n_positions)) + 1e-9)

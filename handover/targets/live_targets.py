@@ -85,6 +85,8 @@ class LiveTargets:
         goals: The planner's goals, best first; empty at rest.
         withdrawn: Whether it goes to its place of rest, or stays there, whatever
             targets there are.
+        told_larger: How much larger than they are the people are whom the planner's
+            `step` is told of [m]: so much less is kept to spare.
         counts: "frames", "changes" of the target pursued, "set_goals", "attached".
 
     Raises:
@@ -109,6 +111,7 @@ class LiveTargets:
         self.pursuit = Pursuit(NOBODY, None, "", 0.0, 0.0, 0, 0, False)
         self.offers = TargetOffers(planner, self.finder)
         self.withdrawn = False
+        self.told_larger = 0.0
         self._targets: dict[int, Target] = {}
         self._worth: dict[int, float] = {}
         self._chosen = self.settings.choices  # frames since the last ranking
@@ -270,7 +273,8 @@ class LiveTargets:
     ) -> tuple[Goal, ...]:
         """Return the goals of this frame, of the targets it has and those on offer."""
         offers, s = self.offers, self.settings
-        offers.spare_m = 0.0 if self._blocked > s.spare_frames else s.spare_m
+        spare = 0.0 if self._blocked > s.spare_frames else s.spare_m
+        offers.spare_m = max(0.0, spare - self.told_larger)
         offers.begin(self._targets | {t.key: t for t in known})
         offers.renew(tuple(self._worth))
         decision = self.choice.decide(

@@ -240,6 +240,7 @@ def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:
     return {
         "map": str(target),
         "nodes": cell_map.roadmap.n_nodes,
+        "nodes_asked": cell_map.recipe.roadmap.nodes,
         "edges": cell_map.roadmap.n_edges,
         "bytes_per_edge": {
             "edge_major": round(edge_major / n_edges, 1),
@@ -263,7 +264,11 @@ def _show(facts: dict) -> None:
         f"{per_edge['block_major']:.0f} more in memory for the block-major one"
     )
     if parts > 1:
-        print(f"the largest of {parts} components was kept; the others are left out")
+        print(
+            f"the largest of {parts} components was kept: {facts['nodes']:,} of "
+            f"{facts['nodes_asked']:,} nodes; between the others and these no way is "
+            "known, and they are left out"
+        )
     print(f"map {facts['hash'][:12]} in {facts['map']}")
 
 

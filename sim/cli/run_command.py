@@ -73,6 +73,7 @@ def demo(request: DemoRequest) -> None:
 def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
     from sim.run.meet import reach_map_of
+    from sim.story.cases import pads_of
     from sim.story.request import KEYBOARD, MOCAP
     from sim.story.tell import recorded_person, tell_story
 
@@ -86,6 +87,7 @@ def _hand_over(request: DemoRequest) -> None:
         live.open()
     folder = request.map_dir or _built(load_recipe(STORY), request.threads)
     cell_map = load_map(folder)
+    pads_of(cell_map.robot, request.pads or ())  # told before a map of reach is built
     with Bars() as tell:
         reach = reach_map_of(cell_map.robot, request.reach, tell)
     if request.story == MAINTENANCE:
@@ -96,7 +98,8 @@ def _hand_over(request: DemoRequest) -> None:
         found = tell_story(request, cell_map, reach, live, person)
     if request.json is not None:
         show_json(found, request.json)
-    if found["contacts"] or found.get("whole", 1) < request.cycles:
+    touched = found["contacts"] or found.get("object_contacts", 0)
+    if touched or found.get("whole", 1) < request.cycles:
         raise typer.Exit(1)
 
 

@@ -21,6 +21,7 @@ from sim.story.cases import (
     grasp_spare,
     in_reach,
     setup_of,
+    upright,
 )
 from sim.story.cases import story_wrench as whole_wrench
 from sim.story.grasping import box_of, held_farther_out
@@ -102,12 +103,6 @@ def wrench_of(size: float) -> HeldObject:
     )
 
 
-def upright(tool: HeldObject, xy: tuple[float, float]) -> np.ndarray:
-    """Return (4, 4) where a wrench stands upright in a holder, base frame [m]."""
-    low = float((tool.capsules[:, [0, 3]] + tool.capsules[:, 6:7]).max())
-    return pose_of((*xy, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
-
-
 def tools_of(
     cell_map: CellMap, reach: ReachMap, pads: Sequence[str] = ()
 ) -> tuple[ToolSetup, ...]:
@@ -121,7 +116,7 @@ def tools_of(
     Raises:
         BadInput: The robot has no fingers.
     """
-    shared = setup_of(cell_map, reach, pads=pads)
+    shared = setup_of(cell_map, reach, place=False, pads=pads)
     planner, nodes = shared.planner(), shared.index.nodes
     spare = grasp_spare(cell_map.robot)
     whole = [wrench_of(size) for size in SIZES]

@@ -135,9 +135,10 @@ def _written(request: DemoRequest, record: RunRecord, cell_map: CellMap) -> list
     film, robot = request.film or request.out / FILM, cell_map.robot
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map)
-    with world, Bars("writing the film"):
+    with world, Bars("writing the film") as tell:
         film.parent.mkdir(parents=True, exist_ok=True)
-        files.append(write_story_film(record, robot, world, film, LadderFilm()))
+        told = record, robot, world, film, LadderFilm(), tell
+        files.append(write_story_film(*told))
     return files
 
 

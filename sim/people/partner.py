@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import LEG_LABELS, Part
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
@@ -449,12 +449,18 @@ class RecordedPartner:
     def tracked(self, now: float) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Return capsules (k, 7), base frame [m], and labels (k,), as tracked.
 
-        Parts that are not seen stand where they were, grown by their age. None, None:
-        nothing is hidden, the person is where `human` says.
+        Parts that are not seen stand where they were, grown by their age. Nobody is
+        without legs: where no tracker follows them they are below the hip, as of
+        `human`. None, None: nothing is hidden, the person is where `human` says.
         """
         if not hasattr(self.person, "guess"):
             return None, None
-        return self.person.capsules(now), self.person.labels
+        rows, labels = self.person.capsules(now), np.asarray(self.person.labels)
+        if np.isin(labels, LEG_LABELS).any():
+            return rows, labels
+        legs = np.isin(self.human.labels, LEG_LABELS)
+        rows = np.concatenate((rows, self.human.capsules()[legs]))
+        return rows, np.concatenate((labels, self.human.labels[legs]))
 
     def step(
         self, now: float, T_object: np.ndarray, offered: bool, fingers: str, held: bool

@@ -27,12 +27,14 @@ from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
 from sim.story.grasping import (
+    Reaches,
     box_of,
     held_farther_out,
     is_valid,
     quarter_turns,
     straight_back,
 )
+from sim.story.settings import StorySettings
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
@@ -46,6 +48,7 @@ BACK = 0.10  # [m] straight motions to an object
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
+_NEARER = (1.0, 0.8, 0.65, 0.5)  # times that far, where a robot does not reach it
 LIVE = LiveSettings(
     choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
     rank_budget=500,
@@ -104,10 +107,10 @@ def story_wrench() -> HeldObject:
     return held.held_by(T)
 
 
-def place_of(obj: HeldObject) -> np.ndarray:
-    """Return (4, 4) where the wrench stands upright in its holder, base frame [m]."""
+def upright(obj: HeldObject, xy: Sequence[float]) -> np.ndarray:
+    """Return (4, 4) where a wrench stands upright in a holder, base frame [m]."""
     low = float((obj.capsules[:, [0, 3]] + obj.capsules[:, 6:7]).max())
-    T = pose_of((*PLACE_XY, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
+    T = pose_of((*xy, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
     return T  # the object's x, from jaw to handle, points down
 
 
@@ -246,6 +249,28 @@ def rest_of(
     )
 
 
+def place_in_reach(setup: StorySetup) -> np.ndarray | None:
+    """Return (4, 4) where the object can stand and be grasped, base frame; or None.
+
+    The usual place, or one nearer to the base, on either side of it.
+    """
+    obj, (x, y) = setup.obj, PLACE_XY
+    grasps = quarter_turns(obj.T_tool_object)
+    room = StorySettings().room
+    for side in (1.0, -1.0):
+        for nearer in _NEARER:
+            T = upright(obj, (nearer * x, side * nearer * y))
+            planner = replace(setup, T_place=T).planner()
+            beside = grasps, BACK, None, obj.capsules, room
+            reaches = Reaches(planner, setup.index, *beside)
+            reaches.begin(T, setup.rest)
+            while not reaches.over and not reaches.found:
+                reaches.work()
+            if reaches.found:
+                return T
+    return None
+
+
 def setup_of(
     cell_map: CellMap,
     reach: ReachMap,
@@ -259,7 +284,7 @@ def setup_of(
         cell_map: The robot's map.
         reach: Its reach map.
         obj: What is handed over; None: a wrench, held as far out as hand and arm ask.
-        place: Whether it has its place on the table.
+        place: Whether it has its place on the table, if one is within reach.
         pads: Links that may touch it; see `pads_of`.
 
     Raises:
@@ -272,10 +297,10 @@ def setup_of(
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
         told = story_wrench(), index.nodes, grasp_spare(robot)
         obj = held_farther_out(planner, *told)
-    T = place_of(obj) if place else None
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)
-    return StorySetup(cell_map, reach, obj, index, rest, pads=pads, T_place=T)
+    setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
+    return replace(setup, T_place=place_in_reach(setup)) if place else setup
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:

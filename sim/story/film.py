@@ -1,5 +1,6 @@
 """A hand-over as a film: robot, person, object, and what the story says."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def write_story_film(
     world: object,
     path: str | Path,
     settings: FilmSettings | None = None,
+    tell: Callable[[str, int, int], None] | None = None,
 ) -> Path:
     """Write a recorded hand-over as an animated GIF, whole.
 
@@ -45,6 +47,8 @@ def write_story_film(
         world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
         path: File to write, whole or not at all.
         settings: Size; pictures a second.
+        tell: Is told how many pictures are painted, and of how many: the stage and
+            both numbers, before each; None: nobody is.
 
     Returns:
         The path written.
@@ -54,7 +58,11 @@ def write_story_film(
     shown = range(0, record.frames, step)
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
     canvas = Canvas(_camera(record, robot, moments, settings))
-    pictures = [_paint(record, robot, world, canvas, i) for i in shown]
+    pictures = []
+    for k, i in enumerate(shown):
+        if tell is not None:
+            tell("writing the film", k, len(shown))
+        pictures.append(_paint(record, robot, world, canvas, i))
     return write_gif(pictures, path, settings)
 
 

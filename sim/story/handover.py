@@ -35,7 +35,7 @@ from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
 from sim.people.partner import ARMS
 from sim.story import machine as table
-from sim.story.comfort import shunned
+from sim.story.comfort import Berth, shunned
 from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     Reach,
@@ -166,6 +166,7 @@ class Handover:
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
+        self._berth = Berth(self.executor, s.threat)
         grasps = quarter_turns(meet.obj.T_tool_object)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
@@ -485,6 +486,7 @@ class Handover:
             ),
             "open": frame.opened,
             "hindered": passed > limits and 2.0 * self._hindered_s > passed,
+            "under_way": passed > limits and self._is_under_way(),
             "late": passed > limits,
             "late_holding": passed > limits and self.holding,
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
@@ -506,6 +508,14 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _is_under_way(self) -> bool:
+        """Whether it is moving to where it can give or take the object."""
+        if self.executor.at_rest:
+            return False
+        if self._give:
+            return self.targets.pursuit.key is not None
+        return self._taken is not None
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""
@@ -602,6 +612,7 @@ class Handover:
         """Begin what belongs to the state."""
         state = self.state
         self._at, self._begun, self._farthest = 0, None, 0.0
+        self._berth.begin()
         self._hindered_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
@@ -740,7 +751,7 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "hindered")
+        late = signal in ("late", "hindered", "under_way")
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()
@@ -852,8 +863,22 @@ class Handover:
 
     def _step_planner(self, seen: _Seen, q: np.ndarray) -> object:
         """Let the planner see the frame, without what may be touched, and answer."""
-        now = seen.frame.now
-        return self.planner.step(self._to_avoid(seen), q=q, stamp=now, now=now)
+        now, there = seen.frame.now, self._to_avoid(seen)
+        if self.view.phase is None:
+            there = self._with_berth(seen, there)
+        return self.planner.step(there, q=q, stamp=now, now=now)
+
+    def _with_berth(self, seen: _Seen, there: Obstacles) -> Obstacles:
+        """Return the shapes as a robot on its way had better pass them."""
+        berth = self._berth
+        if not berth.room:
+            return there
+        robot = self.planner.static.robot
+        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
+        held = getattr(self.answer, "status", "") == "holding"
+        there = berth.around(there, seen.people, balls, held)
+        self.targets.told_larger = berth.told
+        return there
 
     def _see(self, seen: _Seen, q: np.ndarray) -> None:
         """Let the planner see the frame: where it goes by no path of the planner's."""

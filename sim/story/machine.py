@@ -58,6 +58,7 @@ SIGNALS = {
     "blocked": "no certified motion has led on for a while",
     "in_vain": "no certified motion has led on, as often as it is tried",
     "hindered": "the time limit is over, most of it slowed or stopped for the person",
+    "under_way": "the time limit is over, and it is still on its way",
     "late": "the state has lasted longer than its time limit",
     "late_holding": "the state has lasted too long, and the object is in the hand",
 }
@@ -76,6 +77,7 @@ GIVE = (
         "slowed for the person, it ran out of time",
         True,
     ),
+    Row(APPROACH, "under_way", PUT_DOWN, "its way took longer than it may", True),
     Row(APPROACH, "late", PUT_DOWN, "nobody came within reach in time", True),
     Row(PRESENT, "lost", RETREAT, "the object was dropped", True),
     Row(PRESENT, "near", WAIT, "a hand is near: it stands"),
@@ -104,6 +106,7 @@ RECEIVE = (
     Row(
         APPROACH, "hindered", RETREAT, "slowed for the person, it ran out of time", True
     ),
+    Row(APPROACH, "under_way", RETREAT, "its way took longer than it may", True),
     Row(APPROACH, "late", RETREAT, "nothing was held out in reach in time", True),
     Row(WAIT, "between", CLOSE, "the object was put between the fingers"),
     Row(WAIT, "left", APPROACH, "the person left", True),

@@ -17,7 +17,7 @@ from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
-from sim.story.cases import StoryCase, StorySetup, setup_of, slow_to_stop
+from sim.story.cases import PLACE_XY, StoryCase, StorySetup, setup_of, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
@@ -68,9 +68,11 @@ def tell_story(
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setup = setup_of(cell_map, reach, pads=request.pads or ())
-    wrist, note = wrist_of(setup)
-    run = _run_of(request, setup, wrist, live.person if live else person)
+    who = live.person if live else person
+    with Bars("placing robot, object and person"):
+        setup = setup_of(cell_map, reach, pads=request.pads or ())
+        wrist, note = wrist_of(setup)
+        run = _run_of(request, setup, wrist, who)
     say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
@@ -99,13 +101,10 @@ def tell_story(
     # who moved the person has seen it
     film = request.film or (None if live else request.out / FILM)
     files = _written(record, cell_map, request.record, film)
-    found = figures_of(result) | {
-        "files": [str(f) for f in files],
-        "header": header(cell_map),
-        "story_sha256": record.head["outcome"]["story_sha256"],
-    }
-    for line in (summary_of(result), *map(str, files)):
-        say(line)
+    found = figures_of(result) | {"files": [str(f) for f in files]}
+    found["header"] = header(cell_map)
+    found["story_sha256"] = record.head["outcome"]["story_sha256"]
+    say("\n".join((summary_of(result), *map(str, files))))
     return found
 
 
@@ -114,7 +113,23 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
     robot = setup.cell_map.robot
     told = f"{robot.name}, {run.case.direction}: {note}"
     slow = slow_to_stop(robot, run.story.settings.threat)
-    return "\n".join(filter(None, (told, slow)))
+    return "\n".join(filter(None, (told, _about_place(setup, run), slow)))
+
+
+def _about_place(setup: StorySetup, run: StoryPlay) -> str:
+    """Return a sentence where the object has no place on the table, or another one."""
+    if setup.T_place is None:
+        begins = "is in its hand from the beginning"
+        if run.case.direction != "give":
+            begins = "stays in its hand in the end"
+        return (
+            f"{setup.cell_map.robot.name} reaches no place on the table before its "
+            f"base, so the object {begins}"
+        )
+    x, y = setup.T_place[:2, 3]
+    if np.allclose((x, y), PLACE_XY):
+        return ""
+    return f"the object's place on the table is at ({x:.2f}, {y:.2f}) m, within reach"
 
 
 def _written(
@@ -127,9 +142,10 @@ def _written(
     if film is not None:
         with stdout_to_stderr():  # pybullet greets and warns on stdout
             world, _ = open_world(cell_map)
-        with world, Bars("writing the film"):
+        with world, Bars("writing the film") as tell:
             film.parent.mkdir(parents=True, exist_ok=True)
-            files.append(write_story_film(record, cell_map.robot, world, film))
+            told = record, cell_map.robot, world, film, None, tell
+            files.append(write_story_film(*told))
     return files
 
 
@@ -163,10 +179,12 @@ def _run_of(
         traits = PartnerTraits()
         case = StoryCase(direction, request.seed, traits=traits)
         partner = RecordedPartner(person, setup.side, setup.obj, traits)
-        return StoryPlay(setup, case, wrist=wrist, partner=partner, fetch=True)
+        how = {"wrist": wrist, "partner": partner}
+        return StoryPlay(setup, case, **how, fetch=setup.T_place is not None)
     case = StoryCase.drawn(direction, request.seed)
     case = replace(case, distance=0.95, bearing=0.2 * case.bearing)
-    return StoryPlay(setup, case, wrist=wrist, fetch=direction == "give")
+    fetch = direction == "give" and setup.T_place is not None
+    return StoryPlay(setup, case, wrist=wrist, fetch=fetch)
 
 
 def recorded_person(request: DemoRequest) -> RecordedPerson:
@@ -189,10 +207,16 @@ def line_of(event: StoryEvent) -> str:
 def summary_of(result: StoryResult) -> str:
     """Return what came of a run in three lines."""
     cpu = {k: f"{1e3 * v:.2f}" for k, v in percentiles(np.array(result.cpu_s)).items()}
+    touched = ""
+    if result.object_contacts:
+        touched = (
+            f", {result.object_contacts} of the object with others than the arm that "
+            "takes part"
+        )
     when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
     return (
         f"{result.outcome or result.state}{when}; {result.contacts} contacts, "
-        f"{result.standing_contacts} while it stood, separation at least "
+        f"{result.standing_contacts} while it stood{touched}, separation at least "
         f"{100 * result.closest:.1f} cm\n"
         f"stops {result.stops}, new paths {result.path_changes}, "
         f"within 30 cm of the person at most {result.fastest_near:.2f} m/s\n"

@@ -154,8 +154,8 @@ def _measured(
     notes = [f"{tracks.source}: joints named as by {label}", unit_said, up_said]
     if stride > 1:
         notes.append(
-            f"thinned from {tracks.rate_hz:g} to {rate:g} frames per second: every "
-            f"{stride}th is played"
+            f"thinned from {tracks.rate_hz:g} to {rate:g} frames per second: one in "
+            f"{stride} is played"
         )
     return joints, rate, [note for note in notes if note]
 

@@ -56,6 +56,11 @@ def _columns(names: list[str], axes: list[str], source: str) -> dict[str, int]:
                 k = block.index(wanted[0])
                 if block[k : k + 3] == wanted:
                     columns.setdefault(_body(names[i]), i + k)
+    if not columns and any(x in "".join(axes) for x in (";", "\t")):
+        raise BadMocap(
+            f"the columns of {source} are not separated by commas; export it anew with "
+            "commas between columns and points in numbers"
+        )
     if not columns:
         raise BadMocap(
             f"{source} names no body in line 3 with columns TX, TY, TZ in line 4; "

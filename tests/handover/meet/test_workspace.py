@@ -1,5 +1,7 @@
 """The interaction workspace: against a slow twin, and its short cuts against itself."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -338,6 +340,18 @@ def test_constraints_are_those_of_the_object(meet_of, rng):
         kept = np.isin(free.keys, meet.keys)
         assert 0 < kept.sum() < len(kept)
         assert np.array_equal(meet.build(), free.build()[kept])
+
+
+def test_the_cells_of_a_map_are_found_once_while_it_is_in_memory(robot_map):
+    known = robot_cells(robot_map, 0.3, 72, 0.25)
+    assert robot_cells(robot_map, 0.3, 72, 0.25) is known
+    assert robot_cells(robot_map, 0.3, 72, 0.0) is not known
+    copy = replace(robot_map)
+    assert robot_cells(copy, 0.3, 72, 0.25) is not known
+    there = weakref.ref(copy)
+    del copy
+    gc.collect()
+    assert there() is None  # nothing keeps a map that nobody uses
 
 
 def test_coarse_cells_hold_their_share_of_fine_ones(robot_map):

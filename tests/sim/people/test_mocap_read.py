@@ -240,3 +240,11 @@ def test_bvh_cut_off_anywhere_is_refused(tmp_path, share):
 def test_one_frame_is_no_motion(tmp_path):
     with pytest.raises(BadMocap, match="holds 1 frames; a motion needs 2"):
         read_tracks(write_bvh(tmp_path / "a.bvh", person(1)))
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_columns_separated_by_something_else_are_refused_as_that(tmp_path, mark):
+    path = write_csv(tmp_path / "a.csv", person(10))
+    path.write_text(path.read_text().replace(",", mark))
+    with pytest.raises(BadMocap, match="not separated by commas"):
+        read_tracks(path)

@@ -1,14 +1,19 @@
 """The scripted person: reaches, keeps off the robot, pulls, draws back."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from handover import Human, wrench
+from handover.human.body import LEG_LABELS
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.transforms import pose_of
-from sim.people.partner import Partner, PartnerTraits
+from sim.people.partner import Partner, PartnerTraits, RecordedPartner
+from sim.story.play import StoryResult
 from sim.story.request import DemoRequest
+from sim.story.tell import summary_of
 
 OBJ = wrench()
 
@@ -134,3 +139,35 @@ def test_still_capsules_of_no_length_have_a_distance():
 def test_options_that_do_not_go_together_are_refused(options, told):
     with pytest.raises(BadInput, match=told):
         DemoRequest(**options)
+
+
+@pytest.mark.parametrize("legs", [False, True])
+def test_who_was_recorded_without_legs_has_them_for_the_robot_all_the_same(legs):
+    body = Human().placed(0.8, 0.0, np.pi)
+    there = ~np.isin(body.labels, LEG_LABELS) | legs
+
+    def capsules(t):
+        return body.capsules()[there] + np.r_[np.zeros(6), t]  # unseen, and grown
+
+    recorded = SimpleNamespace(
+        human=lambda t: body,
+        labels=body.labels[there],
+        capsules=capsules,
+        guess=lambda t: body.capsules()[there],
+    )
+    person = RecordedPartner(recorded, "right", OBJ, PartnerTraits())
+    person.step(0.02, np.eye(4), False, "closed", False)
+    rows, labels = person.tracked(0.02)
+    assert sorted(labels) == sorted(body.labels) and len(rows) == len(labels)
+    grown = 0.02 * (~np.isin(labels, LEG_LABELS) | legs)
+    for part in set(body.labels):
+        mine = body.capsules()[body.labels == part]
+        mine[:, 6] += grown[labels == part]
+        assert np.allclose(rows[labels == part], mine)
+
+
+def test_a_summary_tells_of_an_object_that_touched_somebody():
+    result = StoryResult(None, True, "done", cpu_s=[0.001], closest=0.1)
+    assert "of the object" not in summary_of(result)
+    result.object_contacts = 26
+    assert "26 of the object with others than the arm that takes" in summary_of(result)

@@ -8,9 +8,11 @@ from small import AWAY, HOME, NOBODY
 import odm
 from handover import Human
 from handover.human.body import Part
-from odm.execution.threat import Watcher
+from odm.execution.executor import ExecutionSettings
+from odm.execution.threat import ThreatSettings, Watcher
+from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import sphere_centers
-from sim.story.comfort import shunned
+from sim.story.comfort import Berth, shunned
 from sim.story.handover import Handover, Step
 from sim.story.settings import ComfortSettings, ConductSettings
 
@@ -98,3 +100,69 @@ def test_a_hand_over_tells_its_planner_what_the_person_shuns():
     assert [len(what) for what in told] == [1, 5]
     assert np.array_equal(told[1].capsules[-1:], 2.0 * seen)
     assert np.allclose(told[1].capsules[:4], seen)
+
+
+def berth_of(room, noise=0.0):
+    """Return the berth of a robot that lets people come so far while it stops [m]."""
+    robot = SimpleNamespace(
+        max_velocity=np.ones(1),
+        max_acceleration=np.full(1, 1e9),
+        max_jerk=np.full(1, 1e9),
+    )
+    planner = SimpleNamespace(cell_map=SimpleNamespace(safety=SimpleNamespace(m=0.01)))
+    # a stop is one period long then: with 4 m/s2 somebody comes a = 4 * period^2 far
+    period = (room / 4.0) ** 0.5
+    executor = SimpleNamespace(
+        robot=robot, planner=planner, period=period, settings=ExecutionSettings()
+    )
+    return Berth(executor, ThreatSettings(noise=noise))
+
+
+BALLS = np.array([[0.0, 0.0, 0.0, 0.1]])
+TWO = np.array([[1.0, 0, 0, 1, 0, 1, 0.1], [0.3, 0, 0, 0.3, 0, 1, 0.05]])
+
+
+def test_a_slow_robot_is_told_of_a_larger_person_and_of_no_larger_object():
+    berth = berth_of(0.03)
+    assert np.isclose(berth.room, 0.03, atol=1e-4)
+    there = Obstacles(capsules=TWO)
+    around = berth.around(there, 1, BALLS, held=False)
+    grown = around.capsules[:, 6] - TWO[:, 6]
+    assert np.allclose(grown, [berth.room, 0.0]) and berth.told == berth.room
+    assert np.array_equal(around.capsules[:, :6], TWO[:, :6])
+    assert np.array_equal(there.capsules, TWO)  # the executor brakes for these
+
+
+def test_a_quick_robot_and_one_beside_nobody_are_told_of_what_there_is():
+    there = Obstacles(capsules=TWO)
+    quick = berth_of(0.004)
+    assert quick.room == 0.0 and quick.around(there, 2, BALLS, False) is there
+    slow = berth_of(0.03)
+    assert slow.around(there, 0, BALLS, False) is there and slow.told == 0.0
+    assert berth_of(0.03, noise=0.5).room == 0.1
+
+
+def test_who_stands_in_the_berth_already_is_told_of_the_person_as_they_are():
+    berth, near = berth_of(0.03), TWO.copy()
+    for gap, larger in ((0.045, True), (0.041, False), (0.002, False), (-0.1, False)):
+        near[0, [0, 3]] = 0.2 + gap
+        around = berth.around(Obstacles(capsules=near), 1, BALLS, False)
+        assert (around.capsules[0, 6] > near[0, 6]) == larger == (berth.told > 0.0)
+
+
+def test_a_berth_that_leaves_no_way_is_given_up_for_a_while_and_then_for_longer():
+    berth, there = berth_of(0.03), Obstacles(capsules=TWO)
+
+    def frames_without():
+        for k in range(1000):
+            if berth.around(there, 1, BALLS, held=not k) is not there:
+                return k
+        return None
+
+    berth.around(there, 1, BALLS, held=True)  # it had no path with no berth told
+    assert berth.told
+    first, second = frames_without(), frames_without()
+    assert first == 100 and second == 200
+    berth.begin()
+    berth.around(there, 1, BALLS, False)
+    assert frames_without() == 100

@@ -15,6 +15,7 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
+from odm.execution.slowest_stop import slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
@@ -965,3 +966,57 @@ def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
     hindered = pace != "moving"
     assert event.signal == ("hindered" if hindered else "late")
     assert ("slowed for the person" in event.reason) == hindered
+
+
+def test_a_robot_slow_to_stop_passes_the_person_with_as_much_room_where_it_can(maps):
+    story, human = story_of(maps)
+    berth = story._berth
+    comes = slowest_stop(
+        maps[0].robot, story.executor.settings, PERIOD, ThreatSettings()
+    )
+    assert berth.room == comes[1] > 0.015
+    told, step = [], story.planner.step
+
+    def stepped(there, **more):
+        told.append(there.capsules[:, 6] - human.obstacles().capsules[:, 6])
+        return step(there, **more)
+
+    story.planner.step = stepped
+    for k in range(3):
+        story.update(sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True))
+    assert np.allclose(told, berth.room)
+    assert story.targets.told_larger == berth.room
+
+
+def test_what_is_offered_keeps_what_it_should_once_and_not_twice(maps):
+    story, human = story_of(maps)
+    targets = story.targets
+    targets.settings = replace(targets.settings, spare_m=0.03)
+    for larger, left in ((0.0, 0.03), (0.02, 0.01), (0.05, 0.0)):
+        targets.told_larger = larger
+        targets._choose([], [], None)
+        assert targets.offers.spare_m == pytest.approx(left)
+
+
+@pytest.mark.parametrize("direction", ["give", "receive"])
+def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
+    maps, monkeypatch, direction
+):
+    for moves in (True, False):
+        story, human = story_of(maps, direction, wait_s=0.05)
+        monkeypatch.setattr(type(story.executor), "at_rest", not moves)
+        story.targets.pursuit = replace(story.targets.pursuit, key=3)
+        monkeypatch.setattr(story.targets, "note", lambda *told: None)
+        q = story.executor.set_point.q
+        monkeypatch.setattr(story, "_taken", SimpleNamespace(q=q, q_before=q))
+        monkeypatch.setattr(story, "_far", lambda *told: 0.0)
+        for name in ("update", "advance"):
+            monkeypatch.setattr(type(story.executor), name, lambda *told: None)
+        monkeypatch.setattr(story, "_signals_of_place", lambda *told: {})
+        for k in range(8):
+            give = direction == "give"
+            seen = (human, pulled(0.0), not give, give)
+            story.update(sim.StoryFrame(PERIOD * k, *seen))
+        event = next(e for e in story.events if e.failure)
+        assert event.signal == ("under_way" if moves else "late")
+        assert ("its way took longer" in event.reason) == moves
