@@ -16,7 +16,6 @@ from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
-from odm.search._astar import GOAL_SIDE, START_SIDE
 from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
@@ -72,7 +71,8 @@ class Attacher:
         self._through = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(max(settings.moving_nodes, settings.looks), np.int64)
+        self._chosen = np.zeros(settings.moving_nodes, np.int64)
+        self._ends = -1, b"", False  # `ends_free`: of which frame and goals
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -389,32 +389,29 @@ class Attacher:
             How many these are, and how many were looked at, `looks` at most.
         """
         waiting = self._later.get(vertex, _NONE)
-        leads_on = self._leads_on(waiting, vertex)
-        looked = waiting[leads_on][:looks]
-        if not len(looked):
+        if not len(waiting):
             return 0, 0
-        table = self.frame.memory.table
-        n = judge.clear_nodes(table, q, looked, len(looked), self._chosen)
-        free = self._chosen[:n].copy()
-        others = waiting[~np.isin(waiting, looked)]
-        blocked = looked[~np.isin(looked, free)]
-        self._later[vertex] = np.concatenate([free, others, blocked])
-        return n, len(looked)
+        m, of_start = self.frame.memory, vertex == self.frame.memory.goals.count.item(1)
+        ordered, scratch = np.empty((2, len(waiting)), np.int64)
+        said = kernels.free_first(
+            m.table, q, waiting, of_start, looks, ordered, scratch
+        )
+        self._later[vertex] = ordered
+        return said & kernels.FREE_NODES, said >> kernels.LOOKED_AT
 
-    def _leads_on(self, nodes: np.ndarray, vertex: int) -> np.ndarray:
-        """Return (k,) where a motion between `vertex` and a node may help now.
+    @property
+    def ends_free(self) -> bool:
+        """Whether the robot can stand where it is, and at one of the goals.
 
-        A search that has no path knows all that is reached from the start, or from the
-        goal. A motion helps where it joins what the one reaches with what it does not.
+        Else no search helps. Looked at once a frame.
         """
         m = self.frame.memory
-        side, run = m.numbers.exhausted.item(), m.numbers.run.item()
-        of_start = vertex == m.goals.count.item(1)
-        if side == START_SIDE:
-            return (m.search.done[nodes] == run) != of_start
-        if side == GOAL_SIDE and len(self.goals) == 1:
-            return (m.search.flood[nodes] == run) == of_start
-        return np.ones(len(nodes), np.bool_)
+        goals = m.goals.vertex[: m.goals.count.item(0)].tobytes()
+        number, known, free = self._ends
+        if number != self.frame.number or known != goals:
+            free = bool(judge.ends_free(m.table))
+            self._ends = self.frame.number, goals, free
+        return free
 
     def _update_cost_to_any(self) -> None:
         """Let h_any be the least cost to go, over the goals."""

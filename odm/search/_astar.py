@@ -190,6 +190,13 @@ def enter_goals(state, entry, low, high, bound):
 
 
 @njit(**INNER)
+def note_edge(state, w, item):
+    """Note what is hit where an edge to node w, or its list, is: once a frame."""
+    if item_free(state, w):
+        item_free(state, item)
+
+
+@njit(**INNER)
 def expand(state, entry, h, bound, greed):
     """Add the edges that leave a vertex; False where there is no room for them.
 
@@ -212,6 +219,7 @@ def expand(state, entry, h, bound, greed):
             # an edge's count has its end nodes in it
             item = n + graph.adj_edge[k]
             if is_hit(graph, item) or graph.closed[item]:
+                note_edge(state, np.int64(w), item)
                 continue
         elif search.memo[w] == 2 * frame + 1:
             continue
@@ -278,6 +286,7 @@ def flood_step(state):
             continue
         if stats.counted[0] != 0:
             if is_hit(graph, item) or graph.closed[item]:
+                note_edge(state, np.int64(w), item)
                 continue
         elif not item_free(state, w) or not item_free(state, item):
             continue

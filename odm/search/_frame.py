@@ -19,6 +19,14 @@ from odm.obstacles._solid_samples import (
     write_samples,
 )
 from odm.search._astar import a_star
+from odm.search._bound import (
+    NO_WAY,
+    SHORTEST,
+    forget_proof,
+    keep_proof,
+    what_holds,
+    write_shortest,
+)
 from odm.search._items import sign_frame
 from odm.search._judge import (
     can_leave,
@@ -63,7 +71,9 @@ def take_points(state, points, n_given):
     mark_more(points, n_given, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
-    sign_frame(cloud, view(state, "graph").region, view(state, "search").signature)
+    search = view(state, "search")
+    sign_frame(cloud, view(state, "graph").region, search.signature)
+    search.hits[0] = 0
     view(state, "numbers").frame[0] += 1
     for count in view(state, "stats"):
         count[0] = 0
@@ -166,12 +176,19 @@ def plan(state, starts, start_vertex, most, last):
         can_enter = judge_goal(state, g)
         if joint:
             continue
-        entry = -1
-        if any_start and can_enter:
+        entry, run = -1, view(state, "numbers").run[0]
+        held = what_holds(state, starts, start_vertex, g, goals.h[g])
+        if held == SHORTEST and not avoid_history:
+            write_shortest(state, starts, start_vertex, g)
+            take_shortcuts(state)
+            return True
+        if any_start and can_enter and held != NO_WAY:
             entry = a_star(state, starts, g)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
+        if held == NO_WAY:
+            continue
         if entry < 0:
             offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
@@ -185,6 +202,7 @@ def plan(state, starts, start_vertex, most, last):
             if offered == SEARCH:
                 entry = a_star(state, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
+        keep_run(state, starts, start_vertex, g, entry, run)
         if entry >= 0 and write_path(state, starts, entry, start_vertex):
             take_shortcuts(state)
             return True
@@ -197,6 +215,23 @@ def plan(state, starts, start_vertex, most, last):
         take_shortcuts(state)
         return True
     return False
+
+
+@njit(**INNER)
+def keep_run(state, starts, start_vertex, g, entry, run):
+    """Keep what the searches after number `run` showed of goal g, if they did.
+
+    Where tolls were paid, that path is not the shortest.
+    """
+    numbers = view(state, "numbers")
+    if numbers.run[0] == run:
+        return
+    if entry < 0 and numbers.exhausted[0] == 0:
+        forget_proof(state)
+    elif entry >= 0 and numbers.avoid_history[0] != 0:
+        forget_proof(state)
+    else:
+        keep_proof(state, starts, start_vertex, g, entry)
 
 
 @njit(**INNER)
