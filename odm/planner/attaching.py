@@ -69,6 +69,7 @@ class Attacher:
         self.kept = CachedGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
+        self._to_robot = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
         self._chosen = np.zeros(settings.moving_nodes, np.int64)
@@ -126,7 +127,8 @@ class Attacher:
         on_path = len(path) > 0 and path.goal >= 0
         vertex = int(m.goals.vertex[path.goal]) if on_path else -1
         old = {q.tobytes(): g for g, q in enumerate(self.goals)}
-        kept_rows = len(self.goals)  # copying all would take half a millisecond
+        # copying all would take half a millisecond
+        kept_rows = len(self.goals) if any(q.tobytes() in old for q in goals) else 0
         before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
         direct = np.full(len(goals), kinds.NO_MOTION - 1)  # not known from this start
@@ -202,7 +204,6 @@ class Attacher:
             )
             return
         self._set_beyond(False)
-        self.distances(q)
         self._later[int(goals.vertex[g])] = self._candidates(
             self._for_goals, self._for_goals
         )
@@ -391,11 +392,9 @@ class Attacher:
         waiting = self._later.get(vertex, _NONE)
         if not len(waiting):
             return 0, 0
-        m, of_start = self.frame.memory, vertex == self.frame.memory.goals.count.item(1)
+        table = self.frame.memory.table
         ordered, scratch = np.empty((2, len(waiting)), np.int64)
-        said = kernels.free_first(
-            m.table, q, waiting, of_start, looks, ordered, scratch
-        )
+        said = kernels.free_first(table, q, waiting, vertex, looks, ordered, scratch)
         self._later[vertex] = ordered
         return said & kernels.FREE_NODES, said >> kernels.LOOKED_AT
 
@@ -654,13 +653,15 @@ class Attacher:
 
     # --- inside ----------------------------------------------------------------
 
-    def distances(self, q: np.ndarray) -> np.ndarray:
-        """Return how far q is from each node, weighted; the next call overwrites it."""
-        roadmap = self.roadmap
-        kernels.distances(
-            roadmap.nodes, q, roadmap.weights, self.frame.robot.continuous, self.near
-        )
-        return self.near
+    def distances(self, q: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        """Return how far q is from each node, weighted; the next call overwrites it.
+
+        With `out` (n,) they are written there alone.
+        """
+        roadmap, out = self.roadmap, self.near if out is None else out
+        continuous = self.frame.robot.continuous
+        kernels.distances(roadmap.nodes, q, roadmap.weights, continuous, out)
+        return out
 
     def _lengths(self, ids: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
         """Write how far q is from the nodes `ids` (k,), weighted, to `out` (k,)."""
@@ -691,14 +692,17 @@ class Attacher:
         return few
 
     def _set_beyond(self, towards_goals: bool) -> None:
-        """Set the cost beyond each node: to the goals, or to the robot's place."""
+        """Set the cost beyond each node: to the goals, or to the robot's place.
+
+        The distances of the nodes that were reckoned last stay.
+        """
         m = self.frame.memory
         self.beyond = None
         if towards_goals and m.goals.count[0]:
             self.beyond = m.robot_state.h_any
         elif not towards_goals and np.isfinite(self.frame.q).all():
-            self.distances(self.frame.q)
-            self.beyond = self.near.copy()
+            self.beyond = self._to_robot
+            self.distances(self.frame.q, self.beyond)
 
     def _next(
         self, q: np.ndarray, vertex: int, wanted: int, most: int, outward: bool

@@ -363,7 +363,10 @@ def a_star(state, starts, only):
         v = search.e_node[entry]
         if search.done[v] == run:
             continue
+        g = search.e_g[entry]
+        search.f[0] = g + (f - g) / greed
         verdict = verify(state, starts, entry, only)
+        search.f[0] = 0.0
         if verdict == HOPELESS:
             numbers.exhausted[0] = 0
             break

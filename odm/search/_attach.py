@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
-from odm.close_test._close import displacement
+from odm.close_test._close import displacement, set_point
 from odm.search._astar import GOAL_SIDE, START_SIDE
 from odm.search._items import item_free
-from odm.search._judge import close_free
+from odm.search._judge import close_free, stands_free
 from odm.search._state import view
 from roadmap.jit_options import INNER, LEAN, WITHIN_INNER
 
@@ -140,8 +140,27 @@ def leads_on(state, v, of_start):
     return True
 
 
+@njit(**INNER)
+def free_again(state, q, vertex, v):
+    """Return True if the close test frees the motion from a vertex at q to node v.
+
+    It is most likely blocked where it was the last time: that is looked at first.
+    """
+    looks, robot = view(state, "looks"), view(state, "robot_state")
+    displacement(q, view(state, "graph").nodes[v], robot.continuous, robot.dq)
+    if looks.vertex[v] == vertex:
+        set_point(q, robot.dq, looks.at[v], robot.scratch_q)
+        if not stands_free(state, robot.scratch_q):
+            return False
+    if close_free(state, q, robot.dq):
+        looks.vertex[v] = -1
+        return True
+    looks.vertex[v], looks.at[v] = vertex, view(state, "work").value[0]
+    return False
+
+
 @njit(**LEAN)
-def free_first(state, q, waiting, of_start, looks, ordered, found):
+def free_first(state, q, waiting, vertex, looks, ordered, found):
     """Order nodes that wait to be joined: what q can go to in this frame comes first.
 
     Only nodes that may lead on are looked at, by the close test of the motion to them.
@@ -151,7 +170,7 @@ def free_first(state, q, waiting, of_start, looks, ordered, found):
         state: The table.
         q: (dof,) the start's or a goal's configuration [rad or m].
         waiting: (k,) the nodes.
-        of_start: Whether q is the start.
+        vertex: Number of the start or of the goal.
         looks: Nodes that are looked at, at most.
         ordered: (k,) where the nodes are written to.
         found: (k,) scratch.
@@ -159,8 +178,8 @@ def free_first(state, q, waiting, of_start, looks, ordered, found):
     Returns:
         How many are free, and LOOKED_AT bits higher how many were looked at.
     """
-    nodes, robot = view(state, "graph").nodes, view(state, "robot_state")
     free = looked = 0
+    of_start = vertex == view(state, "goals").count[1]
     for k in range(waiting.shape[0]):
         found[k] = WAITS
         if looked == looks or not leads_on(state, waiting[k], of_start):
@@ -169,8 +188,7 @@ def free_first(state, q, waiting, of_start, looks, ordered, found):
         found[k] = IS_BLOCKED
         if not item_free(state, waiting[k]):
             continue
-        displacement(q, nodes[waiting[k]], robot.continuous, robot.dq)
-        if close_free(state, q, robot.dq):
+        if free_again(state, q, vertex, waiting[k]):
             found[k] = IS_FREE
             free += 1
     at = 0

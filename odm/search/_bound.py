@@ -6,8 +6,9 @@ and returns what it would have returned anyway.
 
 The last search gives more. Whatever is shorter than its path leads over something that
 was blocked then, for it looked at all that is shorter. While all of that is blocked and
-the path is free, it is still the shortest, without a search. In the same way there is
-no path yet where there was none.
+the path is free, it is still the shortest, without a search; what came free and cannot
+shorten it by a hundredth is let be. In the same way there is no path yet where there
+was none.
 """
 
 import math
@@ -34,6 +35,7 @@ ROUNDING = 1.0 + 1e-9
 # what holds of the last search: nothing that is known; its path is free and the
 # shortest; there is no path
 UNKNOWN, SHORTEST, NO_WAY = 0, 1, 2
+NEARLY = 1.01  # times the length of the shortest path counts as short as that
 BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
 N_ITEMS, N_NODES, RUN, SIDE = 0, 1, 2, 3  # of `Proof.count`
 
@@ -204,7 +206,7 @@ def keep_proof(state, starts, start_vertex, g, entry):
     for a in range(goals.number[g]):
         proof.goal_out[a] = blocked_by(goals.memo[g, a], frame)
     for i in range(items):
-        proof.item[i] = search.hit[i]
+        proof.item[i], proof.item_f[i] = search.hit[i], search.hit_f[i]
     proof.count[N_ITEMS], proof.count[N_NODES] = items, count
     proof.count[RUN], proof.count[SIDE] = numbers.run[0], numbers.exhausted[0]
     proof.of[0], proof.of[1] = start_vertex, goals.vertex[g]
@@ -261,12 +263,13 @@ def what_holds(state, starts, start_vertex, g, h):
         if k > 0 and not item_free(state, n + np.int64(proof.edge[k - 1])):
             return UNKNOWN
     for i in range(proof.count[N_ITEMS]):
-        if item_free(state, np.int64(proof.item[i])):
+        shorter = NEARLY * proof.item_f[i] < proof.length[0]
+        if shorter and item_free(state, np.int64(proof.item[i])):
             return UNKNOWN
     asks = view(state, "rules").close_test_connections[0] > 0
     for k in range(starts.count[0]):
         out, v = proof.start_out[k], starts.node[k]
-        if out == 0 or starts.length[k] + h[v] >= proof.length[0]:
+        if out == 0 or NEARLY * (starts.length[k] + h[v]) >= proof.length[0]:
             continue
         again = asks and (out == BY_CLOSE_TEST or nodes == 0)
         if item_free(state, v) and start_open(state, starts, k, again):

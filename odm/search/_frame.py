@@ -73,7 +73,7 @@ def take_points(state, points, n_given):
         dilate_points(points, extra, cloud)
     search = view(state, "search")
     sign_frame(cloud, view(state, "graph").region, search.signature)
-    search.hits[0] = 0
+    search.hits[0], search.f[0] = 0, 0.0
     view(state, "numbers").frame[0] += 1
     for count in view(state, "stats"):
         count[0] = 0

@@ -169,6 +169,17 @@ class Search(NamedTuple):
     # roadmap items that were found hit in this frame, and how many: see `Proof`
     hit: np.ndarray = array("i4", "proof", FRAME)
     hits: np.ndarray = array("i8", "1", FRAME)
+    # least length of a path over each, 0 where that is not known, and of the entry that
+    # is looked at
+    hit_f: np.ndarray = array("f8", "proof", FRAME)
+    f: np.ndarray = array("f8", "1", FRAME)
+
+
+class Looks(NamedTuple):
+    """Where motions to nodes that wait to be joined were blocked last, node by node."""
+
+    vertex: np.ndarray = array("i8", "n", GOAL, -1)  # of the start or the goal
+    at: np.ndarray = array("f4", "n", GOAL)  # share of the motion from there
 
 
 class Stats(NamedTuple):
@@ -203,6 +214,8 @@ class Proof(NamedTuple):
     """
 
     item: np.ndarray = array("i4", "proof", GOAL)
+    # least length of a path over an item
+    item_f: np.ndarray = array("f8", "proof", GOAL)
     # 1: a motion from the start, or into the goal, that was blocked
     start_out: np.ndarray = array("u1", "joins", GOAL)
     goal_out: np.ndarray = array("u1", "joins", GOAL)
@@ -441,6 +454,7 @@ class Groups:
     start_connections: Starts  # of the configuration that was attached last
     path_ends: Starts  # of a robot on its path: the ends of its segment
     search: Search
+    looks: Looks
     stats: Stats
     earlier_paths: EarlierPaths
     proof: Proof
