@@ -16,7 +16,13 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.search._bound import free_bound, recent_bound, remember_path
+from odm.search._bound import (
+    GOAL_SIDE,
+    START_SIDE,
+    free_bound,
+    recent_bound,
+    remember_path,
+)
 from odm.search._invalidation import refresh
 from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, item_free
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
@@ -37,8 +43,6 @@ ITEMS = 50_000
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
-# of a search without a path: `done`, or `flood`, tells all that is reached from there
-START_SIDE, GOAL_SIDE = 1, 2
 
 
 @njit(**INNER)
@@ -134,7 +138,7 @@ def verify(state, starts, entry, only):
     n = view(state, "graph").adj_ptr.shape[0] - 1
     v, ref = search.e_node[entry], search.e_ref[entry]
     if v < n and not item_free(state, v):
-        search.done[v] = view(state, "numbers").run[0]
+        search.done[v], search.g[v] = view(state, "numbers").run[0], math.inf
         return BLOCKED
     if v >= n:
         g, a = v - n, -2 - ref
@@ -363,10 +367,7 @@ def a_star(state, starts, only):
         v = search.e_node[entry]
         if search.done[v] == run:
             continue
-        g = search.e_g[entry]
-        search.f[0] = g + (f - g) / greed
         verdict = verify(state, starts, entry, only)
-        search.f[0] = 0.0
         if verdict == HOPELESS:
             numbers.exhausted[0] = 0
             break
@@ -381,6 +382,8 @@ def a_star(state, starts, only):
                 search.waiting[0] += 1
                 continue
         search.done[v] = run
+        if v < n:
+            search.g[v] = search.e_g[entry]
         popped += 1
         if avoid_history and popped == TOLLED:
             avoid_history = False

@@ -7,7 +7,7 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement, set_point
-from odm.search._astar import GOAL_SIDE, START_SIDE
+from odm.search._bound import GOAL_SIDE, START_SIDE
 from odm.search._items import item_free
 from odm.search._judge import close_free, stands_free
 from odm.search._state import view

@@ -73,7 +73,7 @@ def take_points(state, points, n_given):
         dilate_points(points, extra, cloud)
     search = view(state, "search")
     sign_frame(cloud, view(state, "graph").region, search.signature)
-    search.hits[0], search.f[0] = 0, 0.0
+    search.hits[0] = 0
     view(state, "numbers").frame[0] += 1
     for count in view(state, "stats"):
         count[0] = 0
@@ -173,8 +173,8 @@ def plan(state, starts, start_vertex, most, last):
         if not judged:
             any_start = judge_starts(state, starts)
             judged = True
-        can_enter = judge_goal(state, g)
         if joint:
+            judge_goal(state, g)
             continue
         entry, run = -1, view(state, "numbers").run[0]
         held = what_holds(state, starts, start_vertex, g, goals.h[g])
@@ -182,6 +182,9 @@ def plan(state, starts, start_vertex, most, last):
             write_shortest(state, starts, start_vertex, g)
             take_shortcuts(state)
             return True
+        # it asked the close test of some motions, which are free now or refused
+        any_start = judge_starts(state, starts)
+        can_enter = judge_goal(state, g)
         if any_start and can_enter and held != NO_WAY:
             entry = a_star(state, starts, g)
         if entry < 0 and straight:

@@ -70,7 +70,6 @@ def note_hit(search, item):
     """Note that a roadmap item is hit in this frame; more than fit are but counted."""
     if search.hits[0] < search.hit.shape[0]:
         search.hit[search.hits[0]] = item
-        search.hit_f[search.hits[0]] = search.f[0]
     search.hits[0] += 1
 
 

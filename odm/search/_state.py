@@ -147,6 +147,8 @@ class Search(NamedTuple):
     memo: np.ndarray = array("i8", "n+m", FRAME, -1)
     # run in which a vertex was closed
     done: np.ndarray = array("i8", "n+goals", GOAL)
+    # length of the path by which a node was closed, infinite: it is blocked
+    g: np.ndarray = array("f8", "n", GOAL)
     # run in which the goal's side reached a node
     flood: np.ndarray = array("i8", "n", GOAL)
     queue: np.ndarray = array("i8", "n", FRAME)
@@ -169,10 +171,6 @@ class Search(NamedTuple):
     # roadmap items that were found hit in this frame, and how many: see `Proof`
     hit: np.ndarray = array("i4", "proof", FRAME)
     hits: np.ndarray = array("i8", "1", FRAME)
-    # least length of a path over each, 0 where that is not known, and of the entry that
-    # is looked at
-    hit_f: np.ndarray = array("f8", "proof", FRAME)
-    f: np.ndarray = array("f8", "1", FRAME)
 
 
 class Looks(NamedTuple):
@@ -214,8 +212,6 @@ class Proof(NamedTuple):
     """
 
     item: np.ndarray = array("i4", "proof", GOAL)
-    # least length of a path over an item
-    item_f: np.ndarray = array("f8", "proof", GOAL)
     # 1: a motion from the start, or into the goal, that was blocked
     start_out: np.ndarray = array("u1", "joins", GOAL)
     goal_out: np.ndarray = array("u1", "joins", GOAL)
@@ -227,8 +223,9 @@ class Proof(NamedTuple):
     length: np.ndarray = array("f8", "1", GOAL)  # of it, costs included
     # vertices of start (-1: nothing is shown) and goal, numbers of their motions
     of: np.ndarray = array("i8", "4", GOAL, -1)
-    # items; nodes of the path, 0: there is none; search; side that was exhausted
-    count: np.ndarray = array("i8", "4", GOAL)
+    # items; nodes of the path, 0: there is none; search whose closed nodes count, -1:
+    # none; side that was exhausted; searches for what is shorter
+    count: np.ndarray = array("i8", "5", GOAL)
 
 
 class Path(NamedTuple):
