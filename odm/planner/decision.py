@@ -136,8 +136,8 @@ class Decision:
             said, code = self._again(q, now)
         if code == step.NO_PATH:
             again = not joined and self.attacher.lacks_start  # once a frame
-            helps = again or self._wanted(NO_PATH, q) is not None
-            if helps and self.may_lead_on():
+            # what is joined to many nodes has no row
+            if (again or not self.attacher.is_attached(q)) and self.may_lead_on():
                 if self._join(NO_PATH, q) or (again and self._join_start()):
                     said, code = self._again(q, now)
         if code == step.BETTER:
@@ -233,22 +233,17 @@ class Decision:
 
     def _join(self, case: str, q: np.ndarray, robot: str | None = None) -> bool:
         """Join q to the roadmap as `JOIN` says; return whether it was."""
-        what = self._wanted(case, q, robot)
-        if what is None or not np.isfinite(q).all():
-            return False
-        moves = (robot or self.robot) == MOVES
-        self.attacher.attach_start(q, what == FEW, passes=moves)
-        self.joined = True
-        return True
-
-    def _wanted(self, case: str, q: np.ndarray, robot: str | None = None) -> str | None:
-        """Return what `JOIN` says that q is joined to now, None where it is not."""
-        attacher, joined = self.attacher, NOTHING
+        attacher = self.attacher
+        joined = NOTHING
         if attacher.is_at(q):
             joined = FEW if attacher.without_cells else MANY
-        if joined == MANY:
-            return None
-        return JOIN.get((case, robot or self.robot, joined))
+        robot = robot or self.robot
+        what = None if joined == MANY else JOIN.get((case, robot, joined))
+        if what is None or not np.isfinite(q).all():
+            return False
+        attacher.attach_start(q, what == FEW, passes=robot == MOVES)
+        self.joined = True
+        return True
 
     @property
     def robot(self) -> str:
