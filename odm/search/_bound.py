@@ -25,7 +25,7 @@ from odm.search._items import (
     item_free,
 )
 from odm.search._judge import goal_motion_clear, start_clear
-from odm.search._paths import unwrap
+from odm.search._paths import take_shortcuts, unwrap
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, IS_GOAL, view
 from roadmap._rows import copy_row
@@ -457,3 +457,4 @@ def write_shortest(state, starts, start_vertex, g):
     path.vertex[last] = goals.vertex[g]
     path.count[0], path.count[1] = last + 1, g
     unwrap(path, robot.continuous)
+    take_shortcuts(state)

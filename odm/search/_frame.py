@@ -180,10 +180,8 @@ def plan(state, starts, start_vertex, most, last):
         held = what_holds(state, starts, start_vertex, g, goals.h[g])
         if held == SHORTEST and not avoid_history:
             write_shortest(state, starts, start_vertex, g)
-            take_shortcuts(state)
             return True
-        # it asked the close test of some motions, which are free now or refused
-        any_start = judge_starts(state, starts)
+        any_start = judge_starts(state, starts)  # the close test was asked of some
         can_enter = judge_goal(state, g)
         if any_start and can_enter and held != NO_WAY:
             entry = a_star(state, starts, g)
@@ -206,18 +204,27 @@ def plan(state, starts, start_vertex, most, last):
                 entry = a_star(state, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
         keep_run(state, starts, start_vertex, g, entry, run)
-        if entry >= 0 and write_path(state, starts, entry, start_vertex):
-            take_shortcuts(state)
+        if take_entry(state, starts, entry, start_vertex):
             return True
-    if not joint:
-        return False
+    return joint and plan_jointly(state, starts, start_vertex, any_start, most)
+
+
+@njit(**INNER)
+def plan_jointly(state, starts, start_vertex, any_start, most):
+    """Search to all goals by their costs; True where `found_path` is a path."""
     if not any_start:
         offer_starts(state, starts, most)
     entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
-    if entry >= 0 and write_path(state, starts, entry, start_vertex):
-        take_shortcuts(state)
-        return True
-    return False
+    return take_entry(state, starts, entry, start_vertex)
+
+
+@njit(**INNER)
+def take_entry(state, starts, entry, start_vertex):
+    """Let `found_path` be that of a heap entry, shortened; False where it is none."""
+    if entry < 0 or not write_path(state, starts, entry, start_vertex):
+        return False
+    take_shortcuts(state)
+    return True
 
 
 @njit(**INNER)
